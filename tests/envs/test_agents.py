@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import insenv
-from insenv import Row, Step, Table, attitude, estimators, geodesy, run
+from insenv import Row, Step, Table, estimators, geodesy, run
 from insenv.core.model import Model
 from insenv.envs import agents
 from insenv.errors import InputError
@@ -78,26 +78,13 @@ def test_a_row_of_a_vector_agent_is_the_single_agent():
         observation, *_ = venv.step(actions)
 
 
-def test_lost_samples_are_bridged():
-    scenario = load("ship-swaying")
-    imu = scenario.imu.model_copy(update={"drop_probability": 0.02})
-    lossy = scenario.model_copy(update={"imu": imu, "rate_hz": 25.0})
-    env = gymnasium.make(SHIP, scenario=lossy, samples_per_step=50, duration_s=120.0)
-    _, action, info = episode(env, agents.make("q-method", env), seed=2)
-    heading = [np.degrees(attitude.numeric.to_euler(q)[2]) for q in (action[:4], info["q_nb"])]
-    assert abs(heading[0] - heading[1]) < 2.0
-
-
 @pytest.mark.parametrize(
     ("env_id", "id", "more", "message"),
     [
         (DRIVE, "q-method", {}, "gives no velocity and position"),
         (SHIP, "aqe-sukf", {}, r"needs GNSS: scenario 'ship-swaying' has no \[gnss\]"),
-        (SHIP, "smoother", {}, "needs GNSS"),
         (DRIVE, "smoother", {}, "smooths a whole run"),
-        (SHIP, "clairvoyance", {}, "no estimator 'clairvoyance'"),
         (SHIP, "q-method", {"observation": "compact"}, "whose observation holds the samples"),
-        (SHIP, "q-method", {"action": "correction"}, "whose observation holds the samples"),
         ("CartPole-v1", "q-method", {"samples_per_step": None}, "whose action is an estimate"),
     ],
 )

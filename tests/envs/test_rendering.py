@@ -6,7 +6,6 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium import wrappers
 from gymnasium.error import ResetNeeded
 
 from insenv.errors import InputError
@@ -38,18 +37,6 @@ def test_text_shows_the_error_of_the_last_estimate():
     assert f"{np.degrees(info['error'][2]):.4f}" in text and "position" in text and len(text.splitlines()) == 8
     with pytest.raises(InputError, match="render_mode"):
         gymnasium.make(SHIP, **SHORT).unwrapped.render()
-
-
-@pytest.mark.slow
-def test_a_video_is_recorded(tmp_path):
-    env = gymnasium.make(SHIP, render_mode="rgb_array", samples_per_step=20, duration_s=0.5)
-    env = wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda episode: True, disable_logger=True)
-    env.reset(seed=1)
-    for _ in range(5):
-        env.step(LEVEL)
-    env.close()
-    videos = list(tmp_path.glob("videos/*.mp4"))
-    assert len(videos) == 1 and videos[0].stat().st_size > 2000
 
 
 def test_a_restored_copied_or_pickled_environment_carries_its_history():

@@ -159,10 +159,9 @@ def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
     assert "state fix_wander_sigma_m" in str(insenv.tune(log, "loosely-coupled", evaluations=8).notes)
 
 
-def test_the_command_keeps_a_tuning_that_no_other_betters(tmp_path, monkeypatch):
+def test_the_command_keeps_a_tuning_that_no_other_betters(tmp_path):
     """No noise of q-method changes its estimate: whatever the search ends at, the result is to be left."""
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
-    given = ("tune", "ship-swaying", "-e", "q-method", "--evaluations", "8", "-n", "2", "--held-out", "4", "--duration", "2")
+    given = ("tune", "ship-swaying", "-e", "q-method", "--evaluations", "8", "-n", "2", "--held-out", "4", "--duration", "10")
     status, out, err = call(*given, "--out", tmp_path / "out")
     assert (status, err) == (0, "") and "keep the present tuning" in out and "sought on seeds 1 to 2" in out
     names = {path.name for path in (tmp_path / "out").iterdir()}
