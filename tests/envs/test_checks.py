@@ -97,16 +97,6 @@ def test_both_interfaces_take_the_same_arguments_with_the_same_defaults(single, 
         refuses(lambda kind=kind: kind(samples_per_stepp=3), wrong)
 
 
-def test_a_subclass_may_take_arguments_of_its_own():
-    class Mine(AlignmentEnv):
-        def __init__(self, colour, **given):
-            super().__init__(**given)
-            self.colour = colour
-
-    assert Mine("red", **SHORT).colour == "red"
-    refuses(lambda: AlignmentEnv(colour="red"), "AlignmentEnv: unknown argument 'colour'")
-
-
 @pytest.mark.filterwarnings("error")
 def test_what_methods_refuse():
     envs = single, vector = AlignmentEnv(**SHORT), AlignmentVectorEnv(2, **SHORT)

@@ -1,6 +1,5 @@
 """Stable-Baselines3 on the environments; the examples' PPO on held-out seeds, which takes minutes."""
 
-import importlib
 import os
 import re
 import subprocess
@@ -17,14 +16,6 @@ from insenv.errors import InputError
 SHIP, TUNING = "insenv/ShipAlignment-v0", "insenv/Tuning-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 HOW = "pip install -e '.[rl]'"
-
-
-def test_it_is_asked_for_when_it_is_missing(monkeypatch):
-    for name in ("stable_baselines3", "stable_baselines3.common", "stable_baselines3.common.vec_env"):
-        monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.delitem(sys.modules, "insenv.envs.sb3", raising=False)
-    with pytest.raises(InputError, match="needs Stable-Baselines3, which is not installed: pip install"):
-        importlib.import_module("insenv.envs.sb3")
 
 
 def test_an_end_by_time_of_an_alignment_is_terminal():

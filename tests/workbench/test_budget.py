@@ -122,20 +122,6 @@ def test_the_receiver_states_the_same_whatever_is_switched_off():
     assert not np.array_equal(shown["whole"]["gnss_latitude"], shown["quiet"]["gnss_latitude"])
 
 
-@pytest.mark.slow
-def test_what_depends_on_another_source_is_interaction(monkeypatch):
-    """An outage alone costs nothing: with a perfect unit the filter coasts.  With all sources it does, and the sum is short."""
-    monkeypatch.delenv("INSENV_BACKEND")
-    scenario = changed("car-city-drive", gnss={"outages_s": [[20.0, 60.0]], "outlier_probability": 0.0}, rate_hz=100.0)
-    found = insenv.budget(scenario, "loosely-coupled", 16, duration_s=60.0)
-    k, north = found.sources.index("GNSS outages"), found.channels.index("north_m")
-    end = np.sqrt(found.alone[k, -1, north])
-    assert end < 0.3
-    assert found.whole[-1, north] > 1.5**2 * found.sum[-1, north]
-    assert np.sqrt(found.without[k, -1, north]) < 0.7 * np.sqrt(found.whole[-1, north])
-    assert np.sqrt(found.interaction[-1, north]) > 3.0 * end
-
-
 def test_every_error_row_of_every_sensor_is_in_one_source():
     """What is no error: times, correlation times, lever arms and mountings that are told, the temperature's course."""
     no_error = (
