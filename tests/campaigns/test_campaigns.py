@@ -4,11 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from campaigns import slow_ship, small_plan
 from command_line import call
 
 from insenv import run
-from insenv.campaigns import make_plan, run_campaign, running
+from insenv.campaigns import make_plan, run_campaign
 from insenv.campaigns.block import run_block
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.scenario import build, load, reseeded
@@ -59,13 +58,6 @@ def test_reseeded_plants_are_those_built_for_the_seeds():
             assert repr(plant.knowledge) == repr(other.knowledge)
 
 
-def test_lost_samples_are_noted():
-    plan = make_plan(slow_ship(drop_probability=0.1), "analytic", 8, first_seed=1, duration_s=2.0)
-    found = run_campaign(plan)
-    assert "last one received" in " ".join(found.as_json()["notes"]) and found.diverged == ()
-    assert small_plan(8).notes == ()
-
-
 COMMAND = ("campaign", "ship-swaying", "-e", "analytic", "-n", "6", "--duration", "1")
 
 
@@ -106,14 +98,3 @@ SHIP = ("ship-swaying", "-e", "q-method", "-n", "4")
 def test_wrong_calls_end_with_one_line(arguments, said):
     status, out, err = call("campaign", *arguments)
     assert status == 2 and out == "" and said in err and len(err.splitlines()) == 1
-
-
-def test_ctrl_c_says_what_is_kept(monkeypatch, tmp_path):
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(running, "_finished", interrupted)
-    status, _, err = call(*COMMAND)
-    assert status == 130 and "nothing written" in err
-    assert "nothing is kept" in call(*COMMAND, "--out", tmp_path / "out")[2]  # no block was finished
-    assert not (tmp_path / "out").exists()

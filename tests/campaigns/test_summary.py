@@ -1,11 +1,10 @@
 """The statistics of a campaign against NumPy: of the runs, and of drawn errors in place of the simulated ones."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import slow_ship, small_plan
+from campaigns import car, slow_ship, small_plan
 from scipy.stats import chi2
 
 from insenv import run
@@ -17,15 +16,6 @@ from insenv.campaigns.presentation import campaign_arrays, campaign_rows
 from insenv.scenario import load
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
-
-
-def parked(runs):
-    """A plan of `loosely-coupled` on a parked car, at a low rate."""
-    data = json.loads(load("car-city-drive").model_dump_json())
-    data["vehicle"] |= {"engine": [], "legs": [{"wait_s": 60.0}]}
-    data["gnss"] |= {"latency_s": 0.0, "epoch_offset_s": 0.0, "outages_s": []}
-    plan = make_plan(load(data | {"rate_hz": 10.0}), "loosely-coupled", runs, first_seed=3, duration_s=4.0)
-    return replace(plan, block_samples=1)  # blocks of 8 runs
 
 
 @pytest.fixture
@@ -55,7 +45,8 @@ def drawn(monkeypatch):
 
 def test_navigation_over_the_runs(drawn):
     """The sum of NEES over the runs is chi-square distributed; the bounds of one run would hold whatever the filter does."""
-    found, arrays = drawn(parked(24))
+    plan = make_plan(car(), "loosely-coupled", 24, first_seed=3, duration_s=4.0)
+    found, arrays = drawn(replace(plan, block_samples=1))  # blocks of 8 runs
     assert found.from_s == 0.0 and len(found.seeds) == 24
     for place, name in enumerate(found.channels):
         course, error, square = found.courses[name], arrays["error"][:, :, place], arrays["mean_square"][:, :, place]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import replace
 
 import numpy as np
-from rich.console import Console
 
 from insenv.campaigns import make_plan, parse_variation
 from insenv.campaigns.presentation import campaign_arrays
@@ -43,10 +41,3 @@ def plan_of(*vary, runs=64, scenario=None, estimator="loosely-coupled", **more):
     variations = [parse_variation(text) for text in vary]
     scenario = car() if scenario is None else scenario
     return make_plan(scenario, estimator, runs, first_seed=5, duration_s=2.0, variations=variations, **more)
-
-
-def printed(parts):
-    console = Console(record=True, width=200, file=io.StringIO(), markup=False)
-    for part in parts:
-        console.print(part)
-    return console.export_text()
