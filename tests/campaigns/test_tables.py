@@ -25,10 +25,6 @@ def test_files_and_a_data_frame_hold_every_run_and_the_figure(tmp_path):
         assert json.loads(arrays["meta"].item())["runs"] == 12
     assert json.loads((tmp_path / "campaign.json").read_text())["errors"].keys() == set(ATTITUDE)
     assert (tmp_path / "campaign.png").stat().st_size > 10_000
-    assert len(repr(found).splitlines()) == 2 and "12 runs of 2 s, seeds 3 to 14" in repr(found)
-    html = found._repr_html_()
-    assert "heading [deg]" in html and 'src="data:image/png;base64,' in html
-
     frame, course = found.to_dataframe(), found.courses["heading_deg"]
     assert frame.index.name == "time" and np.array_equal(frame.index, found.time)
     for name, values in (("rms", course.rms), ("p97.5", course.percentiles[-1]), ("limit", course.limit)):

@@ -8,8 +8,7 @@ import pytest
 from campaigns import plan_of, slow_ship, small_plan
 from scipy import stats
 
-import insenv
-from insenv.campaigns import Distribution, make_plan, parse_variation, run_campaign
+from insenv.campaigns import make_plan, parse_variation, run_campaign
 from insenv.campaigns import plan as plan_module
 from insenv.campaigns.block import run_block
 from insenv.errors import InputError
@@ -38,27 +37,18 @@ def test_values_have_their_distribution(text, law):
         ("imu.gyro_bias_deg_h=1", "key=low:high"),
         ("imu.gyro_bias_deg_h=2:1", "lower first"),
         ("imu.gyro_bais_deg_h=0:1", "did you mean 'gyro_bias_deg_h'"),
-        ("imu.foo=1:2", r"no key 'foo' \(allowed: ([a-z_]+, ){5}[a-z_]+ and [0-9]+ more"),
         ("imu.accel_bias_ug=gauss(0, 1)", "no such distribution"),
-        ("imu.accel_bias_ug=normal(0)", "two finite numbers, MEAN, SIGMA"),
         ("imu.accel_bias_ug=normal(0, -1)", "sigma of 0 or more"),
         ("imu.accel_bias_ug=loguniform(0, 1)", "first number above 0"),
         ("imu.accel_bias_ug=normal(0, inf)", "two finite numbers"),
         ("imu.grade=choice(tactical)", "two or more different values"),
-        ("imu.grade=choice(tactical, 3)", "of one kind"),
         ("imu.grade=choice(tactical, tactcal)", "did you mean 'tactical'"),
         ("imu.drop_probability=choice(a, b)", "is a name, which the value of this key is not"),
         ("imu.grade=0:1", "value is a number"),
-        ("start.latitude_deg.0=0:1", "a number has no key"),
         ("start.latitude_deg=0:100", "latitude_deg = 100"),
         ("gnss.position_noise_m.3=0:1", "not an element of a list of 3"),
         ("gnss.position_noise_m.0=normal(2, 1)", r"m.0=normal\(2, 1\), the smallest of 64 values drawn: .*must be"),
-        ("knowledge.position_error_m.0=0:1", "the scenario gives no knowledge.position_error_m"),
         ("seed=0:100", "every run has a seed of its own, .*--seed"),
-        ("duration_s=1:2", "all runs of a campaign share it .--duration"),
-        ("vehicle.legs=0:1", "value is a number"),
-        ("vehicle.legs.3.wait_s=0:1", "not an element of a list of 1"),
-        ("estimator.loosely-coupled.arw=0:1", "unknown key"),
     ],
 )
 def test_wrong_variations_are_refused(text, said):
@@ -67,12 +57,8 @@ def test_wrong_variations_are_refused(text, said):
 
 
 def test_values_that_some_runs_refuse_are_named():
-    with pytest.raises(InputError, match=r"no \[gnss\]"):
-        plan_of("gnss.latency_s=0:1", scenario=slow_ship(), estimator="analytic")
     with pytest.raises(InputError, match="the whole or its elements"):
         plan_of("gnss.position_noise_m=1:2", "gnss.position_noise_m.0=1:2")
-    with pytest.raises(InputError, match="drop_probability = -"):  # of 4000 normal values near 0 some are negative
-        plan_of("imu.drop_probability=normal(0.003, 0.001)", runs=4000)
     plan = plan_of("imu.gyro_bias_deg_h=-1:1")
     wrong = replace(plan, variations=(parse_variation("imu.gyro_arw_deg_sqrt_h=-2:-1"),))
     with pytest.raises(InputError, match=r"^vary imu.gyro_arw_deg_sqrt_h=uniform\(-2, -1\), in the run of seed 5: .* = -1"):
@@ -128,14 +114,6 @@ def test_a_parameter_of_an_estimator_can_be_varied():
         for variations in ([parse_variation("estimator.q-method.smoothing_time_s=0.01:0.3")], [])
     )
     assert (varied.final[:, 2] != fixed.final[:, 2]).all() and ((varied.values > 0.01) & (varied.values < 0.3)).all()
-
-
-def test_a_distribution_is_what_python_takes_too():
-    found = insenv.campaign(slow_ship(), "analytic", 4, duration_s=1.0,
-                            vary={"start.latitude_deg": Distribution("normal", (30.0, 1.0))})  # fmt: skip
-    assert abs(found.values.mean() - 30.0) < 3.0
-    with pytest.raises(InputError, match=r"vary\['start.latitude_deg'\] = 3"):
-        insenv.campaign(slow_ship(), "analytic", 4, vary={"start.latitude_deg": 3})
 
 
 def test_the_parts_of_the_plant_must_stay_the_same(monkeypatch):

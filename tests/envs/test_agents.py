@@ -1,18 +1,12 @@
 """The estimators as agents: in the loop they give the results of `insenv run` and reach their limits."""
 
-import casadi as ca
 import gymnasium
 import numpy as np
 import pytest
 
-import insenv
-from insenv import Row, Step, Table, attitude, estimators, geodesy, run
-from insenv.core.model import Model
+from insenv import attitude, estimators, geodesy, run
 from insenv.envs import agents
 from insenv.errors import InputError
-from insenv.estimators import Estimator
-from insenv.estimators.parts.rows import SAMPLE_INPUTS
-from insenv.instruments import ODOMETER
 from insenv.scenario import load
 
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
@@ -78,6 +72,22 @@ def test_a_row_of_a_vector_agent_is_the_single_agent():
         observation, *_ = venv.step(actions)
 
 
+@pytest.mark.parametrize(
+    ("env_id", "id", "more", "message"),
+    [
+        (DRIVE, "q-method", {}, "gives no velocity and position"),
+        (SHIP, "aqe-sukf", {}, r"needs GNSS: scenario 'ship-swaying' has no \[gnss\]"),
+        (DRIVE, "smoother", {}, "smooths a whole run"),
+        (SHIP, "q-method", {"observation": "compact"}, "whose observation holds the samples"),
+        ("CartPole-v1", "q-method", {"samples_per_step": None}, "whose action is an estimate"),
+    ],
+)
+def test_an_estimator_that_cannot_act(env_id, id, more, message):
+    env = gymnasium.make(env_id, **({**SHORT, **more} if env_id.startswith("insenv") else {}))
+    with pytest.raises(InputError, match=message):
+        agents.make(id, env)
+
+
 def test_lost_samples_are_bridged():
     scenario = load("ship-swaying")
     imu = scenario.imu.model_copy(update={"drop_probability": 0.02})
@@ -88,55 +98,15 @@ def test_lost_samples_are_bridged():
     assert abs(heading[0] - heading[1]) < 2.0
 
 
-@pytest.mark.parametrize(
-    ("env_id", "id", "more", "message"),
-    [
-        (DRIVE, "q-method", {}, "gives no velocity and position"),
-        (SHIP, "aqe-sukf", {}, r"needs GNSS: scenario 'ship-swaying' has no \[gnss\]"),
-        (SHIP, "smoother", {}, "needs GNSS"),
-        (DRIVE, "smoother", {}, "smooths a whole run"),
-        (SHIP, "clairvoyance", {}, "no estimator 'clairvoyance'"),
-        (SHIP, "q-method", {"observation": "compact"}, "whose observation holds the samples"),
-        (SHIP, "q-method", {"action": "correction"}, "whose observation holds the samples"),
-        ("CartPole-v1", "q-method", {"samples_per_step": None}, "whose action is an estimate"),
-    ],
-)
-def test_an_estimator_that_cannot_act(env_id, id, more, message):
-    env = gymnasium.make(env_id, **({**SHORT, **more} if env_id.startswith("insenv") else {}))
-    with pytest.raises(InputError, match=message):
-        agents.make(id, env)
-
-
-def speedometer():
-    """An estimator that gives back what it is fed and told."""
-    told, rows = Table((ODOMETER.told["odometer_scale_factor_sigma"],)), ("latitude", "longitude", "height")
-    state = Table((Row("speed", "Speed", "m/s"), Row("count", "Speeds so far")))
-    attitude_and_velocity = Row("q_nb", "q", "1", (4,), start=(1, 0, 0, 0)), Row("velocity_n", "v", "m/s", (3,))
-    outputs = Table((*attitude_and_velocity, *(Row(name, name) for name in rows)))
-
-    def output(p, x):
-        shown = {"q_nb": ca.DM([1, 0, 0, 0]), **dict.fromkeys(rows, 0.0)}
-        return shown | {"velocity_n": ca.vertcat(x.speed, x.count, p.odometer_scale_factor_sigma)}
-
-    take = Step(lambda p, x, u: {"speed": u.odometer_speed, "count": x.count + 1}, when="odometer_new")
-    inputs = SAMPLE_INPUTS + ODOMETER.measurement
-    model = Model("speedometer", "Speedometer", told, state, inputs, outputs, {"take": take}, output)
-    return Estimator(model, kind="navigation", sensors=("odometer",))
-
-
 def test_an_estimator_in_an_environment_is_fed_and_told_of_instruments_as_in_a_run():
     """Measurements on their own samples, to the bit, and what is told of the instrument."""
     values = load("car-city-drive").model_dump(exclude_unset=True)
-    scenario = {**values, "rate_hz": 100.0, "odometer": {}}
-    scenario["gnss"] = {"grade": "rtk"}
-    estimator, env = speedometer(), gymnasium.make(DRIVE, scenario=scenario, samples_per_step=7)
-    agent = agents.make(estimator, env)
-    observation, info = env.reset(seed=0, options={"run_seed": 0})
-    for _ in range(50):
-        observation, _, _, _, info = env.step(agent.act(observation, info))
-    agent.act(observation, info)
-    shown = estimator.model.outputs.unpack(agent._runner.output())["velocity_n"]
-    seen = insenv.run(load(scenario), estimator, seed=0, duration_s=3.5).results[0].outputs["velocity_n"]
-    assert seen[-1, 1] == 35, "10 Hz over 3.5 s"
-    assert seen[-1, 2] == 0.01, "the grade's scale factor"
-    np.testing.assert_array_equal(shown, seen[-1])
+    scenario = {**values, "rate_hz": 100.0, "odometer": {}, "gnss": {"grade": "rtk"}, "duration_s": 3.5}
+    env = gymnasium.make(DRIVE, scenario=scenario, samples_per_step=7, duration_s=3.5)
+    agent = agents.make("fusion", env)
+    episode(env, agent, seed=0, options={"run_seed": 0})
+    seen = run(load(scenario), "fusion", seed=0).results[0].outputs
+    assert seen["odometer_count"][-1] == 35, "10 Hz over 3.5 s"
+    shown = agent.estimator.model.outputs.unpack(agent._runner.output())
+    for name in ("q_nb", "velocity_n", "odometer_scale_estimate_sigma", "odometer_count"):
+        np.testing.assert_array_equal(shown[name], seen[name][-1])

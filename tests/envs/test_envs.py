@@ -2,16 +2,13 @@
 
 import copy
 import pickle
-import warnings
 
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium import wrappers
 from gymnasium.error import ResetNeeded
-from gymnasium.utils.env_checker import check_env
 
-from insenv.envs import IDS, agents, testing
+from insenv.envs import IDS, testing
 from insenv.errors import InputError
 from insenv.instruments import INSTRUMENTS
 
@@ -47,15 +44,6 @@ def test_the_kit_finds_environments_that_ignore_seeds():
     with pytest.raises(AssertionError, match="the seed is not used"):
         testing.check_deterministic(lambda: Deaf(gymnasium.make(SHIP, **SHORT)))
 
-    def skewed(num_envs, **kwargs):
-        venv = gymnasium.make_vec(SHIP, num_envs, **SHORT, **kwargs)
-        reset = venv.reset
-        venv.reset = lambda *, seed=None, options=None: reset(seed=None if seed is None else [seed] * num_envs, options=options)
-        return venv
-
-    with pytest.raises(AssertionError, match="make_vec and SyncVectorEnv"):
-        testing.check_rows(lambda: gymnasium.make(SHIP, **SHORT), skewed)
-
 
 def test_import_registers_and_the_specification_knows_the_steps_of_an_episode():
     from insenv.envs import register
@@ -66,9 +54,6 @@ def test_import_registers_and_the_specification_knows_the_steps_of_an_episode():
     env = gymnasium.make("insenv:insenv/ShipAlignment-v0", **SHORT)
     assert env.spec.id == SHIP and env.spec.max_episode_steps == 8
     assert gymnasium.make_vec(SHIP, 2, **SHORT).spec.max_episode_steps == 8
-    assert gymnasium.make(SHIP, max_episode_steps=4, **SHORT).spec.max_episode_steps == 4
-    observation, _ = wrappers.TimeAwareObservation(env).reset(seed=1)
-    assert observation.shape == (env.observation_space.shape[0] + 1,)
 
 
 def test_step_before_reset_and_after_the_end():
@@ -81,21 +66,13 @@ def test_step_before_reset_and_after_the_end():
         env.step(LEVEL)
 
 
-@pytest.mark.parametrize(("action", "message"), [(np.zeros(4), r"shape \(4,\): allowed is \(5,\)"), ("north", "= 'north'")])
-def test_a_wrong_action_is_an_error_and_changes_nothing(action, message):
+def test_a_wrong_action_is_an_error_and_changes_nothing():
     env, other = (gymnasium.make(SHIP, **SHORT) for _ in range(2))
     for e in (env, other):
         e.reset(seed=1)
-    with pytest.raises(InputError, match=message):
-        env.step(action)
+    with pytest.raises(InputError, match=r"shape \(4,\): allowed is \(5,\)"):
+        env.step(np.zeros(4))
     testing.assert_same([env.step(LEVEL)], [other.step(LEVEL)], "after a wrong action")
-
-
-def test_a_snapshot_of_another_environment_is_refused():
-    ship, car = gymnasium.make(SHIP, **SHORT).unwrapped, gymnasium.make(DRIVE, **SHORT).unwrapped
-    ship.reset(seed=1)
-    with pytest.raises(InputError, match="snapshot"):
-        car.restore(ship.snapshot())
 
 
 def test_observations_show_the_measurements_of_instruments_and_no_truth():
@@ -109,25 +86,6 @@ def test_observations_show_the_measurements_of_instruments_and_no_truth():
     for instrument in INSTRUMENTS.values():
         assert set(instrument.measurement.names) <= set(names)
     assert not [name for name in names if "true" in name]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(env.unwrapped, skip_render_check=True)
-
-
-def test_wrappers_of_observations_actions_and_statistics():
-    env = wrappers.RecordEpisodeStatistics(wrappers.ClipAction(gymnasium.make(SHIP, **SHORT)))
-    size, agent = env.observation_space.shape[0], agents.make("q-method", env)
-    assert env.action_space.contains(agent.act(*env.reset(seed=1)))
-    env = wrappers.FrameStackObservation(wrappers.DtypeObservation(wrappers.NormalizeObservation(env), np.float32), 3)
-    observation, _ = env.reset(seed=1)
-    assert observation.shape == (3, size) and observation.dtype == np.float32
-    over = False
-    while not over:
-        observation, _, terminated, truncated, info = env.step(LEVEL * 3.0)  # clipped to the space: a valid estimate
-        over = terminated or truncated
-    assert truncated and info["episode"]["l"] == 8 and np.isfinite(observation).all()
-    # rows that are constant during an episode are normalised to 0; the samples are not
-    assert np.abs(observation[-1, :49]).max() > 0.1
 
 
 def test_copies_pickles_and_snapshots_of_batches_continue_bit_identically():

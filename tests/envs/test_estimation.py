@@ -57,16 +57,6 @@ def test_observations_are_the_sensor_outputs_of_a_run():
     assert new >= 7 and held >= 15
 
 
-def test_compact_observations_are_of_order_one():
-    venv = gymnasium.make_vec(SHIP, 16, samples_per_step=100, duration_s=3.0, **COMPACT)
-    assert venv.single_observation_space.shape == (12,) and venv.single_action_space.shape == (4,)
-    observation, _ = venv.reset(seed=1)
-    generator = np.random.default_rng(0)
-    for _ in range(5):
-        observation, *_ = venv.step(generator.uniform(-1.0, 0.8, venv.action_space.shape))
-        assert np.abs(observation).max() <= 4.0
-
-
 @pytest.mark.parametrize("tilt", [0.0, 0.01])
 def test_the_compact_observation_vanishes_for_the_true_attitude_and_measures_a_tilt(tilt):
     """With a perfect unit at rest; the held attitude is replaced by the truth, and by one that is tilted about east."""
@@ -185,8 +175,6 @@ def test_a_correction_turns_the_held_attitude_on_a_logarithmic_scale():
         *_, terminated, _, info = env.step(np.array([0.0, 0.0, 0.0, declare]))
         assert terminated == over and info["declared"] == float(over)
 
-
-# --- the ranking of policies --------------------------------------------------------------------------
 
 ORDER = ("random", "quit", "analytic", "frozen frame", "q-method")
 BETTER = (

@@ -6,10 +6,6 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium import wrappers
-from gymnasium.error import ResetNeeded
-
-from insenv.errors import InputError
 
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
 SHORT = {"samples_per_step": 10, "duration_s": 0.5}
@@ -30,31 +26,9 @@ def test_an_image_shows_the_episode(id):
     assert len(np.unique(after.reshape(-1, 3), axis=0)) > 20 and not np.array_equal(before, after)
 
 
-def test_text_shows_the_error_of_the_last_estimate():
-    env = gymnasium.make(DRIVE, render_mode="ansi", **SHORT)
-    env.reset(seed=1)
-    *_, info = env.step(np.eye(10)[0])
-    text = env.render()
-    assert f"{np.degrees(info['error'][2]):.4f}" in text and "position" in text and len(text.splitlines()) == 8
-    with pytest.raises(InputError, match="render_mode"):
-        gymnasium.make(SHIP, **SHORT).unwrapped.render()
-
-
-@pytest.mark.slow
-def test_a_video_is_recorded(tmp_path):
-    env = gymnasium.make(SHIP, render_mode="rgb_array", samples_per_step=20, duration_s=0.5)
-    env = wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda episode: True, disable_logger=True)
-    env.reset(seed=1)
-    for _ in range(5):
-        env.step(LEVEL)
-    env.close()
-    videos = list(tmp_path.glob("videos/*.mp4"))
-    assert len(videos) == 1 and videos[0].stat().st_size > 2000
-
-
 def test_a_restored_copied_or_pickled_environment_carries_its_history():
-    env, other, plain = (gymnasium.make(SHIP, render_mode=mode, **SHORT).unwrapped for mode in ("ansi", "ansi", None))
-    for each, seed in ((env, 1), (other, 9), (plain, 1)):
+    env, other = (gymnasium.make(SHIP, render_mode="ansi", **SHORT).unwrapped for _ in range(2))
+    for each, seed in ((env, 1), (other, 9)):
         each.reset(seed=seed)
     for _ in range(4):
         env.step(LEVEL)
@@ -63,9 +37,3 @@ def test_a_restored_copied_or_pickled_environment_carries_its_history():
         assert copied.render() == env.render()
         copied.step(LEVEL)
         assert len(copied.history) == 6 and len(env.history) == 5
-    plain.step(LEVEL)
-    other.restore(plain.snapshot())
-    with pytest.raises(ResetNeeded, match="a snapshot that was not rendered"):
-        other.render()
-    other.step(LEVEL)
-    assert "0.10 s" in other.render()

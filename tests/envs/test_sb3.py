@@ -1,11 +1,9 @@
 """Stable-Baselines3 on the environments; the examples' PPO on held-out seeds, which takes minutes."""
 
-import importlib
 import os
 import re
 import subprocess
 import sys
-import warnings
 
 import gymnasium
 import numpy as np
@@ -13,20 +11,11 @@ import peers
 import pytest
 from places import ROOT
 
-from insenv.envs import TuningEnv
 from insenv.errors import InputError
 
 SHIP, TUNING = "insenv/ShipAlignment-v0", "insenv/Tuning-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 HOW = "pip install -e '.[rl]'"
-
-
-def test_it_is_asked_for_when_it_is_missing(monkeypatch):
-    for name in ("stable_baselines3", "stable_baselines3.common", "stable_baselines3.common.vec_env"):
-        monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.delitem(sys.modules, "insenv.envs.sb3", raising=False)
-    with pytest.raises(InputError, match="needs Stable-Baselines3, which is not installed: pip install"):
-        importlib.import_module("insenv.envs.sb3")
 
 
 def test_an_end_by_time_of_an_alignment_is_terminal():
@@ -48,16 +37,6 @@ def test_an_end_by_time_of_an_alignment_is_terminal():
         assert venv.env_is_wrapped(gymnasium.Wrapper) == [False] * 3
         with pytest.raises(InputError, match="the rows of a batch have no attributes of their own"):
             venv.set_attr("x", 1)
-
-
-def test_its_checker_accepts_the_tuning_environment():
-    """Warnings are errors, except the advice to use float32, which cannot resolve an estimate."""
-    peers.package("stable_baselines3", HOW)
-    checker = importlib.import_module("stable_baselines3.common.env_checker")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", "Your action space has dtype float64")
-        checker.check_env(TuningEnv(**SHORT), warn=True, skip_render_check=True)
 
 
 def trained(example, figure, folder, *arguments):

@@ -12,7 +12,7 @@ from insenv.envs.knowledge import KNOWN
 from insenv.envs.starts import InnerStarts
 from insenv.errors import InputError
 from insenv.scenario import build
-from insenv.scenario.sensor_notes import CONSTANT, data_sheets, sensor_notes
+from insenv.scenario.sensor_notes import data_sheets, sensor_notes
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 IDS = ("insenv/Tuning-v0", "insenv/Manoeuvre-v0")
@@ -132,8 +132,3 @@ def test_data_sheets_of_many_units_are_those_of_each(in_place):
         assert vars(sensor_notes({name: values[i] for name, values in rows.items()}, in_place)) == {
             name: values[i] for name, values in sheets.items()
         }
-
-
-def test_a_unit_of_which_nothing_is_known_has_the_smallest_figures():
-    notes = sensor_notes({}, in_place=True)
-    assert (notes.angle_random_walk, notes.gyro_bias_sigma, notes.gyro_correlation_time) == (1e-9, 1e-9, CONSTANT)

@@ -44,17 +44,6 @@ def test_max_episode_steps_acts_like_the_wrapper():
     )
 
 
-def test_a_batch_names_the_seeds_of_its_rows():
-    venv = gymnasium.make_vec(SHIP, 3, **SHORT).unwrapped
-    venv.reset(seed=5)
-    assert venv.np_random_seed == (5, 6, 7)
-    snapshot = venv.snapshot()
-    venv.reset(seed=[8, None, 9])
-    assert venv.np_random_seed == (8, 6, 9)
-    venv.restore(snapshot)
-    assert venv.np_random_seed == (-1, -1, -1)
-
-
 def test_one_row_ends_alone():
     """By an estimate that is not a number, or by its declaration; without autoreset it takes no further step."""
     venv = gymnasium.make_vec(SHIP, 3, autoreset_mode=AutoresetMode.DISABLED, **SHORT)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import replace
 
 import numpy as np
-from rich.console import Console
 
 from insenv.campaigns import make_plan, parse_variation
 from insenv.campaigns.presentation import campaign_arrays
@@ -43,26 +41,3 @@ def plan_of(*vary, runs=64, scenario=None, estimator="loosely-coupled", **more):
     variations = [parse_variation(text) for text in vary]
     scenario = car() if scenario is None else scenario
     return make_plan(scenario, estimator, runs, first_seed=5, duration_s=2.0, variations=variations, **more)
-
-
-def words(text):
-    return [line.split() for line in text.splitlines()]
-
-
-def printed(parts):
-    console = Console(record=True, width=200, file=io.StringIO(), markup=False)
-    for part in parts:
-        console.print(part)
-    return console.export_text()
-
-
-def assert_shows(document, parts):
-    """Every row of the page's tables is a line that is printed; so is every table's end."""
-    told = words(printed(parts))
-    rows = [row for one in document["tables"] for row in one["rows"]]
-    assert rows and [row for row in rows if " ".join(row).split() not in told] == []
-    below = [sentence for one in document["tables"] for sentence in one["below"] if not sentence.startswith("Statistics from")]
-    assert [sentence for sentence in below if sentence.split() not in told] == []
-    # the lines of numbers that are printed, less titles and the header: as many as on the page
-    labels = {row[0].split()[0] for row in rows}
-    assert len(rows) == len([line for line in told if line and line[0] in labels and "drawn" not in line])

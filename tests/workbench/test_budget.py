@@ -57,8 +57,10 @@ def test_gaussian_sources_sum_in_variance_to_the_whole(ship):
     ratio = (ship.rms(ship.whole) / ship.rms(ship.sum)) ** 2 - 1.0
     assert np.all(np.abs(ratio) < 3.0 * np.sqrt(4.0 * pairs / ship.runs) + 1e-3), ratio
     assert np.all(pairs > 0.02)  # there is something to add up
-    # a linear method: run by run nothing is left
+    # a linear method: run by run nothing is left, and a source left out leaves the rest
     assert np.all(ship.rms(ship.interaction) < 2e-3 * ship.rms(ship.whole))
+    for k, name in enumerate(ship.sources):
+        assert np.allclose(ship.rms(ship.without[k]), ship.rms(ship.sum - ship.alone[k]), rtol=0.25), name
 
 
 def test_contributions_are_those_of_closed_forms(ship):
@@ -72,13 +74,6 @@ def test_contributions_are_those_of_closed_forms(ship):
     assert low < alone["accel turn-on bias"][0] / tilt < high
     assert low < alone["accel turn-on bias"][1] / tilt < high
     assert low < alone["gyro turn-on bias"][2] / heading < high
-
-
-def test_a_source_left_out_leaves_the_rest(ship):
-    """By the same linearity the error without a source is the whole less its contribution, in variance as near as chance."""
-    for k, name in enumerate(ship.sources):
-        rest = ship.rms(ship.sum - ship.alone[k])
-        assert np.allclose(ship.rms(ship.without[k]), rest, rtol=0.25), name
 
 
 def test_a_fixed_bias_falls_freely():
@@ -125,20 +120,6 @@ def test_the_receiver_states_the_same_whatever_is_switched_off():
         assert np.array_equal(shown["whole"][name][late], shown["quiet"][name][late])
         assert np.all(shown["quiet"][name][late] > 0.01)
     assert not np.array_equal(shown["whole"]["gnss_latitude"], shown["quiet"]["gnss_latitude"])
-
-
-@pytest.mark.slow
-def test_what_depends_on_another_source_is_interaction(monkeypatch):
-    """An outage alone costs nothing: with a perfect unit the filter coasts.  With all sources it does, and the sum is short."""
-    monkeypatch.delenv("INSENV_BACKEND")
-    scenario = changed("car-city-drive", gnss={"outages_s": [[20.0, 60.0]], "outlier_probability": 0.0}, rate_hz=100.0)
-    found = insenv.budget(scenario, "loosely-coupled", 16, duration_s=60.0)
-    k, north = found.sources.index("GNSS outages"), found.channels.index("north_m")
-    end = np.sqrt(found.alone[k, -1, north])
-    assert end < 0.3
-    assert found.whole[-1, north] > 1.5**2 * found.sum[-1, north]
-    assert np.sqrt(found.without[k, -1, north]) < 0.7 * np.sqrt(found.whole[-1, north])
-    assert np.sqrt(found.interaction[-1, north]) > 3.0 * end
 
 
 def test_every_error_row_of_every_sensor_is_in_one_source():
@@ -200,7 +181,6 @@ def test_runs_that_diverge_are_left_out_and_said(monkeypatch):
     ("scenario", "estimator", "more", "message"),
     [
         ("ship-swaying", "q-method", {"runs": 0}, "runs = 0: allowed is a whole number from 1 to"),
-        ("ship-swaying", "q-metod", {}, "did you mean 'q-method'"),
         ("ship-swaying", "loosely-coupled", {}, "needs GNSS"),
         ("car-city-drive", "smoother", {"duration_s": 5.0}, "smooths a whole run"),
         ("ship-swaying", "q-method", {"runs": 99_999}, "keeps every error: allowed is up to"),
@@ -210,34 +190,26 @@ def test_runs_that_diverge_are_left_out_and_said(monkeypatch):
 def test_bad_input_is_refused(scenario, estimator, more, message):
     with pytest.raises(InputError, match=message):
         insenv.budget(scenario, estimator, **more)
-
-
-def test_a_scenario_without_errors_is_refused():
     with pytest.raises(InputError, match="has no source of error"):
         insenv.budget(changed("static-ecef", imu=PERFECT, knowledge=TRUE_START), "wander-sins", 1, duration_s=1.0)
 
 
-def test_the_command_prints_writes_and_is_json(tmp_path, monkeypatch):
-    monkeypatch.delenv("INSENV_BACKEND")  # the ship is compiled
-    given = ("budget", "ship-swaying", "-e", "q-method", "-n", "2", "--duration", "40")
+def test_the_command_prints_writes_and_is_json(tmp_path):
+    given = ("budget", "ship-swaying", "-e", "q-method", "-n", "2", "--duration", "2")
     status, text, _ = call(*given, "--out", tmp_path / "found")
-    assert status == 0
-    assert "root sum of squares" in text and "accel turn-on bias" in text and "interaction" in text
-    assert all(len(line) <= 80 for line in text.splitlines() if "written to" not in line)
-    assert sorted(path.name for path in (tmp_path / "found").iterdir()) == [
-        "budget.html", "budget.json", "budget.npz", "budget.png", "budget.svg"
-    ]  # fmt: skip
+    assert status == 0 and "root sum of squares" in text
+    names = {path.name for path in (tmp_path / "found").iterdir()}
+    assert names == {"budget.html", "budget.json", "budget.npz", "budget.png", "budget.svg"}
     document = strict((tmp_path / "found" / "budget.json").read_text("utf-8"))
     assert strict(call(*given, "--json")[1])["sources"] == document["sources"]
-    shares = sum(source["share"]["heading_deg"] for source in document["sources"])
-    assert 0.0 < shares <= 1.0
+    assert 0.0 < sum(source["share"]["heading_deg"] for source in document["sources"]) <= 1.0
     with np.load(tmp_path / "found" / "budget.npz") as arrays:
         assert arrays["alone"].shape == (len(document["sources"]), len(arrays["time"]), 3)
         assert np.allclose(arrays["root_sum_square"] ** 2, arrays["method"] ** 2 + (arrays["alone"] ** 2).sum(axis=0))
 
 
 def test_the_page_stacks_what_the_budget_holds(ship):
-    """Bands end at the root of the sums of squares, the highest at that of all; shares add up to 100 %; figures as printed."""
+    """Bands end at the root of the sums of squares, the highest at that of all; shares add up to 100 %."""
     document = budget_page_document(ship)
     arrays = [np.frombuffer(base64.b64decode(text), dtype="<f4") for text in document["arrays"]]
     stacks, shares = document["sections"]
@@ -247,38 +219,8 @@ def test_the_page_stacks_what_the_budget_holds(ship):
     assert all(one["high"] == other["low"] for one, other in itertools.pairwise(bands))
     np.testing.assert_allclose(arrays[bands[-1]["high"]], np.sqrt(ship.sum[:, 2]), rtol=1e-6)
     assert np.allclose(arrays[shares["panels"][2]["curves"][-1]["high"]], 100.0)
-    assert all(panel["most"] == 100.0 for panel in shares["panels"]) and heading["most"] is None
-    assert [one["name"] for one in document["legend"] if one["first"]] == ["all sources"]
     largest = ship.sources[int(np.argmax(ship.shares()[:-1].max(axis=1)))]
     assert document["legend"][bands[0]["group"]]["name"] == largest
     (table,) = document["tables"]
     row = next(row for row in table["rows"] if row[0] == "all sources")
     assert row[1::2] == [number(value) for value in ship.rms(ship.whole)]
-
-
-@pytest.mark.slow
-def test_every_large_source_of_a_car_has_a_colour(monkeypatch):
-    """Nine channels have more large sources than the three of an alignment: biases of the accelerometers have 17 % of roll."""
-    monkeypatch.delenv("INSENV_BACKEND")
-    found = insenv.budget("car-city-drive", "loosely-coupled", 2, duration_s=60.0)
-    shares = found.shares()[:-1]
-    own, others = budget_presentation.ranked(found)
-    assert sorted(own + others) == list(range(len(found.sources))) and others
-    assert np.nanmax(shares[others]) < 0.05
-    names = [group["name"] for group in budget_page_document(found)["legend"]]
-    assert len(names) == len(set(names)) and {found.sources[k] for k in own} < set(names)
-    drawn = found.plot()
-    assert len({patch.get_facecolor() for patch in drawn.legends[0].get_patches()}) == len(own) + 2
-
-
-def test_a_data_frame_has_a_row_for_each_source(ship):
-    frame = ship.to_dataframe()
-    assert list(frame.index) == list(ship.sources)
-    assert np.isclose(frame["share_heading_deg"].sum() + ship.shares()[-1, 2], 1.0)
-    assert "most from" in repr(ship)
-
-
-def test_one_run_is_no_runs():
-    one = insenv.budget("ship-swaying", "q-method", 1, duration_s=0.5)
-    assert budget_presentation.facts(one).startswith("1 run of 0.5 s, seed 1;") and "q-method, 1 run\n" in repr(one)
-    assert any(told.startswith("rms of 1 run over") for told in budget_presentation.sentences(one))

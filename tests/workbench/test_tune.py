@@ -1,8 +1,6 @@
 """Tuning: a filter that is mistuned on purpose is tuned back, on a scenario and on a log without a reference."""
 
-import base64
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,15 +11,11 @@ from simulated_log import simulated_log
 import insenv
 from insenv.campaigns import make_plan
 from insenv.campaigns.block import run_block
-from insenv.campaigns.intervals import Estimate
 from insenv.errors import InputError
 from insenv.estimators import get
 from insenv.scenario import load
-from insenv.workbench import tune as tune_module
 from insenv.workbench import tune_log, tune_search
-from insenv.workbench.tune_page import tuning_page_document
 from insenv.workbench.tune_parameters import tuned_parameters
-from insenv.workbench.tune_result import sentences
 
 KEYS = ["arw_deg_sqrt_h", "vrw_ug_sqrt_hz"]
 MISTUNED = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "vrw_ug_sqrt_hz": 5.0}}
@@ -71,13 +65,6 @@ def test_what_is_judged_is_the_campaign_of_these_seeds(found):
         shown = [getattr(channel, column) for channel in found.channels]
         # the settings have 4 digits
         assert np.allclose(np.sqrt(squares), shown, rtol=1e-9 if column == "before" else 2e-3)
-
-
-def test_tuning_that_finds_nothing_says_so():
-    """No noise of q-method changes its estimate: whatever the search ends at, the result is to be left."""
-    found = insenv.tune("ship-swaying", "q-method", runs=2, held_out=4, evaluations=16, duration_s=10.0)
-    assert not found.is_better and found.change.value == 0.0
-    assert "keep the present tuning" in repr(found) and "no better than by chance" in found.toml()
 
 
 def test_a_mistuned_filter_is_tuned_back_on_a_log_without_a_reference():
@@ -140,13 +127,10 @@ def test_noises_and_gates_are_tuned_by_default_and_nothing_else():
     ("source", "estimator", "more", "said"),
     [
         ("car-city-drive", "loosely-coupled", {"keys": ["arw_deg_sqrt_g"]}, "did you mean 'arw_deg_sqrt_h'"),
-        ("car-city-drive", "loosely-coupled", {"keys": ["foo"]}, "and [0-9]+ more; the table of parameters"),
         ("car-city-drive", "loosely-coupled", {"runs": 1}, "runs = 1: allowed is a whole number from 2"),
-        ("car-city-drive", "loosely-coupled", {"evaluations": 0}, "evaluations = 0"),
         ("car-city-drive", "loosely-coupled",
          {"keys": ["innovation_gate"], "settings": {"loosely-coupled": {"innovation_gate": 0.0}}}, "needs a value above 0"),
         ("ship-swaying", "loosely-coupled", {}, "needs GNSS"),
-        ("ship-swaing", "q-method", {}, "did you mean 'ship-swaying'"),
     ],
 )  # fmt: skip
 def test_bad_input_is_refused(source, estimator, more, said):
@@ -160,21 +144,8 @@ def test_a_log_without_fixes_or_with_few_is_refused():
         insenv.tune(log, "loosely-coupled")
     with pytest.raises(InputError, match="has no output 'innovation'"):
         insenv.tune(log, "wander-sins")
-    for more in ({"seed": 3}, {"duration_s": 20.0}, {"runs": 4}, {"held_out": 16}):
-        with pytest.raises(InputError, match="allowed with a scenario; a log is used as a whole"):
-            insenv.tune(log, "loosely-coupled", **more)
-
-
-def test_the_page_shows_the_change_and_the_search(found):
-    document = tuning_page_document(found)
-    parameters, errors = document["tables"]
-    assert [row[0] for row in parameters["rows"]] == KEYS and len(errors["rows"]) == len(found.channels)
-    factors, ratios = (panel["rows"] for panel in document["sections"][0]["panels"])
-    assert [one["value"] for one in factors] == found.factors.tolist()
-    assert [(one["low"], one["high"]) for one in ratios] == [(one.ratio.low, one.ratio.high) for one in found.channels]
-    (search,) = document["sections"][1]["panels"]
-    best = np.frombuffer(base64.b64decode(document["arrays"][search["curves"][-1]["y"]]), dtype="<f4")
-    assert np.array_equal(best, found.history[:, 0].astype("<f4"))
+    with pytest.raises(InputError, match="allowed with a scenario; a log is used as a whole"):
+        insenv.tune(log, "loosely-coupled", seed=3)
 
 
 def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
@@ -188,35 +159,18 @@ def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
     assert "state fix_wander_sigma_m" in str(insenv.tune(log, "loosely-coupled", evaluations=8).notes)
 
 
-def test_runs_that_diverge_are_said(found):
-    one = tune_module.Measures(np.array([[1.0], [np.nan], [2.0]]), None)
-    assert list(tune_module._diverged(one, one)) == [
-        "the estimator diverges in 1 of 3 held-out runs before and in 1 after: no interval"
-    ]
-    whole = tune_module.Measures(np.ones((3, 1)), None)
-    assert not list(tune_module._diverged(whole, whole))
-    unknown = replace(found, change=Estimate(1.0, float("nan"), float("nan")))
-    assert sentences(unknown)[-1].endswith(", changed by +1.000") and not unknown.is_better
-
-
-def test_a_missing_package_is_said(monkeypatch):
-    monkeypatch.setitem(sys.modules, "cma", None)
-    with pytest.raises(InputError, match="tuning needs cma, which is not installed: "):
-        insenv.tune("ship-swaying", "q-method")
-
-
-def test_the_command_prints_writes_and_is_json(tmp_path, monkeypatch):
+def test_the_command_keeps_a_tuning_that_no_other_betters(tmp_path):
+    """No noise of q-method changes its estimate: whatever the search ends at, the result is to be left."""
     given = ("tune", "ship-swaying", "-e", "q-method", "--evaluations", "8", "-n", "2", "--held-out", "4", "--duration", "10")
     status, out, err = call(*given, "--out", tmp_path / "out")
     assert (status, err) == (0, "") and "keep the present tuning" in out and "sought on seeds 1 to 2" in out
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "tuning.html", "tuning.json", "tuning.png", "tuning.svg", "tuning.toml"
-    ]  # fmt: skip
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"tuning.html", "tuning.json", "tuning.png", "tuning.svg", "tuning.toml"}
+    assert "no better than by chance" in (tmp_path / "out" / "tuning.toml").read_text("utf-8")
     status, out, _ = call(*given, "--json")
     document = strict(out)
     assert status == 0 and document["better"] is False
     assert {"key", "before", "after", "factor"} == set(document["parameters"][0])
-    assert tune_module.WEIGHT == 0.5
 
 
 def test_a_filter_that_finds_its_attitude_is_tuned_without_its_alignment():
