@@ -27,7 +27,7 @@ SAID = {  # what each script must print
     "rank_policies.py": ("quit", "bound"),
     "step_by_step.py": ("90 s", "stated sigma"),
 }
-TRAINING = ("train_aligner.py", "train_manoeuvre.py", "train_tuner.py")  # tests/envs/test_rl.py looks at what they print
+TRAINING = ("train_aligner.py", "train_manoeuvre.py", "train_tuner.py")  # tests/envs/test_sb3.py looks at what they print
 SHORTER = {"rank_navigators.py": ("--seeds", "4", "--duration", "30", "insenv/ShipNavigation-v0")}
 
 
