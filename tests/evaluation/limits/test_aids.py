@@ -1,12 +1,11 @@
 """Aiding instruments in the limit: their equations against differences of independent ones, and closed forms."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 
 import numpy as np
 import pytest
+from interpreted import interpreted  # noqa: F401
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
@@ -133,12 +132,6 @@ def test_epochs_of_a_step_without_those_in_outages():
 def final(**changes):
     """The limit at the end of a drive, by channel."""
     return {name: float(values[-1]) for name, values in limit({**CAR, "rate_hz": 20.0, **changes}).sigma.items()}
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    """These runs are short: compiling would take longer."""
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
 
 
 def test_barometer_holds_the_height_to_its_bias():
