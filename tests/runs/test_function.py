@@ -1,7 +1,5 @@
 """Plain functions as estimators of a run: the same errors as those of the model with the same equations, and clear refusals."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -94,14 +92,11 @@ def test_nothing_is_scored_before_the_first_estimate_and_no_truth_is_in_a_sample
         ([np.nan, 0, 0, 0], r"q_nb = \[nan, 0.0, 0.0, 0.0\]"),
         ([2.0, 0, 0, 0], "has the norm 2"),
         ([1.0, 0.0], r"q_nb has shape \(2,\)"),
-        ("north", "q_nb has type str"),
         (np.diag([1.0, 1.0, -1.0]), "a rotation matrix, right-handed"),
         ({"q_bn": [1, 0, 0, 0]}, "'q_bn': unknown row of an estimate; did you mean 'q_nb'"),
         ({"q_nb": [1, 0, 0, 0], "latitude": 0.5}, "latitude without longitude, height"),
         ({"q_nb": [1, 0, 0, 0], "latitude": 48.0, "longitude": 11.0, "height": 0.0}, "allowed is up to 1.5708"),
-        ({"q_nb": [1, 0, 0, 0], "attitude_sigma": [-1, 0, 0]}, "a standard deviation is not negative"),
         ({"velocity_n": [0, 0, 0]}, "allowed is one with q_nb"),
-        ({}, "the estimate is empty"),
         (None, "returned no estimate in 0.1 s"),
     ],
 )

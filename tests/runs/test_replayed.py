@@ -51,10 +51,8 @@ def test_an_alignment_runs_on_a_log_without_a_reference():
     [
         ({}, "loosely-coupled", "coarse", "faster than 5 m/s"),
         ({}, "loosely-coupled", "reference", "must give position, velocity and attitude"),
-        ({}, "loosely-coupled", "guess", "allowed is coarse, reference or stated"),
         ({"gnss": False}, "loosely-coupled", "coarse", "needs GNSS"),
         ({"gnss": False}, "q-method", "coarse", "needs the place"),
-        ({"start_s": 99.0}, "q-method", "coarse", "the log ends at"),
     ],
 )
 def test_the_error_names_what_a_log_lacks_to_start_an_estimator(changes, id, start, message):
