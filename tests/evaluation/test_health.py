@@ -172,9 +172,6 @@ def test_a_run_without_a_fix_says_so(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     result = run("car-city-drive", "loosely-coupled", duration_s=0.5).results[0]
     assert result.health is None and "no fix came: the estimate is that of the inertial unit alone" in result.notes
-    found = run("car-odometer", insenv.fusion(aids=["odometer", "zero_velocity"], id="wheels"), duration_s=5).results[0]
-    assert found.health.fixes == 0 and set(found.health.aids) == {"odometer", "zero_velocity"}
-    assert not any("no fix came" in note for note in found.notes)
 
 
 @pytest.fixture(scope="module")
@@ -257,11 +254,3 @@ def test_an_alignment_that_is_too_short_says_so(id, monkeypatch):
     (said,) = (note for note in short.results[0].notes if note.startswith("too short"))
     assert said.startswith(f"too short: 5 s of data, {id} needs ") and not short.results[0].settled
     assert run(insenv.load("static-ecef").model_copy(update={"rate_hz": 2.0}), id, duration_s=600.0).results[0].settled
-
-
-def test_the_time_that_an_alignment_needs_follows_its_parameters():
-    e = estimators.get("q-method")
-    assert e.too_short({"smoothing_time": 4.0}, 99.0)
-    assert not e.too_short({"smoothing_time": 4.0}, 100.0)
-    assert not e.too_short({"smoothing_time": 0.0}, 0.01)
-    assert estimators.get("loosely-coupled").too_short({}, 0.01) == ""

@@ -88,10 +88,6 @@ def test_figure_files_are_the_same_every_time(tmp_path):
     assert b"<dc:date>" not in first["svg"].read_bytes()
 
 
-def test_angles_are_not_joined_where_they_wrap_and_a_logarithmic_scale_says_where_it_is_which():
+def test_angles_are_not_joined_where_they_wrap():
     shown = style.unwrapped(np.array([170.0, 179.0, -179.0, -170.0]))
     assert np.isnan(shown[2]) and np.isfinite(shown[[0, 1, 3]]).all()
-    with style.page(4.0, 3.0) as figure:
-        axes = figure.subplots()
-        style.symlog(axes, 0.1)
-        assert sorted(text.get_text() for text in axes.texts) == ["linear", "log", "log"]

@@ -24,16 +24,6 @@ def test_the_table_has_every_paper_and_names_no_row_twice():
         assert all(row["seeds"] >= 1 and (row["ours"], row["printed_form"]) != (None, None) for row in rows)
 
 
-def test_a_row_keeps_its_digits():
-    quantity = Quantity("ecef", "heading", "deg", None, 0.123456789, 2.0 / 3.0, 3, printed_form=0.2)
-    assert reproduced.row(quantity) == {
-        "quantity": "heading", "unit": "deg", "seeds": 3,
-        "published": None, "printed_form": 0.2, "ours": 0.123457, "limit": 0.666667, "note": "",
-    }  # fmt: skip
-    table = {"ecef": [reproduced.row(quantity)]}
-    assert json.loads(reproduced.text(table)) == table
-
-
 def test_the_command_prints_conditions_and_notes(monkeypatch):
     row = Quantity("ecef", "heading", "deg", None, 0.1, None, 1, "at rest")
     monkeypatch.setattr(ecef, "quantities", lambda: [row])
