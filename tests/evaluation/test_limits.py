@@ -273,23 +273,47 @@ def unit_error(source, unit, angle, velocity, dt, place, begin):
     return (angle @ matrix.T, zero) if source.triad == 0 else (zero, velocity @ matrix.T)
 
 
-@pytest.mark.slow
-def test_the_errors_of_free_inertial_navigation_have_the_limit():
-    """Nothing measured: the limit is the ensemble's rms. 96 units with every error that a scenario can draw."""
-    unit = {"grade": "perfect", "gyro_bias_sigma_deg_h": 1.0, "gyro_arw_deg_sqrt_h": 0.02, "gyro_instability_deg_h": 3.0,
+FLIGHTS = {
+    # every error that a scenario can draw
+    "wander-sins": {
+        "imu": {
+            "grade": "perfect", "gyro_bias_sigma_deg_h": 1.0, "gyro_arw_deg_sqrt_h": 0.02, "gyro_instability_deg_h": 3.0,
             "gyro_instability_time_s": 30.0, "gyro_rrw_deg_h_sqrt_h": 20.0, "gyro_scale_factor_sigma_ppm": 300.0,
-            "gyro_flicker_deg_h": 2.0, "accel_flicker_ug": 200.0,
-            "gyro_misalignment_sigma_urad": 200.0, "accel_bias_sigma_ug": 100.0, "accel_vrw_ug_sqrt_hz": 200.0,
-            "accel_instability_ug": 300.0, "accel_instability_time_s": 20.0, "accel_scale_factor_sigma_ppm": 100.0,
-            "accel_misalignment_sigma_urad": 100.0}  # fmt: skip
+            "gyro_flicker_deg_h": 2.0, "accel_flicker_ug": 200.0, "gyro_misalignment_sigma_urad": 200.0,
+            "accel_bias_sigma_ug": 100.0, "accel_vrw_ug_sqrt_hz": 200.0, "accel_instability_ug": 300.0,
+            "accel_instability_time_s": 20.0, "accel_scale_factor_sigma_ppm": 100.0, "accel_misalignment_sigma_urad": 100.0,
+        },
+        "knowledge": {"tilt_sigma_deg": 0.02, "position_sigma_m": 2.0, "velocity_sigma_mps": 0.03},
+    },
+    # white noise, constant biases and white fixes, which are all that the filter models
+    "loosely-coupled": {
+        "imu": {
+            "grade": "perfect", "gyro_bias_sigma_deg_h": 5.0, "gyro_arw_deg_sqrt_h": 0.1, "accel_bias_sigma_ug": 500.0,
+            "accel_vrw_ug_sqrt_hz": 100.0,
+        },
+        "gnss": {
+            "grade": "rtk", "position_noise_m": 1.0, "velocity_noise_mps": 0.1, "wander_sigma_m": 0.0, "latency_s": 0.2,
+            "interval_s": 1.0, "lever_arm_m": [1.0, 0.5, -1.5], "outages_s": [[50.0, 61.0]],
+        },
+        "knowledge": {
+            "tilt_sigma_deg": 0.5, "heading_sigma_deg": 1.0, "position_sigma_m": 3.0, "velocity_sigma_mps": 0.3,
+        },
+    },
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("id", FLIGHTS)
+def test_an_optimal_filter_reaches_the_limit_and_does_not_beat_it(id):
+    """Where nothing is measured, free inertial navigation is optimal.  96 units."""
     legs = [{"turn_deg": 180.0, "bank_deg": 25.0}, {"fly_s": 20.0}, {"turn_deg": -180.0, "bank_deg": 25.0}]
-    scenario = changed("aircraft-free-inertial", duration_s=200.0, rate_hz=50.0, imu=unit, vehicle={"legs": legs, "engine": []},
-                       knowledge={"tilt_sigma_deg": 0.02, "position_sigma_m": 2.0, "velocity_sigma_mps": 0.03})  # fmt: skip
-    found = ensemble(scenario, ["wander-sins"], range(1, 97), records=200)
-    truth, own = found.truth, found.outputs["wander-sins"]
+    vehicle = {"legs": legs, "engine": []}
+    scenario = changed("aircraft-free-inertial", duration_s=200.0, rate_hz=50.0, vehicle=vehicle, **FLIGHTS[id])
+    found = ensemble(scenario, [id], range(1, 97), records=200)
+    truth, own = found.truth, found.outputs[id]
     places = [np.asarray(t[n]) for t in (own, truth) for n in ("latitude", "longitude", "height")]
     position = np.asarray(geodesy.numeric.ned_offset(*places))
-    of_attitude, of_velocity = found.attitude_errors_deg("wander-sins"), own["velocity_n"] - truth["velocity_n"]
+    of_attitude, of_velocity = found.attitude_errors_deg(id), own["velocity_n"] - truth["velocity_n"]
     rms = np.sqrt(np.mean(np.concatenate([of_attitude, position, of_velocity], axis=-1) ** 2, axis=0))
     limit = insenv.limit(scenario).at(found.time)
     at = [int(np.argmin(np.abs(found.time - second))) for second in (60.0, 200.0)]

@@ -16,12 +16,11 @@ from insenv.report.outages import outages
 from insenv.style import save
 
 
-def test_it_shows_every_channel_limit_and_band_and_leaves_matplotlib_as_it_was():
+def test_it_shows_every_channel_and_leaves_matplotlib_as_it_was():
     before = dict(matplotlib.rcParams)
     figure = draw(report(result(), result("wander-sins", size=50.0, sigma={})))
     assert dict(matplotlib.rcParams) == before
-    texts = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert {"loosely-coupled", "wander-sins", "loosely-coupled: stated ±3 sigma", "theoretical limit, ±1 sigma"} <= texts
+    assert len(figure.axes) == 10
 
 
 def test_outages_are_the_gaps_between_fixes():

@@ -1,6 +1,5 @@
 """The table of a report: what it says of errors, limits, sigmas and health, in 80 columns."""
 
-import math
 import re
 from dataclasses import replace
 
@@ -12,7 +11,7 @@ from rich.console import Console
 from insenv import attitude, run
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.report import comparison
-from insenv.report.tables import error_rows, number
+from insenv.report.tables import error_rows
 
 
 def printed(made):
@@ -25,11 +24,6 @@ def printed(made):
 
 def cells(text, name):
     return next(line for line in text.splitlines() if line.startswith(name)).split()[2:]
-
-
-def test_numbers():
-    values = (0.0, 1.0, -0.012345, 123456.7, 1e-7, -1e9, None, math.nan, math.inf)
-    assert [number(value) for value in values] == ["0", "1.00", "-0.0123", "123457", "1.0e-07", "-1.0e+09", "-", "-", "-"]
 
 
 @pytest.mark.parametrize("published", [0, 4])

@@ -88,7 +88,6 @@ def test_the_notes_of_an_estimator_are_those_that_concern_it():
     by_linear, by_sukf = said("aircraft-survey", "loosely-coupled", "aqe-sukf")
     assert "about 0.0017 deg" in by_linear and "white noise" not in by_sukf
     assert all("the vehicle is a turntable" in one for one in said("turntable-indexing", "gyrocompass", "q-method"))
-    assert "turntable" not in said("car-parked", "q-method")[0]
 
 
 def test_scale_factors_set_smaller_than_those_of_the_unit_are_noted():
