@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import gammaincinv
 
-from insenv.evaluation.chi_square import LEAST_DEGREES, bound_polynomial, quantile
+from insenv.evaluation.chi_square import bound_polynomial, quantile
 
 PROBABILITIES = np.array([1e-6, 1e-3, 0.025, 0.3, 0.5, 0.84, 0.975, 0.999, 1 - 1e-6])
 
@@ -17,7 +17,3 @@ def test_quantiles_and_their_polynomial(degrees):
         root = np.polynomial.polynomial.polyval(degrees**-0.5, bound_polynomial(probability))
         close = 1e-8 if degrees >= 2.0 else 3e-7
         assert degrees * root**3 == pytest.approx(quantile(probability, degrees), rel=close)
-
-
-def test_a_quantile_has_the_shape_of_its_probabilities():
-    assert quantile([[0.1, 0.2]], 3.0).shape == (1, 2) and np.ndim(quantile(0.5, LEAST_DEGREES)) == 0

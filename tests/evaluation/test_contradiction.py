@@ -1,7 +1,5 @@
 """Fixes that contradict an estimate: what is found in innovations, and what is not."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

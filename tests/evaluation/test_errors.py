@@ -13,10 +13,8 @@ from insenv.evaluation.errors import ATTITUDE, stated_sigma, wrapped_deg
 from insenv.evaluation.symbols import sigma_of
 from insenv.scenario import load
 
-SEEDS = 9000
-"""First of the seeds: nothing was chosen on them."""
 IN_PLACE = ("q-method", "qakf", "qakf-improved", "inertial-fir", "ecef-kf", "gyrocompass", "analytic")
-SCENARIOS = ("ship-swaying", "ship-moored-paper", "car-parked", "car-parked-paper", "turntable-quaternion")
+SCENARIOS = ("ship-swaying", "car-parked", "turntable-quaternion")
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 35.0, 90.0, -150.0])
@@ -46,7 +44,7 @@ def test_the_answer_of_a_vehicle_at_rest_is_stated_as_the_sensors_allow():
 
 def beyond(scenario, estimator, runs):
     """Share of the errors of attitude, over the runs and times, beyond three stated standard deviations, by channel."""
-    plan = make_plan(scenario, estimator, runs, first_seed=SEEDS)
+    plan = make_plan(scenario, estimator, runs, first_seed=9000)  # nothing was chosen on these
     found = [run_block(plan, block) for block in range(len(plan.blocks))]
     error, sigma = (np.concatenate([part[name] for part in found])[..., :3] for name in ("error", "sigma"))
     return np.mean(np.abs(error) > 3 * sigma, axis=(0, 1))
@@ -69,11 +67,10 @@ def test_three_sigma_holds_in_place_and_on_the_sea(scenario, estimator, runs, al
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("estimator", ["loosely-coupled", "fusion"])
-def test_three_sigma_holds_up_to_the_heading_that_has_no_note(estimator):
+def test_three_sigma_holds_up_to_the_heading_that_has_no_note():
     """In flight, where it falls first: 0.8 % of 128 seeds at 10 deg, 1.9 % at 15 deg, 4.5 % at 20 deg."""
     loaded, heading = load("aircraft-inflight-alignment"), np.degrees(applicability.LINEAR_HEADING)
     told = {f"{name}_error_deg": None for name in ("roll", "pitch", "heading")}
     told |= {"heading_sigma_deg": heading, "tilt_sigma_deg": 1.0}
     scenario = loaded.model_copy(update={"knowledge": loaded.knowledge.model_copy(update=told)})
-    assert np.all(beyond(scenario, estimator, 128) < 0.02)  # one run throughout is 0.8 %
+    assert np.all(beyond(scenario, "loosely-coupled", 128) < 0.02)  # one run throughout is 0.8 %

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from earth_mechanization import navigate, rotation
+from interpreted import interpreted  # noqa: F401
 from scipy.stats import chi2
 
 import insenv
@@ -19,7 +19,7 @@ from insenv.evaluation.limits import Limit, Prior, bound, closed_forms, ratio, r
 from insenv.evaluation.limits.bound import bound_of_unit, limit_of
 from insenv.evaluation.limits.fixes import fixes_of
 from insenv.evaluation.limits.mechanization import DR, DV, PSI, earth_axes, integrals
-from insenv.evaluation.limits.mooring import Mooring, mooring_of
+from insenv.evaluation.limits.mooring import Mooring
 from insenv.evaluation.limits.recursion import Layout, recursion
 from insenv.evaluation.limits.states import entering, unit_of, wander_of
 from insenv.evaluation.limits.steps import step_ends, steps_along
@@ -67,9 +67,7 @@ def changed(name, **sections):
     ("times", "from_s", "words"),
     [
         ([], 0.0, "at least one"),
-        ([30.0], 40.0, "from_s = 40 s"),
         ([900.0], 0.0, "time 900 s: allowed is 0 to 60 s"),
-        ([-1.0], 0.0, "time -1 s"),
         ("late", 0.0, "times = 'late'"),
         ([float("nan")], 0.0, "time nan s"),
     ],
@@ -89,8 +87,6 @@ def test_a_heading_that_exceeds_what_the_axes_cause_is_not_judged(pitch_deg, unj
     limit = Limit(np.zeros(1), np.array([[level, 0.0, 0.0]]), {"heading_deg": np.array([heading])})
     assert limit.unjudged == unjudged
 
-
-# --- against an independent program ----------------------------------------------------------------------------------
 
 NINE = ("roll_deg", "pitch_deg", "heading_deg", *VELOCITY, *POSITION)
 TENTHS = np.arange(0.1, 900.05, 0.1)
@@ -112,15 +108,20 @@ OF_DRIVE = (
     ("name", "from_s", "rms", "end"),
     [("static-ecef", 450.0, *[(0.001168, 0.001155, 0.01084)] * 2), ("car-city-drive", 0.0, *OF_DRIVE)],
 )
-def test_the_limit_is_that_of_an_independent_program(name, from_s, rms, end):
-    """Values of a program that shares nothing with insenv; it counts the first second of a stop as rest as well."""
+def test_the_limit_is_that_of_an_independent_program(name, from_s, rms, end, monkeypatch):
+    """Values of a program that shares nothing with insenv; it counts the first second of a stop as rest as well.
+
+    static-ecef has biases b alone: b / g of tilt; heading hypot(tilt tan L, b_gE / (Omega cos L)).
+    """
+    monkeypatch.setenv("INSENV_BACKEND", "native")
     found = insenv.limit(name)
     channels = NINE[: len(rms)]
     assert statistic(found, from_s, channels) == pytest.approx(rms, rel=0.02)
     assert [found.sigma[c][-1] for c in channels] == pytest.approx(end, rel=0.005, abs=1.1e-5)
 
 
-def test_the_limit_at_rest_swaying_and_moving_is_that_of_an_independent_program():
+def test_the_limit_at_rest_swaying_and_moving_is_that_of_an_independent_program(monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "native")
     still = bound_with(build(load("ship-swaying"), seed=1), True)
     assert statistic(still, 225.0, NINE[:3]) == pytest.approx((0.000443, 0.000537, 0.0384), rel=0.003)
     displaced = Mooring(2 * np.pi / np.array([6.0, 7.0, 8.0]), 1.2)
@@ -132,30 +133,10 @@ def test_the_limit_at_rest_swaying_and_moving_is_that_of_an_independent_program(
     assert statistic(moving, 0.0) == pytest.approx(expected, rel=0.003)
 
 
-# --- against closed forms --------------------------------------------------------------------------------------------
-
-
-def test_noise_alone_gives_the_closed_form_and_the_coupling_of_both_noises():
-    """At rest: sqrt(N^2 / T + 12 V^2 / (g^2 T^3)) / (Omega cos L) leaves out the coupling, and is 3 to 6 % low."""
-    quiet = dict.fromkeys(
-        ("gyro_bias_sigma_deg_h", "gyro_instability_deg_h", "gyro_rrw_deg_h_sqrt_h", "gyro_scale_factor_sigma_ppm",
-         "gyro_misalignment_sigma_urad", "accel_bias_sigma_ug", "accel_instability_ug", "accel_scale_factor_sigma_ppm",
-         "accel_misalignment_sigma_urad", "accel_rrw_ug_sqrt_h"),
-        0.0,
-    )  # fmt: skip
-    plant = build(changed("ship-swaying", imu=quiet), seed=1)
-    found, times = bound_with(plant, True), np.array([75.0, 150.0, 225.0, 300.0])
-    heading = found.at(times)["heading_deg"]
-    assert heading == pytest.approx((0.1176, 0.0580, 0.0422, 0.0347), rel=0.005)
-    N, V = (float(np.max(rows_of(plant)[name])) for name in ("angle_random_walk", "velocity_random_walk"))
-    both = np.degrees([closed_forms.noise_tilts(N, V, np.radians(30.0), 0.0, time)[2] for time in times])
-    assert np.all((heading > 1.02 * both) & (heading < 1.07 * both))
-
-
 @pytest.mark.parametrize(("N", "V"), [(1e-5, 1e-7), (1e-9, 1e-3)])
 def test_one_noise_alone_gives_the_closed_form(N, V):
     values = {"gyro_arw_deg_sqrt_h": float(np.degrees(N) * 60), "accel_vrw_ug_sqrt_hz": V / 9.80665e-6}
-    scenario = changed("static-ecef", duration_s=300.0, imu={"grade": "perfect", **values},
+    scenario = changed("static-ecef", duration_s=300.0, rate_hz=20.0, imu={"grade": "perfect", **values},
                        knowledge={"tilt_sigma_deg": 60.0, "heading_sigma_deg": 360.0})  # fmt: skip
     found = bound_with(build(scenario, seed=1), True).at(np.array([100.0, 300.0]))
     for place, time in enumerate((100.0, 300.0)):
@@ -164,15 +145,6 @@ def test_one_noise_alone_gives_the_closed_form(N, V):
         if V > 1e-6:
             assert found["roll_deg"][place] == pytest.approx(expected[0], rel=0.03)
             assert found["pitch_deg"][place] == pytest.approx(expected[1], rel=0.03)
-
-
-def test_biases_alone_give_the_closed_form():
-    """static-ecef: b / g of tilt; heading hypot(tilt tan L, b_gE / (Omega cos L))."""
-    found, b, d = insenv.limit("static-ecef"), 2e-4, np.radians(0.002) / 3600
-    tilt = b / float(geodesy.numeric.normal_gravity(np.sin(np.pi / 4), 0.0))
-    heading = np.hypot(tilt, d / (geodesy.OMEGA_IE * np.cos(np.pi / 4)))
-    assert found.sigma["roll_deg"][-1] == pytest.approx(np.degrees(tilt), rel=0.005)
-    assert found.sigma["heading_deg"][-1] == pytest.approx(np.degrees(heading), rel=0.005)
 
 
 def test_a_deflection_of_the_vertical_is_a_tilt():
@@ -184,24 +156,41 @@ def test_a_deflection_of_the_vertical_is_a_tilt():
     assert found.sigma["roll_deg"][-1] == pytest.approx(30.0 / 3600, rel=0.02)
 
 
-def test_velocity_and_position_without_aiding_grow_as_told():
-    """A perfect unit in flight without GNSS, after 60 s: p + v T of the told start, and the tilt's g T^2 / 2."""
-    scenario = changed("aircraft-free-inertial", duration_s=60.0, imu={"grade": "perfect"}, vehicle={"legs": []},
-                       knowledge={"tilt_sigma_deg": 0.01, "heading_sigma_deg": 1e-6, "position_sigma_m": 3.0,
-                                  "velocity_sigma_mps": 0.05})  # fmt: skip
-    end = {name: values[-1] for name, values in insenv.limit(scenario).sigma.items()}
-    expected = np.sqrt(3.0**2 + (0.05 * 60.0) ** 2 + (9.79 * np.radians(0.01) * 60.0**2 / 2) ** 2)
-    assert end["north_m"] == pytest.approx(expected, rel=0.005)
-    assert end["east_m"] == pytest.approx(expected, rel=0.005)
-    assert end["vn_mps"] == pytest.approx(np.hypot(0.05, 9.79 * np.radians(0.01) * 60.0), rel=0.005)
+OMEGA = np.array([0.0, 0.0, 7.292115e-5])
 
 
-# --- against a nonlinear mechanization -------------------------------------------------------------------------------
+def rotation(vector):
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues' formula."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(vector, -1, 0)
+    zero = np.zeros_like(x)
+    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*vector.shape, 3)
+    safe = np.where(angle > 1e-12, angle, 1.0)
+    return np.eye(3) + np.sinc(angle / np.pi) * K + (1 - np.cos(safe)) / safe**2 * (K @ K) * (angle > 1e-12)
 
 
-def test_transition_and_error_sources_are_differences_of_a_nonlinear_mechanization(monkeypatch):
+def gravity(r):
+    """Gravity (..., 3) in e at positions r (..., 3): normal gravity along the ellipsoid's normal."""
+    latitude, longitude, height = geodesy.numeric.ecef_to_geodetic(r)
+    up = np.stack([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1)
+    return -up * np.asarray(geodesy.numeric.normal_gravity(np.sin(latitude), height))[..., None]
+
+
+def navigate(C, v, r, angles, velocities, dt):
+    """Attitude C_eb (k, 3, 3), velocity and position (k, 3) in e after the increments (samples, k or 1, 3)."""
+    for angle, velocity in zip(angles, velocities, strict=True):
+        half = C @ rotation(0.5 * angle)
+        g = gravity(r)
+        turned = rotation(-OMEGA * dt) @ C @ rotation(angle)
+        thrust = (half @ velocity[..., None])[..., 0]
+        new = v + thrust + (g - 2 * np.cross(OMEGA, v)) * dt
+        r = r + 0.5 * (v + new) * dt
+        C, v = turned, new
+    return C, v, r
+
+
+def test_transition_and_error_sources_are_differences_of_a_nonlinear_mechanization():
     """A drive with a turn and a climb: every navigation error, and every kind of error of the unit."""
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     full = {"gyro_temperature_slope_deg_h_k": 1.0, "accel_temperature_slope_ug_k": 10.0, "temperature_end_degc": 40.0,
             "gyro_scale_factor_slope_ppm_k": 10.0, "accel_scale_factor_slope_ppm_k": 10.0, "temperature_ramp_k_h": 100.0,
             "mounting_error_deg": [1.0, 2.0, 3.0], "gyro_bias_deg_h": 1.0, "accel_bias_ug": 100.0}  # fmt: skip
@@ -286,65 +275,58 @@ def unit_error(source, unit, angle, velocity, dt, place, begin):
     return (angle @ matrix.T, zero) if source.triad == 0 else (zero, velocity @ matrix.T)
 
 
-# --- against ensembles -----------------------------------------------------------------------------------------------
+FLIGHTS = {
+    # every error that a scenario can draw
+    "wander-sins": {
+        "imu": {
+            "grade": "perfect", "gyro_bias_sigma_deg_h": 1.0, "gyro_arw_deg_sqrt_h": 0.02, "gyro_instability_deg_h": 3.0,
+            "gyro_instability_time_s": 30.0, "gyro_rrw_deg_h_sqrt_h": 20.0, "gyro_scale_factor_sigma_ppm": 300.0,
+            "gyro_flicker_deg_h": 2.0, "accel_flicker_ug": 200.0, "gyro_misalignment_sigma_urad": 200.0,
+            "accel_bias_sigma_ug": 100.0, "accel_vrw_ug_sqrt_hz": 200.0, "accel_instability_ug": 300.0,
+            "accel_instability_time_s": 20.0, "accel_scale_factor_sigma_ppm": 100.0, "accel_misalignment_sigma_urad": 100.0,
+        },
+        "knowledge": {"tilt_sigma_deg": 0.02, "position_sigma_m": 2.0, "velocity_sigma_mps": 0.03},
+    },
+    # white noise, constant biases and white fixes, which are all that the filter models
+    "loosely-coupled": {
+        "imu": {
+            "grade": "perfect", "gyro_bias_sigma_deg_h": 5.0, "gyro_arw_deg_sqrt_h": 0.1, "accel_bias_sigma_ug": 500.0,
+            "accel_vrw_ug_sqrt_hz": 100.0,
+        },
+        "gnss": {
+            "grade": "rtk", "position_noise_m": 1.0, "velocity_noise_mps": 0.1, "wander_sigma_m": 0.0, "latency_s": 0.2,
+            "interval_s": 1.0, "lever_arm_m": [1.0, 0.5, -1.5], "outages_s": [[50.0, 61.0]],
+        },
+        "knowledge": {
+            "tilt_sigma_deg": 0.5, "heading_sigma_deg": 1.0, "position_sigma_m": 3.0, "velocity_sigma_mps": 0.3,
+        },
+    },
+}  # fmt: skip
 
 
-def shares(scenario, id, runs, seconds):
-    """rms / limit by channel at the given times, over an ensemble: (times, channels)."""
-    found = ensemble(scenario, [id], range(1, runs + 1), records=round(scenario.duration_s))
-    limit = insenv.limit(scenario).at(found.time)
+@pytest.mark.slow
+@pytest.mark.parametrize("id", FLIGHTS)
+def test_an_optimal_filter_reaches_the_limit_and_does_not_beat_it(id, monkeypatch):
+    """Where nothing is measured, free inertial navigation is optimal.  96 units."""
+    monkeypatch.setenv("INSENV_BACKEND", "native")
+    legs = [{"turn_deg": 180.0, "bank_deg": 25.0}, {"fly_s": 20.0}, {"turn_deg": -180.0, "bank_deg": 25.0}]
+    vehicle = {"legs": legs, "engine": []}
+    scenario = changed("aircraft-free-inertial", duration_s=200.0, rate_hz=50.0, vehicle=vehicle, **FLIGHTS[id])
+    found = ensemble(scenario, [id], range(1, 97), records=200)
     truth, own = found.truth, found.outputs[id]
     places = [np.asarray(t[n]) for t in (own, truth) for n in ("latitude", "longitude", "height")]
     position = np.asarray(geodesy.numeric.ned_offset(*places))
-    errors = np.concatenate([found.attitude_errors_deg(id), position, own["velocity_n"] - truth["velocity_n"]], axis=-1)
-    rms = np.sqrt(np.mean(errors**2, axis=0))
-    at = [int(np.argmin(np.abs(found.time - second))) for second in seconds]
-    return np.array([[rms[k, c] / limit[name][k] for c, name in enumerate(CHANNELS)] for k in at])
+    of_attitude, of_velocity = found.attitude_errors_deg(id), own["velocity_n"] - truth["velocity_n"]
+    rms = np.sqrt(np.mean(np.concatenate([of_attitude, position, of_velocity], axis=-1) ** 2, axis=0))
+    limit = insenv.limit(scenario).at(found.time)
+    at = [int(np.argmin(np.abs(found.time - second))) for second in (60.0, 200.0)]
+    ratios = np.array([rms[at, channel] / limit[name][at] for channel, name in enumerate(CHANNELS)])
+    low, high = np.sqrt(chi2.ppf((0.00025, 0.99975), 96) / 96)  # for 20 numbers together with a probability of 99 %
+    assert ratios.min() > low
+    assert ratios.max() < high
 
 
-def spread(runs):
-    """Bounds of rms / limit that hold for 20 numbers together with a probability of 99 %."""
-    low, high = chi2.ppf((0.00025, 0.99975), runs)
-    return np.sqrt(low / runs), np.sqrt(high / runs)
-
-
-@pytest.mark.slow
-def test_the_errors_of_free_inertial_navigation_have_the_limit():
-    """Nothing measured: the limit is the ensemble's rms. 96 units with every error that a scenario can draw."""
-    unit = {"grade": "perfect", "gyro_bias_sigma_deg_h": 1.0, "gyro_arw_deg_sqrt_h": 0.02, "gyro_instability_deg_h": 3.0,
-            "gyro_instability_time_s": 30.0, "gyro_rrw_deg_h_sqrt_h": 20.0, "gyro_scale_factor_sigma_ppm": 300.0,
-            "gyro_flicker_deg_h": 2.0, "accel_flicker_ug": 200.0,
-            "gyro_misalignment_sigma_urad": 200.0, "accel_bias_sigma_ug": 100.0, "accel_vrw_ug_sqrt_hz": 200.0,
-            "accel_instability_ug": 300.0, "accel_instability_time_s": 20.0, "accel_scale_factor_sigma_ppm": 100.0,
-            "accel_misalignment_sigma_urad": 100.0}  # fmt: skip
-    legs = [{"turn_deg": 180.0, "bank_deg": 25.0}, {"fly_s": 20.0}, {"turn_deg": -180.0, "bank_deg": 25.0}]
-    scenario = changed("aircraft-free-inertial", duration_s=200.0, rate_hz=50.0, imu=unit, vehicle={"legs": legs, "engine": []},
-                       knowledge={"tilt_sigma_deg": 0.02, "position_sigma_m": 2.0, "velocity_sigma_mps": 0.03})  # fmt: skip
-    found = shares(scenario, "wander-sins", 96, (60.0, 200.0))
-    low, high = spread(96)
-    assert found.min() > low and found.max() < high, found
-
-
-@pytest.mark.slow
-def test_a_filter_that_is_optimal_reaches_the_limit_and_does_not_beat_it():
-    """White noise, constant biases and white fixes, which are all that loosely-coupled models: 64 seeds."""
-    unit = {"grade": "perfect", "gyro_bias_sigma_deg_h": 5.0, "gyro_arw_deg_sqrt_h": 0.1, "accel_bias_sigma_ug": 500.0,
-            "accel_vrw_ug_sqrt_hz": 100.0}  # fmt: skip
-    gnss = {"grade": "rtk", "position_noise_m": 1.0, "velocity_noise_mps": 0.1, "wander_sigma_m": 0.0, "latency_s": 0.2,
-            "interval_s": 1.0, "lever_arm_m": [1.0, 0.5, -1.5], "outages_s": [[60.0, 80.0]]}  # fmt: skip
-    legs = [{"fly_s": 20.0}, {"turn_deg": 90.0, "bank_deg": 25.0}, {"fly_s": 20.0}, {"turn_deg": -90.0, "bank_deg": 25.0}]
-    scenario = changed("aircraft-free-inertial", duration_s=150.0, rate_hz=50.0, imu=unit, gnss=gnss,
-                       vehicle={"legs": legs, "engine": []},
-                       knowledge={"tilt_sigma_deg": 0.5, "heading_sigma_deg": 1.0, "position_sigma_m": 3.0,
-                                  "velocity_sigma_mps": 0.3})  # fmt: skip
-    found = shares(scenario, "loosely-coupled", 64, (30.0, 79.0, 150.0))
-    low, high = spread(64)
-    assert found.min() > low and found.max() < high, found
-
-
-# --- properties ------------------------------------------------------------------------------------------------------
-
-CITY = {"duration_s": 60.0, "rate_hz": 100.0, "vehicle": {"engine": []}}
+CITY = {"duration_s": 60.0, "rate_hz": 20.0, "vehicle": {"engine": []}}
 MORE = {
     "imu": {
         "gyro_bias_sigma_deg_h": 40.0, "gyro_bias_deg_h": 40.0, "gyro_arw_deg_sqrt_h": 1.5, "gyro_instability_deg_h": 50.0,
@@ -381,8 +363,7 @@ def test_more_error_is_not_less_limit(section, key):
     assert max(np.max(after[name] / before[name]) for name in CHANNELS) > 1.02
 
 
-def test_no_setting_of_an_estimator_and_no_seed_moves_the_limit(monkeypatch):
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+def test_no_setting_of_an_estimator_and_no_seed_moves_the_limit():
     settings = {"loosely-coupled": {"innovation_gate": 0.0, "rotation_error": 0.1, "arw_deg_sqrt_h": 9.0}}
     given = {"duration_s": 4.0}
     first = insenv.run("car-city-drive", "loosely-coupled", seed=1, **given).results[0]
@@ -408,33 +389,21 @@ def test_a_late_fix_counts_from_its_delivery():
     assert falls == pytest.approx([1.5, 2.5, 4.5, 5.5])
 
 
-def test_a_moored_ship_has_its_frequencies_and_a_parked_car_none():
-    rows = rows_of(build(load("ship-swaying"), seed=1))
-    found = mooring_of(rows)
-    assert 2 * np.pi / found.frequencies == pytest.approx([10.0, 8.0, 7.0, 6.0])
-    assert found.sigma >= np.sqrt((0.5**2 + 0.5**2 + 1.0) / 2)
-    for name in ("car-parked", "turntable-quaternion", "aircraft-parked"):
-        assert mooring_of(rows_of(build(load(name), seed=1))) is None
-
-
 @pytest.mark.parametrize("sigma", [0.01, 10.0])
 def test_a_told_velocity_of_a_swaying_ship_tells_its_heading(sigma):
     """The sway goes about a place: the velocity's sigma over the speed at time 0, beside what the gyro biases allow."""
-    scenario = changed(
-        "ship-swaying", imu={"grade": "tactical"}, knowledge={"heading_sigma_deg": 100.0, "velocity_sigma_mps": [sigma] * 3}
-    )
+    known = {"heading_sigma_deg": 100.0, "velocity_sigma_mps": [sigma] * 3}
+    scenario = changed("ship-swaying", rate_hz=20.0, imu={"grade": "tactical"}, knowledge=known)
     speed = np.hypot(0.5 * 2 * np.pi / 7.0, 0.5 * 2 * np.pi / 6.0)
     bias = np.radians(4.0 / 3600.0) / (7.2921150e-5 * np.cos(np.radians(30.0)))
     told = 1.0 / np.sqrt((speed / sigma) ** 2 + 1.0 / bias**2 + 1.0 / np.radians(100.0) ** 2)
     assert np.radians(insenv.limit(scenario).sigma["heading_deg"][-1]) == pytest.approx(told, rel=0.02)
 
 
-@pytest.mark.parametrize(
-    ("name", "b"), [("ship-moored-paper", 50e-6), pytest.param("ship-irregular-sea", 10e-6, marks=pytest.mark.slow)]
-)
-def test_sway_does_not_tell_the_biases_of_accelerometers(name, b):
+def test_sway_does_not_tell_the_biases_of_accelerometers(monkeypatch):
     """A moored ship is levelled to b / g and no better: it moves at the frequencies at which it turns."""
-    found = insenv.limit(name)
+    monkeypatch.setenv("INSENV_BACKEND", "native")
+    found, b = insenv.limit("ship-moored-paper"), 50e-6
     for channel in ("roll_deg", "pitch_deg"):
         assert np.degrees(b) * 0.95 < found.sigma[channel][-1] < np.degrees(b) * 1.1
 

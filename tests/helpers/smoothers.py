@@ -1,12 +1,8 @@
 """The smoother of Rauch, Tung and Striebel (1965) on a filter's recorded pass, in NumPy, as a reference for the compiled one.
 
-Each filtered state is corrected by the smoothed state after it.  From the same record it is equal in exact arithmetic.
-
 The error state is relative to the filter's state after feedback: just after the measurements of an instant its estimate is
 0, and at a measurement the state that it refers to jumps by the correction fed back.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -9,18 +9,10 @@ import pytest
 from made_up_reports import PLACE, report, result
 
 from insenv.errors import InputError, InsenvError
-from insenv.evaluation.errors import ATTITUDE, CHANNELS
+from insenv.evaluation.errors import ATTITUDE
 from insenv.installing import install_extra
 from insenv.report import OutputFolder, document, to_json, write_files
-from insenv.report.files import collect, file_name
-
-
-def test_document_has_the_documented_keys():
-    found = document(report(published=(("Other", {"roll_deg": 1.0}),)), ["a.npz"])
-    assert {"scenario", "seed", "duration_s", "imu_samples", "results", "published", "files"} <= set(found)
-    assert {"estimator", "final", "rms", "max", "limit", "us_per_sample"} <= set(found["results"][0])
-    assert all(set(found["results"][0][kind]) == set(CHANNELS) for kind in ("final", "rms", "max", "limit"))
-    assert "published" not in document(report())
+from insenv.report.files import file_name
 
 
 def test_no_nan_in_json():
@@ -46,7 +38,6 @@ def test_npz_round_trip(tmp_path):
         assert about["unit"] and about["meaning"] and about["shape"] == list(arrays[name].shape), name
     assert meta["arrays"]["truth/velocity_n"]["unit"] == "m/s" and meta["arrays"]["truth/velocity_n"]["frame"] == "n"
     assert json.loads(written.paths[1].read_text()) == document(made, [str(p) for p in written.paths])
-    assert "mine/outputs/q_nb" in collect(report(result("mine")))[0], "of an estimator that is not registered"
     (tmp_path / "plain").write_text("")
     assert written.paths[0].stat().st_mode == (tmp_path / "plain").stat().st_mode, "others read it as the umask says"
 

@@ -32,9 +32,3 @@ def test_the_standard_deviation_in_time_is_that_of_many_runs():
         expected = scatter_deg(SIGMA, STEP, LATITUDE, TIMES, integrated)
         assert found.mean() == pytest.approx(expected, abs=4 * found.std() / np.sqrt(len(found)))
         assert found.std() > 0.3 * found.mean(), "one run can be far from the mean"
-
-
-def test_a_smaller_interval_has_less_noise_and_the_integral_is_smoother():
-    slow, fast = (scatter_deg(SIGMA, interval, LATITUDE, TIMES, True) for interval in (0.05, 0.0125))
-    assert fast == pytest.approx(slow / 2)
-    assert scatter_deg(SIGMA, STEP, LATITUDE, TIMES, False) > 1.3 * slow

@@ -1,7 +1,5 @@
 """Plain functions as estimators of a run: the same errors as those of the model with the same equations, and clear refusals."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -42,27 +40,6 @@ def test_a_function_with_the_equations_of_a_filter_gives_its_results_to_the_bit(
     assert "called 600 times" in function.notes[0] and "real time" in function.notes[0]
 
 
-def gravity(sample: Any) -> Any:
-    """Roll and pitch by gravity of a still vehicle, with the heading that is told."""
-    x, y, z = -sample.delta_velocity
-    roll, pitch = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
-    return Rotation.from_euler("ZYX", [sample.known.heading, pitch, roll])
-
-
-def test_levelling_by_one_line_has_the_error_of_its_accelerometers() -> None:
-    scenario = {
-        "title": "Still", "duration_s": 2.0, "vehicle": {"kind": "car"},
-        "start": {"latitude_deg": 45.0, "longitude_deg": 0.0, "height_m": 0.0, "roll_deg": 3.0, "pitch_deg": -2.0,
-                  "heading_deg": 50.0},
-        "knowledge": {"heading_error_deg": 1.5},
-    }  # fmt: skip
-    report = insenv.run(scenario, gravity)
-    errors = report.results[0].errors
-    assert np.max(np.abs(errors["roll_deg"])) < 1e-6 and np.max(np.abs(errors["pitch_deg"])) < 1e-6
-    np.testing.assert_allclose(errors["heading_deg"], 1.5, atol=1e-6)
-    assert report.as_json()["results"][0]["estimator"] == "gravity"
-
-
 def test_an_attitude_may_have_any_of_its_forms() -> None:
     known = build(load("ship-swaying"), duration_s=0.1).knowledge
     rotation = Rotation.from_euler("ZYX", [known.heading, known.pitch, known.roll])
@@ -94,14 +71,11 @@ def test_nothing_is_scored_before_the_first_estimate_and_no_truth_is_in_a_sample
         ([np.nan, 0, 0, 0], r"q_nb = \[nan, 0.0, 0.0, 0.0\]"),
         ([2.0, 0, 0, 0], "has the norm 2"),
         ([1.0, 0.0], r"q_nb has shape \(2,\)"),
-        ("north", "q_nb has type str"),
         (np.diag([1.0, 1.0, -1.0]), "a rotation matrix, right-handed"),
         ({"q_bn": [1, 0, 0, 0]}, "'q_bn': unknown row of an estimate; did you mean 'q_nb'"),
         ({"q_nb": [1, 0, 0, 0], "latitude": 0.5}, "latitude without longitude, height"),
         ({"q_nb": [1, 0, 0, 0], "latitude": 48.0, "longitude": 11.0, "height": 0.0}, "allowed is up to 1.5708"),
-        ({"q_nb": [1, 0, 0, 0], "attitude_sigma": [-1, 0, 0]}, "a standard deviation is not negative"),
         ({"velocity_n": [0, 0, 0]}, "allowed is one with q_nb"),
-        ({}, "the estimate is empty"),
         (None, "returned no estimate in 0.1 s"),
     ],
 )
@@ -118,13 +92,9 @@ def test_a_function_that_fails_or_changes_its_rows_is_named() -> None:
     def changing(sample: Any) -> Any:
         return {"q_nb": [1, 0, 0, 0], **({"velocity_n": [0, 0, 0]} if sample.time > 0.05 else {})}
 
-    def curious(sample: Any) -> Any:
-        return sample.gnss_lattitude
-
     for function, said in (
         (broken, r"estimator 'broken' failed at 0.005 s: ZeroDivisionError"),
         (changing, r"estimator 'changing' at .*: the estimate has q_nb, velocity_n"),
-        (curious, r"no 'gnss_lattitude'; did you mean 'gnss_latitude'"),
         ([broken, type("broken", (), {"__call__": lambda self, s: None})()], "two functions have the name 'broken'"),
     ):
         with pytest.raises(InsenvError, match=said):

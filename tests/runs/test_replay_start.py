@@ -7,22 +7,19 @@ import pytest
 from simulated_log import simulated_log
 from standing_car import HEADING, WANDER, beyond, car, car_log, started
 
-from insenv import fusion, record, replay, write
+from insenv import record, replay, write
 from insenv.errors import InputError
 from insenv.estimators import get
 from insenv.logs.description import InitialSection
 from insenv.report import document
 from insenv.runs.replay_start import initial_knowledge
 from insenv.scenario import load
-from insenv.testing import check_keys
 
 
 @pytest.mark.parametrize(
     ("grade", "seconds"),
-    [("navigation", 80.0), ("consumer", 80.0),
-     *(pytest.param(each, 300.0, marks=pytest.mark.slow)
-       for each in ("navigation", "tactical", "industrial", "autopilot", "consumer"))],
-)  # fmt: skip
+    [("navigation", 80.0), ("consumer", 80.0), pytest.param("industrial", 300.0, marks=pytest.mark.slow)],
+)
 def test_without_a_grade_the_stated_sigma_is_honest(grade, seconds):
     """As a ship's navigator, 33 to 99 % of these errors would be beyond three sigma."""
     log = car_log(grade, seconds, seed=301, wait_s=seconds / 10, told=False, outages=True, estimator=WANDER)
@@ -47,7 +44,7 @@ def test_nothing_is_assumed_of_a_unit_that_the_description_gives():
     ("calm", "wrong", "seconds"),
     [
         (False, (0.0, 60.0), 120.0),
-        *(pytest.param(calm, (0.0, 2.6, -20.0, 20.0, -60.0, 60.0), 300.0, marks=pytest.mark.slow) for calm in (True, False)),
+        pytest.param(True, (0.0, 2.6, -20.0, 60.0), 300.0, marks=pytest.mark.slow),
     ],
 )
 def test_any_heading_within_60_deg_ends_at_the_same_answer(calm, wrong, seconds):
@@ -87,8 +84,6 @@ def test_a_given_place_far_from_the_fixes_is_named():
     (note,) = [note for note in far.notes if "[initial]" in note]
     assert "latitude_deg = 46.07" in note and "111 km" in note and "sigma) from the fixes at rest" in note
     np.testing.assert_allclose(far.knowledge.position_sigma, log.gnss.position_sigma[0], rtol=1e-12)  # not that of the place
-    (result,) = replay(started(log, latitude_deg=46.07, longitude_deg=15.44), ["loosely-coupled"]).results
-    assert any("[initial]" in note and "111 km" in note for note in result.notes)
 
 
 def test_an_alignment_whose_given_place_is_far_from_the_fixes_starts_with_them():
@@ -103,24 +98,6 @@ def test_an_alignment_whose_given_place_is_far_from_the_fixes_starts_with_them()
         assert "sigma) from the fix at the start: the start is that of the fixes" in far.notes[0] and len(far.notes) == 1
         assert far.knowledge.latitude == log.gnss.latitude[0] and far.knowledge.height == log.gnss.height[0]
     assert far.notes[0] in replay(started(log, **wrong), ["analytic"]).results[0].notes
-
-
-def test_a_stated_place_far_from_the_fix_at_the_start_is_named():
-    log = car_log("tactical", 30.0)
-    reference = log.reference
-    at = int(np.searchsorted(log.imu_time, 25.4))  # the car drives, between two fixes
-    given = {
-        "start_s": float(log.imu_time[at] - log.dt[at]), "static_until_s": None,
-        "latitude_deg": float(np.degrees(reference.latitude[at])), "longitude_deg": float(np.degrees(reference.longitude[at])),
-        "height_m": float(reference.height[at]), "position_sigma_m": (0.5, 0.5, 0.5),
-        "velocity_mps": tuple(map(float, reference.velocity_n[at])), "velocity_sigma_mps": (0.7, 0.8, 0.9),
-        "roll_deg": 0.0, "pitch_deg": 0.0, "heading_deg": HEADING, "tilt_sigma_deg": 2.0, "heading_sigma_deg": 30.0,
-    }  # fmt: skip
-    assert np.hypot(*reference.velocity_n[at, :2]) > 5.0
-    for id in ("velocity-integration", "loosely-coupled"):
-        assert begun(log, id, "stated", at, **given).notes == ()
-        (note,) = begun(log, id, "stated", at, **{**given, "longitude_deg": given["longitude_deg"] + 1.0}).notes
-        assert "is 76 km" in note and "from the fix at the start: estimators start with it all the same" in note
 
 
 @pytest.mark.parametrize("start", ["coarse", "reference"])
@@ -139,19 +116,6 @@ def test_the_sigmas_of_initial_are_those_of_the_start(start):
     assert default["roll_deg"] == pytest.approx(1.0, rel=0.05) if start == "reference" else default["roll_deg"] < 0.2
 
 
-def test_wrong_keys_of_initial_are_named():
-    check_keys(InitialSection)
-
-
-def test_an_unknown_heading_starts_the_filters_of_large_misalignment():
-    log = car_log("tactical", 60.0, seed=4, heading_sigma_deg=180.0)
-    unscented, linear = replay(log, ["aqe-sukf", "loosely-coupled"]).results
-    assert unscented.sigma["heading_deg"][0] > 60.0
-    assert abs(unscented.errors["heading_deg"][-1]) < 3 * unscented.sigma["heading_deg"][-1] < 3.0
-    assert "linearised filter states too small sigmas" in " ".join(linear.notes)
-    assert "linearised" not in " ".join(unscented.notes)
-
-
 @pytest.mark.parametrize(("rest", "said"), [(None, "the log does not begin at rest"), (5.0, "the vehicle moves at 20 s")])
 def test_under_way_fusion_starts_from_nothing_and_others_need_an_attitude(rest, said):
     """A rest that ended 15 s before is no start at rest."""
@@ -166,8 +130,6 @@ def test_under_way_fusion_starts_from_nothing_and_others_need_an_attitude(rest, 
     for id in ("loosely-coupled", "wander-sins"):
         with pytest.raises(InputError, match=rf"{said}.*others need roll_deg, pitch_deg"):
             replay(log, id)
-    told = started(log, roll_deg=0.0, pitch_deg=0.0, heading_deg=0.0, tilt_sigma_deg=5.0, heading_sigma_deg=180.0)
-    assert "its level is known to 5 deg, its heading is unknown" in begun(told, "aqe-sukf", at=2000).notes[0]
 
 
 NOTHING = {"initial": InitialSection()}
@@ -175,17 +137,6 @@ NOTHING = {"initial": InitialSection()}
 
 def described(log, **update):
     return replace(log, description=log.description.model_copy(update=update))
-
-
-def test_under_way_a_smoother_starts_from_nothing():
-    log = described(record("ship-at-sea", seed=5, duration_s=30.0), **NOTHING)
-    result = replay(log, fusion((), ("gnss",), "few", smoother=True)).results[0]
-    assert "its level is unknown, its heading is unknown" in result.notes[0]
-    sigma = result.sigma["heading_deg"]
-    found = int(np.argmax(sigma < 5.0))
-    assert 2.0 < result.time[found] < 20.0 and np.all(sigma[:found] > 7.0) and np.all(sigma[found:] < 3.5)
-    for name in ("roll_deg", "pitch_deg", "heading_deg", "north_m", "vn_mps"):
-        assert np.all(np.abs(result.errors[name]) < 4.5 * result.sigma[name]), name
 
 
 def test_a_doppler_log_starts_fusion_under_way():

@@ -34,13 +34,3 @@ def test_a_perfect_unit_for_want_of_a_section_is_said(imu, perfect):
     assert run(values, "q-method", duration_s=1.0).as_json()["notes"] == said
     notes = campaign(values, "q-method", runs=2, duration_s=1.0).as_json()["notes"]
     assert [note for note in notes if "perfect" in note] == said
-
-
-@pytest.mark.parametrize(("seeds", "duration_s"), [(4, 30.0), pytest.param(8, None, marks=pytest.mark.slow)])
-def test_free_inertial_errors_agree_with_the_predicted_covariance(seeds, duration_s):
-    """Without GNSS, in ten minutes: errors in units of the predicted sigma are of order one."""
-    ratios = []
-    for seed in range(seeds):
-        result = run("aircraft-free-inertial", seed=seed, duration_s=duration_s).results[0]
-        ratios.append([result.errors[c][-1] / result.limit[c] for c in ("north_m", "east_m")])
-    assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 4.0

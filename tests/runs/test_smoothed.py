@@ -3,15 +3,13 @@
 import casadi as ca
 import numpy as np
 import pytest
-from command_line import call
-from places import ROOT
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from smoothers import Pass, Scalars, rts
 
 import insenv
-from insenv import geodesy, replay
+from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
@@ -23,7 +21,7 @@ from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY, errors
 from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
 from insenv.runs.ensemble import ensemble
-from insenv.runs.simulated import run, track_of
+from insenv.runs.simulated import track_of
 from insenv.runs.smoothed import Smoother, smooth, smoother_outputs
 from insenv.scenario import build, load
 
@@ -148,12 +146,11 @@ def test_the_forward_pass_is_bit_identical_to_the_filter():
             assert np.allclose(smoothed[name][0], runs[0][name][-1], rtol=1e-12, atol=1e-12), name
 
 
-@pytest.mark.parametrize("backend", ["interpreter", pytest.param("native", marks=pytest.mark.slow)])
-def test_blocks_file_and_runner_do_not_change_the_result(backend, monkeypatch):
+def test_blocks_and_file_do_not_change_the_result(monkeypatch):
     columns, p = drive(12.0, ())
     whole = smooth(p, columns, every=60)
     monkeypatch.setattr(record, "MEMORY", 1000)
-    parts = Smoother(p, backend=backend)
+    parts = Smoother(p)
     for begin in range(0, 1200, 120):
         parts.take({name: c[begin : begin + 120] for name, c in columns.items()}, np.arange(1, 121) % 60 == 0)
     for name, value in parts.smoothed().items():
@@ -186,21 +183,6 @@ def test_smoothed_errors_agree_with_their_covariance(seeds, seconds):
     assert low < total < high, f"{total / count:.2f} per degree of freedom, bounds {low / count:.2f} to {high / count:.2f}"
 
 
-def test_an_outage_smoothed():
-    """Smaller than the filter's, largest in mid-outage, without a jump at the end."""
-    values = load("car-city-drive").model_dump(mode="json", exclude_unset=True)
-    values["gnss"] |= {"grade": "rtk", "outages_s": [[35.0, 45.0]], "outlier_probability": 0.0}
-    del values["estimator"]
-    smoothed, aided = run(load({**values, "rate_hz": 100.0}), ["smoother", "loosely-coupled"], seed=1, duration_s=55.0).results
-    out = (smoothed.time > 35.5) & (smoothed.time < 44.5)
-    for channel in POSITION:
-        e, sigma = smoothed.errors[channel], smoothed.sigma[channel]
-        assert 38.0 < smoothed.time[out][np.argmax(sigma[out])] < 42.0, channel
-        assert sigma[out].max() < 0.2 * aided.sigma[channel][out].max(), channel
-        assert np.sqrt(np.mean(e[out] ** 2)) < np.sqrt(np.mean(aided.errors[channel][out] ** 2)), channel
-        assert np.abs(e).max() < 4.5 * sigma.max() and np.abs(np.diff(e)).max() < 0.001, channel
-
-
 def test_rounding_that_leaves_no_variance_leaves_the_filter_s():
     """Of a filter that has diverged P - P L P has negative variances."""
     rng = np.random.default_rng(3)
@@ -220,19 +202,8 @@ def test_rounding_that_leaves_no_variance_leaves_the_filter_s():
 
 
 def test_a_smoother_is_not_measured_by_a_filter_s_limit():
-    status, out, _ = call("run", "car-city-drive", "-e", "smoother", "-e", "loosely-coupled", "--duration", "5")
-    own, filtered = out.split("loosely-coupled   statistics")
-    assert status == 0 and "rms/stated" in own and "limit" not in own
-    assert "rms/limit" in filtered
+    smoothed, filtered = insenv.run("car-city-drive", ["smoother", "loosely-coupled"], duration_s=5.0).results
+    assert smoothed.limit == {}
+    assert set(filtered.limit) == set(smoothed.stated()) == set(CHANNELS)
     with pytest.raises(InputError, match="whole run"):
         ensemble(load("car-city-drive"), ["smoother"], [0, 1], duration_s=1.0)
-
-
-@pytest.mark.slow
-def test_the_real_log_smoothed():
-    smoothed, aided = replay(ROOT / "examples" / "n380-car.toml", ["smoother", "loosely-coupled"]).results
-    rms = smoothed.statistics()["rms"]
-    for channel, bound in {"north_m": 0.35, "east_m": 0.31, "down_m": 0.35, "vn_mps": 0.051, "ve_mps": 0.048}.items():
-        assert rms[channel] < bound, channel
-    assert set(smoothed.stated()) == set(CHANNELS) and smoothed.limit == aided.limit == {}
-    assert all(smoothed.stated()[channel] < aided.stated()[channel] for channel in CHANNELS)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from interpreted import interpreted  # noqa: F401
 
 from insenv.evaluation.limits.bound import blocks_of, layout_of
 from insenv.evaluation.limits.paths import error_paths
@@ -26,16 +27,10 @@ DRIVE = {
 }  # fmt: skip
 
 
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    """At 20 Hz these runs are short: compiling would take longer."""
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
-
-
-def drawn(scenario, windows, draws, in_place=False, duration_s=None):
+def drawn(scenario, windows, draws, duration_s=None):
     plant = build(scenario, seed=1, duration_s=duration_s)
     rows = plant.model.parameters.unpack(plant.model.parameters.pack(plant.parameters))
-    layout = layout_of(rows, plant.sample_interval, in_place)
+    layout = layout_of(rows, plant.sample_interval, False)
     blocks = blocks_of(plant.model, rows, plant.sample_interval, plant.samples, layout)
     return error_paths(blocks, layout, prior_of(scenario.knowledge), np.array(windows), draws, seed=3)
 
@@ -67,8 +62,3 @@ def test_the_filters_errors_have_the_limit_and_the_smoothers_are_their_unpredict
     told = limit(car, duration_s=100.0).at(paths.time)
     for axis, name in enumerate(("north_m", "east_m", "down_m")):
         assert np.mean(filtered[:, axis]) == pytest.approx(np.mean(told[name] ** 2), rel=0.1)
-
-
-def test_a_moored_ship_has_no_paths():
-    with pytest.raises(ValueError, match="mooring"):
-        drawn(load("ship-moored-paper"), [[1.0, 2.0]], 2, in_place=True, duration_s=3.0)
