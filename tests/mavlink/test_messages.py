@@ -5,8 +5,6 @@ from math import degrees, inf, nan
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common, development
 from streamed_vehicle import SILENT, quiet, steps
 
@@ -15,7 +13,6 @@ from insenv.errors import InputError
 from insenv.mavlink import Vehicle
 from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
 from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
-from insenv.mavlink.messages.schedule import STREAMS
 from insenv.mavlink.messages.status import available_modes
 from insenv.mavlink.surroundings import BAROMETER_HZ, MAGNETOMETER_HZ
 from insenv.mavlink.wire.frames import Statistics, split
@@ -26,9 +23,6 @@ from insenv.scenario import load
 def received(message):
     """The message as a client reads it, decoded from its bytes."""
     return common.MAVLink(None).decode(bytearray(message.pack(common.MAVLink(None, 1, 1))))
-
-
-# --- fields ----------------------------------------------------------------------------------------
 
 
 def position(fields, **changed):
@@ -63,19 +57,6 @@ def test_nan_is_never_a_position():
     assert fields.refused["ODOMETRY.x"] == 1 and fields.refused.total() == 8
 
 
-@given(st.floats(allow_nan=False), st.floats(allow_nan=False), st.integers(-(10**30), 10**30))
-def test_any_number_makes_a_message_that_packs(a, b, c):
-    fields = Fields()
-    for name in ("HIL_GPS", "GPS_RAW_INT", "HIL_STATE_QUATERNION", "SYS_STATUS"):
-        make = getattr(common, f"MAVLink_{name.lower()}_message")
-        lengths = [make.array_lengths[order] for order in make.orders]
-        values = [[a] * length if length else (a, b, float(c))[place % 3] for place, length in enumerate(lengths)]
-        assert received(fields.message(name, *values)).get_type() == name
-
-
-# --- rates -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("hz", [0.3, 1.0, 7.0, 50.0, 133.0, 199.9, 200.0, 350.0])
 def test_a_rate_is_met_over_the_run(hz):
     schedule = Schedule(200.0, {**SILENT, "ATTITUDE": hz})
@@ -85,29 +66,11 @@ def test_a_rate_is_met_over_the_run(hz):
     assert max(abs(k - n * per) for n, k in enumerate(due, 1)) < 1.0  # no drift
 
 
-def test_rates_change_while_it_runs():
-    schedule = Schedule(200.0)
-
-    def due(start):
-        return sum("ATTITUDE" in schedule.due(k) for k in range(start + 1, start + 201))
-
-    schedule.set("ATTITUDE", 100.0, 1000)
-    assert due(1000) == 100
-    schedule.set("ATTITUDE", 0.0, 1200)
-    assert due(1200) == 0
-    schedule.reset("ATTITUDE", 1400)
-    assert due(1400) == DEFAULT_HZ["ATTITUDE"]
-    assert {name for group in STREAMS.values() for name in group} <= set(DEFAULT_HZ)
-
-
 def test_wrong_rates_are_refused():
     for text in ("ATTITUDE", "ATTITUDE=fast", "ATITUDE=5", "ATTITUDE=-1", "ATTITUDE=1e9", "ATTITUDE=nan"):
         with pytest.raises(InputError, match=text.partition("=")[0]):
             parse_rates([text])
     assert parse_rates(["attitude=5", "HIL_SENSOR=0"]) == {"ATTITUDE": 5.0, "HIL_SENSOR": 0.0}
-
-
-# --- agreement with the simulation -------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -270,9 +233,6 @@ def test_every_message_of_every_kind_of_scenario_packs(name, expected):
     assert all(checked(made[kind]) == number for kind, (number, _) in DEFINITIONS.items())
     assert (made["HEARTBEAT"].type, made["HEARTBEAT"].autopilot) == (expected, 0)
     assert not vehicle.view.fields.saturated and not vehicle.view.fields.refused
-
-
-# --- fixes and outages ---------------------------------------------------------------------------------
 
 
 def with_receiver(**changed):
