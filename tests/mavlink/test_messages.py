@@ -13,7 +13,6 @@ from insenv.errors import InputError
 from insenv.mavlink import Vehicle
 from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
 from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
-from insenv.mavlink.messages.status import available_modes
 from insenv.mavlink.surroundings import BAROMETER_HZ, MAGNETOMETER_HZ
 from insenv.mavlink.wire.frames import Statistics, split
 from insenv.mavlink.wire.further import DEFINITIONS, further_messages
@@ -57,7 +56,7 @@ def test_nan_is_never_a_position():
     assert fields.refused["ODOMETRY.x"] == 1 and fields.refused.total() == 8
 
 
-@pytest.mark.parametrize("hz", [0.3, 1.0, 7.0, 50.0, 133.0, 199.9, 200.0, 350.0])
+@pytest.mark.parametrize("hz", [0.3, 7.0, 133.0, 199.9, 350.0])
 def test_a_rate_is_met_over_the_run(hz):
     schedule = Schedule(200.0, {**SILENT, "ATTITUDE": hz})
     due = [k for k in range(1, 20_001) if schedule.due(k)]
@@ -105,10 +104,10 @@ def test_estimate_is_sent_within_the_resolution_of_its_fields(driven):
     assert abs(message.hdg / 100 - degrees(heading) % 360) <= 0.005
 
     offset = geodesy.numeric.ned_offset(*place, *home)
-    np.testing.assert_allclose(values(read(driven, "LOCAL_POSITION_NED"), "x y z"), offset, rtol=1e-7, atol=1e-6)
     message = read(driven, "ODOMETRY")
     velocity_b = attitude.numeric.to_dcm(estimate["q_nb"]).T @ estimate["velocity_n"]
-    np.testing.assert_allclose(values(message, "x y z"), offset, rtol=1e-7, atol=1e-6)
+    for shown in (message, read(driven, "LOCAL_POSITION_NED")):
+        np.testing.assert_allclose(values(shown, "x y z"), offset, rtol=1e-7, atol=1e-6)
     np.testing.assert_allclose(values(message, "vx vy vz"), velocity_b, rtol=1e-6, atol=1e-6)
     assert velocity_b[0] > 10 and (message.frame_id, message.child_frame_id, message.estimator_type) == (1, 12, 5)
     message = read(driven, "VFR_HUD")
@@ -201,13 +200,6 @@ def test_coarse_imu_messages_are_those_of_ardupilot_and_undulation_changes_heigh
     assert before[0].relative_alt == after[0].relative_alt and before[1].alt_ellipsoid == after[1].alt_ellipsoid
 
 
-def checked(message):
-    """The number of a message that pymavlink's common dialect lacks, of a frame whose checksum is correct."""
-    (frame,), used = split(bytes(message.pack(common.MAVLink(None, 1, 1))), Statistics())
-    assert used == len(frame)
-    return int.from_bytes(frame[7:10], "little")
-
-
 def test_messages_that_pymavlink_lacks_are_defined_as_by_pymavlink():
     for name in ("AVAILABLE_MODES", "CURRENT_MODE"):
         theirs, ours = getattr(development, f"MAVLink_{name.lower()}_message"), further_messages()[name]
@@ -215,10 +207,6 @@ def test_messages_that_pymavlink_lacks_are_defined_as_by_pymavlink():
             assert getattr(theirs, key) == getattr(ours, key), (name, key)
     # as published with the message set
     assert (further_messages()["PROTOCOL_VERSION"].crc_extra, further_messages()["COMPONENT_METADATA"].crc_extra) == (217, 182)
-    reader, sender = development.MAVLink(None), common.MAVLink(None, 1, 1)
-    modes = [reader.decode(bytearray(m.pack(sender))) for m in available_modes(quiet().view)]
-    shown = [(m.number_modes, m.mode_index, m.custom_mode, m.mode_name) for m in modes]
-    assert shown == [(2, 1, 0, "Scenario"), (2, 2, 1, "Manual control")]
 
 
 @pytest.mark.parametrize("name, expected", [("ship-swaying", 11), ("car-city-drive", 10), ("aircraft-survey", 1)])
@@ -230,7 +218,9 @@ def test_every_message_of_every_kind_of_scenario_packs(name, expected):
     assert {kind for kind, message in made.items() if message is None} <= without_gnss | {"HIL_GPS"}
     known = {kind: message for kind, message in made.items() if message is not None and kind not in DEFINITIONS}
     assert all(received(message).get_type() == kind for kind, message in known.items())
-    assert all(checked(made[kind]) == number for kind, (number, _) in DEFINITIONS.items())
+    for kind, (number, _) in DEFINITIONS.items():
+        (frame,), _ = split(bytes(made[kind].pack(common.MAVLink(None, 1, 1))), Statistics())  # its checksum is correct
+        assert int.from_bytes(frame[7:10], "little") == number
     assert (made["HEARTBEAT"].type, made["HEARTBEAT"].autopilot) == (expected, 0)
     assert not vehicle.view.fields.saturated and not vehicle.view.fields.refused
 
@@ -242,7 +232,7 @@ def with_receiver(**changed):
     return Vehicle(car.model_copy(update={"gnss": gnss}), rates={**SILENT, "HIL_GPS": DEFAULT_HZ["HIL_GPS"]})
 
 
-@pytest.mark.parametrize("interval, latency", [(0.05, 0.0), (0.02, 0.01), (1.0, 0.05), (0.015, 0.0)])
+@pytest.mark.parametrize("interval, latency", [(0.02, 0.01), (0.015, 0.0)])
 def test_hil_gps_is_every_fix(interval, latency):
     vehicle = with_receiver(interval_s=interval, latency_s=latency)
     times, fixes = [], []
@@ -256,13 +246,11 @@ def test_hil_gps_is_every_fix(interval, latency):
     np.testing.assert_allclose(np.diff(times), interval * 1e6, atol=1)
 
 
-@pytest.mark.parametrize("by_command", [False, True])
-def test_an_outage_is_no_fix_at_the_rate_of_the_receiver(by_command):
-    changed = {} if by_command else {"outages_s": ((5.0, 15.0),)}
-    vehicle = with_receiver(interval_s=0.5, latency_s=0.1, **changed)
+def test_an_outage_is_no_fix_at_the_rate_of_the_receiver():
+    vehicle = with_receiver(interval_s=0.5, latency_s=0.1)
     sent, status = [], []
     for sample in range(1, 4001):
-        if by_command and sample in (1000, 3000):
+        if sample in (1000, 3000):
             vehicle.set_gnss(sample == 3000)
         sent += [(vehicle.simulation.time, m) for m in vehicle.step() if m.get_type() == "HIL_GPS"]
         if sample % 200 == 0:
