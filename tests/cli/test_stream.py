@@ -42,6 +42,8 @@ def test_one_document_and_a_log_of_all_that_was_sent(tmp_path):
     assert not found["saturated"] and not found["refused"] and found["link"]["dropped_frames"] == 0
     total = sum(found["sent"].values())
     assert len(client.frames) == total and lost(client.frames) == 0
+    sensors = [message.time_usec for message in client.messages() if message.get_type() == "HIL_SENSOR"]
+    assert sensors == [5000 * k for k in range(1, 601)]  # the simulation's clock, without gap or repetition
     parameters, frames = logged(log)
     assert len(parameters) > 50 and len(frames) == total
     status, out, _ = call("stream", "car-city-drive", *NOWHERE, "--speed", 0, "--duration", 4, "--tlog", log)
