@@ -36,23 +36,18 @@ def test_every_command_that_is_advised_runs(folder):
             assert (status, err) == (0, "") and "heading [deg]" in out
 
 
-def test_examples_overwrites_nothing(folder):
-    (folder / "examples" / "logs").mkdir(parents=True)
-    (folder / "examples" / "logs" / "plain.toml").write_text("mine")
-    refused(call("examples"), "plain.toml' exists", "no file is overwritten")
-    assert contents(folder) == {"examples/logs/plain.toml": b"mine"}
-
-
-def test_examples_that_are_there_already_are_no_conflict(folder):
+def test_examples_that_are_there_already_are_no_conflict_and_changed_ones_are_not_overwritten(folder):
     assert call("examples")[0] == 0
     before = contents(folder)
     (folder / "examples" / "env_loop.py").unlink()
     status, out, err = call("examples")
     assert (status, err) == (0, "") and f"{len(before)} files in examples, 1 of them new; to try" in out
     assert contents(folder) == before and call("examples", "--json")[0] == 0
-    with (folder / "examples" / "env_loop.py").open("ab") as file:
-        file.write(b"# mine")
+    (folder / "examples" / "env_loop.py").write_bytes(b"# mine")
+    (folder / "examples" / "logs" / "plain.toml").unlink()
     refused(call("examples"), "env_loop.py' exists with another content", "no file is overwritten")
+    del before["examples/logs/plain.toml"]
+    assert contents(folder) == before | {"examples/env_loop.py": b"# mine"}
 
 
 def test_a_new_scenario_is_commented_and_names_itself(folder):
@@ -67,12 +62,12 @@ def test_a_new_log_has_its_samples_beside_it(folder):
     (folder / "deep").mkdir()
     found = strict(call("new", "log", "deep/drive.toml", "--json")[1])
     names = {"drive.toml", "drive-imu.csv", "drive-gnss.csv", "drive-reference.csv"}
-    assert set(contents(folder / "deep")) == names and {path.split("/")[-1] for path in found["files"]} == names
+    assert set(contents(folder / "deep")) == names == {path.split("/")[-1] for path in found["files"]}
     assert read_toml("deep/drive.toml")["imu"]["file"] == "drive-imu.csv"
     assert "insenv replay deep/drive.toml" in (folder / "deep" / "drive.toml").read_text("utf-8")
 
 
-@pytest.mark.parametrize(("kind", "there"), [("scenario", "mine.toml"), ("log", "mine.toml"), ("log", "mine-gnss.csv")])
+@pytest.mark.parametrize(("kind", "there"), [("scenario", "mine.toml"), ("log", "mine-gnss.csv")])
 def test_new_overwrites_nothing(folder, kind, there):
     (folder / there).write_text("mine")
     refused(call("new", kind, "mine.toml"), f"'{there}' exists", "no file is overwritten")

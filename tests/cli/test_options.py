@@ -8,11 +8,13 @@ PLAIN = ROOT / "examples" / "logs" / "plain.toml"
 
 def test_an_empty_path_is_refused():
     for line in (
-        "run ship-swaying --out", "replay -e q-method", f"replay {PLAIN} -e loosely-coupled -o",
-        "campaign ship-swaying -e q-method -n 2 --out", "reproduce --out", "train lssvm large-misalignment --out",
-        "stream ship-swaying --to udpout:127.0.0.1:14550 --tlog", "fmu export q-method --output", "fmu run x.fmu --input",
-        "new scenario", "examples",
-    ):  # fmt: skip
+        "run ship-swaying --out",
+        f"replay {PLAIN} -e loosely-coupled -o",
+        "stream ship-swaying --to udpout:127.0.0.1:14550 --tlog",
+        "fmu run x.fmu --input",
+        "new scenario",
+        "examples",
+    ):
         refused(call(*line.split(), ""), "is empty: allowed is a path")
 
 
