@@ -9,9 +9,8 @@ from pymavlink.dialects.v20 import common, development
 from streamed_vehicle import SILENT, quiet, steps
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
 from insenv.mavlink import Vehicle
-from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
+from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule
 from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
 from insenv.mavlink.surroundings import BAROMETER_HZ, MAGNETOMETER_HZ
 from insenv.mavlink.wire.frames import Statistics, split
@@ -63,13 +62,6 @@ def test_a_rate_is_met_over_the_run(hz):
     assert len(due) == int(min(hz, 200.0) * 100.0 + 1e-6)
     per = max(200.0 / hz, 1.0)
     assert max(abs(k - n * per) for n, k in enumerate(due, 1)) < 1.0  # no drift
-
-
-def test_wrong_rates_are_refused():
-    for text in ("ATTITUDE", "ATTITUDE=fast", "ATITUDE=5", "ATTITUDE=-1", "ATTITUDE=1e9", "ATTITUDE=nan"):
-        with pytest.raises(InputError, match=text.partition("=")[0]):
-            parse_rates([text])
-    assert parse_rates(["attitude=5", "HIL_SENSOR=0"]) == {"ATTITUDE": 5.0, "HIL_SENSOR": 0.0}
 
 
 @pytest.fixture(scope="module")
