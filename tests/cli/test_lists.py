@@ -6,7 +6,6 @@ import pytest
 from command_line import call, refused, strict
 
 from insenv.cli.lists import What
-from insenv.sensors import IMU_GRADES
 
 
 def test_the_names_fit_a_screen():
@@ -16,14 +15,6 @@ def test_the_names_fit_a_screen():
     names = re.split(r"[\s,]+", out)
     assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(names)
     refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")
-
-
-def test_grades_of_real_units_come_first():
-    listed = strict(call("list", "grades", "--json")[1])
-    assert set(listed) == {"imu_grades", "gnss_grades", "instrument_grades"}
-    names = [row["name"] for row in listed["imu_grades"]]
-    assert set(names) == set(IMU_GRADES)
-    assert names.index("tactical") < names.index("perfect") < names.index("paper-ecef")
 
 
 def test_a_wrong_grade_file_is_named(tmp_path, monkeypatch):

@@ -283,14 +283,6 @@ def test_a_restarted_ardupilot_is_taken_at_once(sockets):
         assert simulator.progress.connections == 2 and simulator.progress.refused == 1
 
 
-def test_a_speed_paces_ardupilot(sockets):
-    clock = Clock(0.0)
-    simulator = ArduPilotLockstep(still(), address=UDP, interval=INTERVAL, speed=0.5, clock=clock, sleep=clock.sleep)
-    with running(simulator) as port:
-        times(sockets(to=port), *range(100))
-        assert clock() == pytest.approx(100 * INTERVAL / 0.5, abs=1e-9)
-
-
 def test_ardupilot_gets_the_vehicle_in_finite_numbers(sockets):
     with pytest.raises(ValueError, match="Out of range"):
         answer(replace(STILL, position_n=np.array([math.nan, 0.0, 0.0])))
