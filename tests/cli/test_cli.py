@@ -40,15 +40,6 @@ def test_bench_and_schema(monkeypatch):
     assert status == 0 and {"vehicle", "imu", "duration_s"} <= set(strict(out)["properties"])
 
 
-def test_version_and_help():
-    assert call("--version")[1].startswith("insenv 0.")
-    status, out, err = call("run", "-h")
-    # square brackets are markup to the help, which would drop the table's name
-    assert (status, err) == (0, "") and "table estimator.ID;" in " ".join(out.replace("│", " ").split())
-    status, out, _ = call()
-    assert status == 2 and "Usage" in out
-
-
 def test_an_error_is_a_json_document_too():
     for arguments in (["run", "nonesuch"], ["run", "x", "--nonesuch"], ["reproduce", "quaternions"]):
         status, out, err = call(*arguments, "--json")

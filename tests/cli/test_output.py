@@ -3,21 +3,16 @@
 import logging
 import os
 import re
-import shutil
 import struct
 import subprocess
 import sys
 from contextlib import suppress
 
 import pytest
-from command_line import SHORT
-from places import ROOT
 
 from insenv.cli.output import compiling_noticed, print_parts
 from insenv.core.compile import COMPILED, COMPILING, LOG
 from insenv.report.tables import table_of
-
-COMMAND = [sys.executable, "-m", "insenv", *SHORT]
 
 
 def test_a_compilation_is_said_once_though_a_package_has_given_the_root_logger_a_handler(capsys, caplog):
@@ -34,25 +29,6 @@ def test_a_table_wider_than_the_screen_is_not_cut(capsys):
     table.add_row("a b", cell)
     print_parts([table])
     assert cell.strip() in capsys.readouterr().out
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("cc") is None or os.name == "nt", reason="no C compiler on the path")
-def test_the_first_use_says_that_it_compiles(tmp_path, monkeypatch):
-    monkeypatch.delenv("INSENV_BACKEND", raising=False)
-    fresh = {**os.environ, "PYTHONPATH": str(ROOT), "INSENV_CACHE_DIR": str(tmp_path / "cache")}
-
-    def said():
-        done = subprocess.run(COMMAND, env=fresh, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0 and "compiling" not in done.stdout and "heading [deg]" in done.stdout
-        return done.stderr
-
-    assert said() == "insenv: compiling, once\n" and said() == ""
-    (tmp_path / "file").write_text("")
-    fresh["INSENV_CACHE_DIR"] = str(tmp_path / "file" / "cache")  # cannot be used: named, and the run goes on
-    warning, compiling = said().splitlines()
-    assert "file/cache: Not a directory" in warning and "INSENV_CACHE_DIR" in warning
-    assert compiling == "insenv: compiling"  # not once
 
 
 @pytest.mark.skipif(os.name == "nt", reason="terminals of POSIX")

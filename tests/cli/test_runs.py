@@ -1,6 +1,5 @@
 """`insenv run` and `insenv replay`: their files; wrong calls, scenarios and logs; files that are something else."""
 
-import gzip
 from pathlib import Path
 
 import numpy as np
@@ -100,42 +99,11 @@ def test_files_of_another_command_and_folders_are_named(tmp_path):
         refused(run(PLAIN.parent / name), name, "not a scenario", "insenv replay")
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"", ["the file is empty"]),
-        (bytes(range(256)) * 10, ["a binary file, not a TOML file"]),
-        (gzip.compress(b"title = 'x'\n"), ["an archive, not a TOML file"]),
-        ("title = 'x'\n".encode("utf-16"), ["text in UTF-16, not a TOML file in UTF-8"]),
-        ("title = 'Brücke'\n".encode("latin-1"), ["not a UTF-8 text file", "byte 11"]),
-    ],
-    ids=["empty", "binary", "archive", "utf-16", "latin-1"],
-)
-def test_other_content_is_named(tmp_path, content, words):
-    path = tmp_path / "mine.toml"
-    path.write_bytes(content)
-    for answer in (run(path), replay(path)):
-        refused(answer, "mine.toml", *words)
-
-
-GPX = '<?xml version="1.0"?>\n<!-- a ride -->\n<gpx version="1.1"><trk/></gpx>\n'
-NMEA = "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n" * 3
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("a.nmea", NMEA, ["NMEA 0183", "recorded"]),
-        ("a.gpx", GPX, ["a GPX file", "recorded"]),
-        ("a.xml", "<settings>1</settings>", ["text, not a TOML file"]),
-    ],
-)
-def test_a_log_that_is_none_says_what_it_is_in_every_command(tmp_path, name, content, words):
-    path = tmp_path / name
-    path.write_text(content, encoding="utf-8")
+def test_a_log_that_is_none_says_what_it_is_in_every_command(tmp_path):
+    path = tmp_path / "a.gpx"
+    path.write_text('<?xml version="1.0"?>\n<!-- a ride -->\n<gpx version="1.1"><trk/></gpx>\n')
     for answer in (replay(path), call("allan", path), call("tune", path, "-e", "loosely-coupled")):
-        refused(answer, name, *words)
-        assert "not valid TOML" not in answer[2]
+        refused(answer, "a.gpx", "a GPX file", "recorded")
 
 
 def test_a_byte_order_mark_does_no_harm(tmp_path):

@@ -68,9 +68,6 @@ def set_parameter(vehicle, name, value, kind=9):
     return answer.param_value
 
 
-# --- the client's side of a link -----------------------------------------------------------------------
-
-
 class Clock:
     """A clock that the test sets, and that sleeping advances."""
 
@@ -183,8 +180,6 @@ def logged(path):
     number = next(i for i, frame in enumerate(frames) if int.from_bytes(frame[7:10], "little") != 22)
     return frames[:number], frames[number:]
 
-
-# --- estimates that a client sends ---------------------------------------------------------------------
 
 UNKNOWN = [float("nan")] * 21
 
