@@ -24,8 +24,7 @@ def test_px4(tmp_path):
     found = strict(out)
     assert (status, err) == (0, "") and found["simulated_s"] == pytest.approx(1.0) and found["progress"]["steps"] == 200
     assert px4.times == [5000 * k for k in range(1, 201)]
-    _, frames = logged(log)
-    assert sum(frame[7] == 107 for frame in frames) >= 200  # HIL_SENSOR
+    assert sum(frame[7] == 107 for frame in logged(log)[1]) >= 200  # HIL_SENSOR
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")

@@ -11,9 +11,7 @@ def test_an_empty_path_is_refused():
         "run ship-swaying --out",
         f"replay {PLAIN} -e loosely-coupled -o",
         "stream ship-swaying --to udpout:127.0.0.1:14550 --tlog",
-        "fmu run x.fmu --input",
         "new scenario",
-        "examples",
     ):
         refused(call(*line.split(), ""), "is empty: allowed is a path")
 

@@ -59,14 +59,10 @@ def test_replay(tmp_path):
         ("run ship-swayin", ["ship-swayin", "did you mean 'ship-swaying'"]),
         ("run ship-swaying -e loosely-coupled", ["loosely-coupled", "GNSS"]),
         ("run ship-swaying --duration 0", ["duration_s", "0", " s"]),
-        ("run ship-swaying --duration long", ["allowed is a number", "--duration"]),
-        ("run ship-swaying --seed -1", ["seed", "-1"]),
         ("run ship-swaying --sed 1", ["--sed", "--help"]),
         ("run ship-swaying --log d1", ["'d1' after --log, which takes no value: With --out: write", "as a log"]),
-        ("run ship-swaying more", ["'more' is an argument too many: allowed is insenv run [OPTIONS]", "SCENARIO"]),
         ("rum", ["rum", "'run'"]),
         ("replay no.toml", ["-e ID"]),
-        ("replay no.toml -e loosly-coupled", ["did you mean 'loosely-coupled'"]),
         ("replay no.toml -e loosely-coupled --start warm", ["warm", "coarse", "reference"]),
     ],
 )
@@ -76,14 +72,9 @@ def test_wrong_calls(line, words):
 
 def test_wrong_scenarios_and_logs_are_named(tmp_path):
     """Each wrong value by itself: tests/scenario, tests/sensors and tests/logs."""
-    for old, new, words in (
-        ('grade = "marine"', 'grade = "marin"', ["marin", "did you mean 'marine'"]),
-        ("seed = 1", "seed = = 1", ["line"]),
-    ):
-        text = SCENARIO.read_text("utf-8")
-        assert old in text
-        (tmp_path / "mine.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
-        refused(run(tmp_path / "mine.toml"), "mine.toml", *words)
+    text = SCENARIO.read_text("utf-8").replace('grade = "marine"', 'grade = "marin"', 1)
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    refused(run(tmp_path / "mine.toml"), "mine.toml", "marin", "did you mean 'marine'")
     refused(replay(log_file(tmp_path, imu=lambda text: text[:-12])), "plain-imu.csv")
     refused(replay(log_file(tmp_path, toml=lambda text: text.replace('"plain-imu.csv"', '"gone.csv"'))), "gone.csv")
 

@@ -190,12 +190,8 @@ PX4 = ("--lockstep", "px4")
     [
         ((), ["--to"]),
         ((*NOWHERE, "--rate", "ATITUDE=5"), ["ATITUDE", "ATTITUDE"]),
-        ((*NOWHERE, "--rate", "ATTITUDE=10", "--rate", "attitude=20"), ["ATTITUDE is given twice: 10 and 20 Hz"]),
-        (("--to", "udpin:127.0.0.1:0") * 5, ["5 addresses", "1 to 4"]),
         ((*NOWHERE, "--out", "x"), ["--out: allowed with --score"]),
-        ((*NOWHERE, "--signing-key-file", "gone"), ["gone", "file not found"]),
         ((*PX4, "--score"), ["--score: not allowed with --lockstep"]),
-        ((*PX4, "--signing-key-file", "key"), ["--signing-key-file"]),
         (("--lockstep", "ardupilot-json", "--tlog", "a"), ["--tlog"]),
     ],
     ids=lambda value: " ".join(map(str, value)),

@@ -197,6 +197,5 @@ def estimate(name, **changes):
         "VISION_POSITION_ESTIMATE": dict.fromkeys(("usec", "x", "y", "z", "roll", "pitch", "yaw"), 0)
         | {"covariance": UNKNOWN},
     }[name]  # fmt: skip
-    offset = changes.pop("repr_offset_q", None)
-    more = [] if offset is None else [offset]
+    more = [changes.pop("repr_offset_q")] if "repr_offset_q" in changes else []
     return sent(name, *{**fields, **changes}.values(), *more, system=42, component=191)

@@ -1,7 +1,4 @@
-"""Lockstep: the two protocols against small stand-ins that follow the autopilots' documented behaviour.
-
-PX4 and ArduPilot themselves are not run here.
-"""
+"""Lockstep: the two protocols against small stand-ins that follow the autopilots' documented behaviour."""
 
 import itertools
 import math
@@ -87,16 +84,6 @@ def test_a_lost_answer_of_px4_neither_stops_nor_shifts_anything():
         progress = simulator.run(steps=300)
     px4.done()
     assert progress.steps == 300 and progress.unanswered == 3 and progress.answers == 297 - 3
-
-
-def test_px4_that_answers_every_second_sample_costs_no_wait():
-    """As PX4's rover does at half the sample rate: learnt after two answers."""
-    with Px4Lockstep(sensors(), INTERVAL, address=TCP, patience=0.3) as simulator:
-        px4 = standing_in(simulator, silent=3, skip=frozenset(range(11, 301, 2)))
-        progress = simulator.run(steps=300)
-        assert progress.samples_per_answer == 2
-    px4.done()
-    assert progress.unanswered <= 3 and progress.answers == len(px4.answered)
 
 
 def test_the_number_of_samples_per_answer_is_learnt_and_forgotten():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from streamed_vehicle import answered, quiet, sent, steps, texts
 
-from insenv import attitude
 from insenv.mavlink.manual import AXIS_UNUSED, Sticks
 from insenv.scenario import build, load
 from insenv.vehicles import AircraftSection, CarSection, ShipSection
@@ -31,16 +30,6 @@ def test_a_car_is_driven_by_manual_control_and_stops_without_it():
     assert [m.text for m in said] == ["manual control: the script has ended", "manual control lost"]
 
 
-def test_an_aircraft_banks_and_climbs():
-    vehicle = quiet("aircraft-inflight-alignment", hz=20)
-    before = float(vehicle.simulation.truth["height"])
-    for _ in range(40):
-        steer(vehicle, -1000, 500, 1000, AXIS_UNUSED)
-        steps(vehicle, 0.5)
-    roll = np.degrees(float(attitude.numeric.to_euler(vehicle.simulation.truth["q_nb"])[0]))
-    assert 10 < roll < 20 and float(vehicle.simulation.truth["height"]) > before + 50
-
-
 @pytest.mark.parametrize(
     ("scenario", "why"), [("ship-swaying", "aligning in place"), ("large-misalignment", "motion is prescribed")]
 )
@@ -64,6 +53,5 @@ def test_missing_axes_command_nothing():
 def test_every_stick_command_is_a_command_of_its_vehicle():
     for scenario in ("ship-underway", "car-city-drive", "aircraft-survey"):
         plant = build(load(scenario))
-        sticks = plant.scenario.vehicle.traits.sticks
-        rows = [plant.model.inputs.names.index(f"command_{stick.command}") for stick in sticks]
-        assert rows == sorted(rows)
+        commands = {f"command_{stick.command}" for stick in plant.scenario.vehicle.traits.sticks}
+        assert commands <= set(plant.model.inputs.names)

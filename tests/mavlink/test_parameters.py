@@ -64,9 +64,8 @@ def test_the_undulation_is_given_before_the_start():
     assert asked(vehicle, b"SIM_UNDULATION").param_value == 47.0 == vehicle.view.undulation
     assert set_parameter(vehicle, "SIM_UNDULATION", 0.0) == 47.0 == vehicle.view.undulation
     assert texts(vehicle) == ["SIM_UNDULATION cannot be set during a run"]
-    for wrong in (121.0, -121.0, nan):
-        with pytest.raises(InputError, match="allowed is -120 to 120 m"):
-            quiet(undulation=wrong)
+    with pytest.raises(InputError, match="allowed is -120 to 120 m"):
+        quiet(undulation=121.0)
 
 
 @pytest.mark.parametrize(

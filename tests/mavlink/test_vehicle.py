@@ -1,6 +1,5 @@
 """The vehicle that streams: its texts, its systems, and when it counts as aligned."""
 
-from dataclasses import replace
 from math import nan
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 from streamed_vehicle import ACCEPTED, SILENT, answered, command, quiet, sent, steps
 
-from insenv import attitude, estimators
+from insenv import attitude
 from insenv.errors import InputError
 from insenv.mavlink import Vehicle
 from insenv.mavlink.messages.fields import DEG_E7
@@ -87,26 +86,6 @@ def test_a_diverged_estimate_is_announced_and_not_sent():
     assert estimated <= {m.get_type() for m in steps(vehicle, 2.0)} and vehicle.view.state == "aligning"
 
 
-def test_an_estimate_that_its_estimator_warns_of_is_not_aligned():
-    """With a given attitude ecef-kf states small sigmas at once; whether it may be trusted is in its notes."""
-    sentence = "heading is good to 55 deg only: a gyro error of 9.91 deg/h"
-
-    def warned(parameters, duration_s):
-        assert parameters["angle_random_walk"] > 0.0
-        return (sentence,) if duration_s < 4.0 else ()
-
-    warning = replace(estimators.get("ecef-kf"), applicability=warned, needs=None)
-    ship = Vehicle(load("static-ecef"), warning, rates={**SILENT, "HEARTBEAT": 1.0})
-    assert ship.view.tilt_sigma_deg < 1 and ship.view.heading_sigma_deg < 5
-    found = steps(ship, 6.0)
-    assert [m.system_status for m in found if m.get_type() == "HEARTBEAT"] == [3, 3, 3, 4, 4, 4]
-    assert [m.text for m in found if m.get_type() == "STATUSTEXT"] == [sentence.partition(":")[0], "aligned"]
-    assert healthy(ship)
-    ship.realign()
-    steps(ship, 1.0)
-    assert ship.view.state == "aligning"  # the time counts from the new alignment
-
-
 @pytest.mark.parametrize(("name", "seconds"), [("aircraft-survey", 60), ("ship-underway", 300)])
 def test_a_wrong_reported_heading_is_never_aligned(name, seconds):
     """It counts as aligned only where the filter has found the true heading: car and aircraft do so as they accelerate."""
@@ -136,8 +115,6 @@ def test_a_right_reported_heading_is_aligned_once_fixes_could_contradict_it_and_
     car.disturb_gnss(0, (0.0, 0.0, 0.0))
     car.realign()
     assert car.view.state == "aligning" and car.view.doubt.startswith("heading as reported; ")  # the fixes count anew
-    car.parameters.all[car.parameters.find("E_HDG_SIG")].set(90.0)  # acts at the next alignment: 3 deg are in force
-    assert np.degrees(car.simulation.reported_heading_sigma) == pytest.approx(3.0)
 
 
 def test_errors_against_the_truth_are_sent_on_request():

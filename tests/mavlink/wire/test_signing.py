@@ -151,8 +151,7 @@ def test_replayed_late_and_reflected_frames(signing, clock):
     assert signing.verify(signing.signed(bytes(own)), own=(1, 1)) is Verdict.REFLECTED
 
 
-def test_other_streams_and_their_first_frames(signing):
-    """Each system and each link number has its own time."""
+def test_each_system_and_each_link_number_has_its_own_time(signing):
     given = [{"at_s": NOW_S - 61}, {"at_s": NOW_S - 59}, {"at_s": NOW_S - 30, "system": 254}, {"at_s": NOW_S - 40, "link": 1}]
     verdicts = [signing.verify(Ground(**each).frame()) for each in (*given, {"at_s": NOW_S - 59.5})]
     assert verdicts == [STALE, GOOD, GOOD, GOOD, REPLAYED]
