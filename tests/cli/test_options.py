@@ -8,19 +8,15 @@ PLAIN = ROOT / "examples" / "logs" / "plain.toml"
 
 def test_an_empty_path_is_refused():
     for line in (
-        "run ship-swaying --out", "replay -e q-method", f"replay {PLAIN} -e loosely-coupled -o",
-        "campaign ship-swaying -e q-method -n 2 --out", "reproduce --out", "train lssvm large-misalignment --out",
-        "stream ship-swaying --to udpout:127.0.0.1:14550 --tlog", "fmu export q-method --output", "fmu run x.fmu --input",
-        "new scenario", "examples",
-    ):  # fmt: skip
+        "run ship-swaying --out",
+        f"replay {PLAIN} -e loosely-coupled -o",
+        "stream ship-swaying --to udpout:127.0.0.1:14550 --tlog",
+        "new scenario",
+    ):
         refused(call(*line.split(), ""), "is empty: allowed is a path")
 
 
-@pytest.mark.parametrize(
-    "command",
-    [("budget", "ship-swaying"), ("tune", "car-city-drive"), ("fmu", "export", "ship-swaying", "-o", "x.fmu"),
-     ("fmu", "ssp", "ship-swaying", "-o", "x.ssp"), ("stream", "ship-swaying", "--to", "udpout:127.0.0.1:14999")],
-)  # fmt: skip
+@pytest.mark.parametrize("command", [("budget", "ship-swaying"), ("fmu", "export", "ship-swaying", "-o", "x.fmu")])
 def test_a_command_that_runs_one_estimator_refuses_two(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     refused(call(*command, "-e", "q-method", "-e", "analytic"), "-e q-method -e analytic: allowed is one estimator")

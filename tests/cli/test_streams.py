@@ -12,7 +12,6 @@ from places import ROOT
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
 
 PYTHON = f"'{sys.executable}' -m insenv"
-CAMPAIGN = "campaign ship-swaying -e analytic -n 8 --duration 2 --no-figure --out"
 
 
 def shell(line):
@@ -22,19 +21,10 @@ def shell(line):
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize(
-    "command",
-    ["schema", "list", pytest.param(" ".join(SHORT), marks=pytest.mark.slow), pytest.param(CAMPAIGN, marks=pytest.mark.slow)],
-)
-def test_a_reader_that_has_gone_ends_a_command_with_141(command, tmp_path):
+@pytest.mark.parametrize("command", ["schema", "list"])
+def test_a_reader_that_has_gone_ends_a_command_with_141(command):
     """The output of `schema` is larger than a pipe holds; that of others stays in buffers until the end."""
-    folder = f" '{tmp_path}/out'" if command == CAMPAIGN else ""
-    status, out, err = shell(f"(sleep 0.01; {PYTHON} {command}{folder}; echo $? >&2) | true")
-    assert (status, out) == (0, "") and err.replace("insenv: compiling, once\n", "") == "141\n"
-    if folder:  # what was asked for in files is complete
-        assert {path.name for path in (tmp_path / "out").iterdir()} >= {
-            "campaign.json", "campaign.npz", "manifest.json", "blocks"
-        }  # fmt: skip
+    assert shell(f"(sleep 0.01; {PYTHON} {command}; echo $? >&2) | true") == (0, "", "141\n")
 
 
 def test_a_closed_stdout_is_named_after_the_work(tmp_path):

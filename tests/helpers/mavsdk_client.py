@@ -17,8 +17,8 @@ from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import Telemetry
 
 STREAMS = (
-    "position", "attitude_quaternion", "attitude_euler", "velocity_ned", "odometry", "imu", "ground_truth", "raw_gps",
-    "gps_info", "health", "health_all_ok", "home", "landed_state",
+    "position", "attitude_quaternion", "velocity_ned", "imu", "ground_truth", "gps_info", "health", "health_all_ok",
+    "landed_state",
 )  # fmt: skip
 
 

@@ -68,9 +68,6 @@ def set_parameter(vehicle, name, value, kind=9):
     return answer.param_value
 
 
-# --- the client's side of a link -----------------------------------------------------------------------
-
-
 class Clock:
     """A clock that the test sets, and that sleeping advances."""
 
@@ -184,8 +181,6 @@ def logged(path):
     return frames[:number], frames[number:]
 
 
-# --- estimates that a client sends ---------------------------------------------------------------------
-
 UNKNOWN = [float("nan")] * 21
 
 
@@ -202,6 +197,5 @@ def estimate(name, **changes):
         "VISION_POSITION_ESTIMATE": dict.fromkeys(("usec", "x", "y", "z", "roll", "pitch", "yaw"), 0)
         | {"covariance": UNKNOWN},
     }[name]  # fmt: skip
-    offset = changes.pop("repr_offset_q", None)
-    more = [] if offset is None else [offset]
+    more = [changes.pop("repr_offset_q")] if "repr_offset_q" in changes else []
     return sent(name, *{**fields, **changes}.values(), *more, system=42, component=191)

@@ -4,16 +4,9 @@ import socket
 from contextlib import ExitStack
 
 import pytest
+from interpreted import interpreted  # noqa: F401
 
 from insenv.mavlink.wire import open_link
-
-
-@pytest.fixture(autouse=True, scope="module")
-def interpreted():
-    """No model is compiled here: the runs are short."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("INSENV_BACKEND", "interpreter")
-        yield
 
 
 @pytest.fixture

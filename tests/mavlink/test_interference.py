@@ -58,7 +58,7 @@ def test_jamming_loses_fixes_and_lost_satellites_make_them_worse():
 
 def test_wrong_interference_is_refused():
     vehicle = quiet()
-    for values in ((5.0,), (0.5,), (nan,), (1.0, 1.5), (1.0, nan), (2.0, 1e9), (4.0, 0.5), (3.0, 1.0, nan)):
+    for values in ((5.0,), (1.0, 1.5), (2.0, 1e9), (4.0, 0.5), (3.0, 1.0, nan)):
         assert command(vehicle, 31014, *values)[0] == DENIED and vehicle.simulation.interference is None, values
         assert "allowed is" in texts(vehicle)[-1]
     assert command(quiet("ship-swaying"), 31014, 1.0, 1.0)[0] == DENIED

@@ -1,7 +1,4 @@
-"""Lockstep: the two protocols against small stand-ins that follow the autopilots' documented behaviour.
-
-PX4 and ArduPilot themselves are not run here.
-"""
+"""Lockstep: the two protocols against small stand-ins that follow the autopilots' documented behaviour."""
 
 import itertools
 import math
@@ -20,7 +17,7 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.answers import answers
 from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_messages, px4_rates, steering
 from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
-from insenv.mavlink.lockstep.cadence import SHORTEST_WAIT_S, Cadence
+from insenv.mavlink.lockstep.cadence import Cadence
 from insenv.mavlink.lockstep.px4 import COMPONENT
 from insenv.scenario import load
 
@@ -34,15 +31,10 @@ def sensor(sample):
     )
 
 
-class Sensors:
+def sensors():
     """A simulation of the clock only."""
-
-    def __init__(self):
-        self.samples = 0
-
-    def __call__(self):
-        self.samples += 1
-        return [sensor(self.samples)]
+    samples = itertools.count(1)
+    return lambda: [sensor(next(samples))]
 
 
 def microseconds(*samples):
@@ -53,15 +45,12 @@ def standing_in(simulator, **options):
     return Px4StandIn(simulator.link.address.port, **options)
 
 
-# --- PX4 -----------------------------------------------------------------------------------------
-
-
 def test_px4_starts_silent_and_then_runs_in_lockstep():
-    sensors, taken = Sensors(), []
-    with Px4Lockstep(sensors, INTERVAL, taken.append, address=TCP) as simulator:
+    taken = []
+    with Px4Lockstep(sensors(), INTERVAL, taken.append, address=TCP) as simulator:
         px4 = standing_in(simulator, silent=20)
         progress = simulator.run(steps=1000)
-        assert progress.steps == sensors.samples == 1000
+        assert progress.steps == 1000
     px4.done()
     # no sensor message is lost, repeated or out of order
     assert px4.times == microseconds(1, 1001)
@@ -75,11 +64,11 @@ def test_px4_starts_silent_and_then_runs_in_lockstep():
 
 def test_px4_outputs_act_in_the_next_step():
     """Closed loop: the plant integrates the output, so that a single stale or missing output is detected."""
-    sensors, outputs, seen = Sensors(), [0.0], [0.0]
+    read, outputs, seen = sensors(), [0.0], [0.0]
 
     def step():
         seen.append(seen[-1] + outputs[-1])
-        return sensors()
+        return read()
 
     with Px4Lockstep(step, INTERVAL, lambda c: outputs.append(c.values[0]), address=TCP) as simulator:
         px4 = standing_in(simulator)
@@ -90,25 +79,11 @@ def test_px4_outputs_act_in_the_next_step():
 
 
 def test_a_lost_answer_of_px4_neither_stops_nor_shifts_anything():
-    with Px4Lockstep(Sensors(), INTERVAL, address=TCP, patience=0.05) as simulator:
+    with Px4Lockstep(sensors(), INTERVAL, address=TCP, patience=0.05) as simulator:
         px4 = standing_in(simulator, silent=3, skip=frozenset({100, 101, 200}))
         progress = simulator.run(steps=300)
     px4.done()
     assert progress.steps == 300 and progress.unanswered == 3 and progress.answers == 297 - 3
-
-
-def test_px4_that_answers_every_second_sample_costs_no_wait():
-    """As PX4's rover does at half the sample rate: learnt after two answers."""
-    taken = []
-    with Px4Lockstep(Sensors(), INTERVAL, taken.append, address=TCP, patience=0.3) as simulator:
-        px4 = standing_in(simulator, silent=3, skip=frozenset(range(11, 1001, 2)))
-        progress = simulator.run(steps=1000)
-        assert progress.samples_per_answer == 2
-    px4.done()
-    assert progress.steps == 1000 and progress.unanswered <= 3
-    # once learnt, each answer is waited for: none is late
-    assert [round(c.time * 1e6) for c in taken[50:]] == px4.answered[50 : len(taken)]
-    assert len(taken) == len(px4.answered)
 
 
 def test_the_number_of_samples_per_answer_is_learnt_and_forgotten():
@@ -123,35 +98,22 @@ def test_the_number_of_samples_per_answer_is_learnt_and_forgotten():
     assert samples(1, 2, 1, 1, 3, 2) == 1  # lost answers are no pattern
     assert samples(1, 2, 2) == 2 and samples(4, 4, 4) == 4
     assert samples(4, 4, 2) == 2 and samples(2, 2, 1) == 1  # early ones count at once
-    quick, slow = Cadence(1.0), Cadence(1.0)
-    assert quick.wait_s == 1.0
-    quick.answered(0.001), slow.answered(0.5)
-    assert quick.wait_s == SHORTEST_WAIT_S and slow.wait_s == 1.0
 
 
-@pytest.mark.parametrize("speed", [2.0, 0.5])
-def test_a_speed_paces_px4(speed):
+@pytest.mark.parametrize(("flags", "options", "speed"), [(1, {"speed": 0.5}, 0.5), (0, {}, 1.0)])
+def test_a_speed_paces_px4_and_without_lockstep_the_wall_clock_does(flags, options, speed):
     clock = Clock(0.0)
-    with Px4Lockstep(Sensors(), INTERVAL, address=TCP, speed=speed, clock=clock, sleep=clock.sleep) as simulator:
-        px4 = standing_in(simulator, silent=10)
-        simulator.run(steps=400)
+    with Px4Lockstep(sensors(), INTERVAL, address=TCP, clock=clock, sleep=clock.sleep, **options) as simulator:
+        px4 = standing_in(simulator, silent=10 * flags, flags=flags)
+        progress = simulator.run(steps=400)
+        assert simulator.in_step == bool(flags)
     px4.done()
-    assert clock() == pytest.approx(400 * INTERVAL / speed, rel=0.02)
-
-
-def test_px4_without_lockstep_is_not_waited_for_but_runs_at_the_pace_of_the_wall_clock():
-    clock = Clock(0.0)
-    with Px4Lockstep(Sensors(), INTERVAL, address=TCP, clock=clock, sleep=clock.sleep) as simulator:
-        px4 = standing_in(simulator, flags=0)
-        progress = simulator.run(steps=200)
-        assert not simulator.in_step
-    px4.done()
-    assert progress.steps == 200 and progress.unanswered == 0
-    assert clock() == pytest.approx(199 * INTERVAL, abs=2 * INTERVAL)
+    assert progress.steps == 400 and progress.unanswered == 0
+    assert clock() == pytest.approx(400 * INTERVAL / speed, abs=3 * INTERVAL / speed)
 
 
 def test_px4_disconnects_and_reconnects():
-    with Px4Lockstep(Sensors(), INTERVAL, address=TCP, patience=5.0) as simulator:
+    with Px4Lockstep(sensors(), INTERVAL, address=TCP, patience=5.0) as simulator:
         first, second = standing_in(simulator, silent=2, last=50), []
 
         def stop():
@@ -168,20 +130,12 @@ def test_px4_disconnects_and_reconnects():
     assert second[0].times[-1] == round(200 * INTERVAL * 1e6)
 
 
-def test_px4_not_connected():
-    sensors, asked = Sensors(), iter(range(2))
-    with Px4Lockstep(sensors, INTERVAL, address=TCP) as simulator:
-        progress = simulator.run(stop=lambda: next(asked, None) is None)
-    assert progress.steps == sensors.samples == 0
-
-
 def test_wrong_simulators_are_refused():
     for make, message in (
-        (lambda: Px4Lockstep(Sensors(), 0.0), "must be above 0"),
-        (lambda: Px4Lockstep(Sensors(), INTERVAL, address=UDP), "tcpin:HOST:PORT"),
+        (lambda: Px4Lockstep(sensors(), 0.0), "must be above 0"),
+        (lambda: Px4Lockstep(sensors(), INTERVAL, address=UDP), "tcpin:HOST:PORT"),
         (lambda: Vehicle(load("car-city-drive"), hil_acceleration="g"), r"mG or mm/s\^2"),
         (lambda: ArduPilotLockstep(still(), speed=1.0), "interval"),
-        (lambda: ArduPilotLockstep(still(), address="tcpin:127.0.0.1:9002"), "udpin:HOST:PORT"),
     ):
         with pytest.raises(InputError, match=message):
             make()
@@ -202,20 +156,17 @@ def test_px4_gets_the_vehicle_and_requests_an_interval():
     assert [(ack.command, ack.result) for ack in kinds["COMMAND_ACK"]] == [(511, 0)]
     truths = kinds["HIL_STATE_QUATERNION"]
     assert len(truths) > 350 and np.mean([t.zacc for t in truths]) == pytest.approx(-9800, abs=200)  # mm/s^2, as PX4 reads them
-    sensors = [s for s in kinds["HIL_SENSOR"] if s.id == 0]
-    assert [s.time_usec for s in sensors] == microseconds(1, 401)
-    assert all(s.fields_updated & 0b111111 == 0b111111 for s in sensors)
-    assert any(s.fields_updated & 0b1101000000000 == 0b1101000000000 for s in sensors)
-    assert np.mean([s.zacc for s in sensors]) == pytest.approx(-9.8, abs=0.2)
+    first = [s for s in kinds["HIL_SENSOR"] if s.id == 0]
+    assert [s.time_usec for s in first] == microseconds(1, 401)
+    assert all(s.fields_updated & 0b111111 == 0b111111 for s in first)
+    assert any(s.fields_updated & 0b1101000000000 == 0b1101000000000 for s in first)
+    assert np.mean([s.zacc for s in first]) == pytest.approx(-9.8, abs=0.2)
     # each measurement again as sensor 1, which PX4 does not round
-    main, again = {s.time_usec: s for s in sensors}, [s for s in kinds["HIL_SENSOR"] if s.id == 1]
+    main, again = {s.time_usec: s for s in first}, [s for s in kinds["HIL_SENSOR"] if s.id == 1]
     assert len(again) >= 399 and all(s.fields_updated == 0b111111 for s in again)
     assert all((s.zacc, s.xgyro) == (main[s.time_usec].zacc, main[s.time_usec].xgyro) for s in again)
     fixes = kinds["HIL_GPS"]
     assert len(fixes) == car.simulation.fixes and len({f.time_usec for f in fixes}) == len(fixes) >= 1
-
-
-# --- ArduPilot -----------------------------------------------------------------------------------
 
 
 STILL = Motion(
@@ -257,7 +208,7 @@ def running(simulator):
 
 
 def times(link, *numbers):
-    """The simulation's times, in samples, in the answers to frames with these numbers."""
+    """The simulation's times, in samples, in the answers to these frames."""
     return [exchange(link, number)["timestamp"] / INTERVAL for number in numbers]
 
 
@@ -276,13 +227,10 @@ def test_ardupilot_gets_one_answer_per_frame(sockets):
             "velocity": [0.5, 0.0, 0.25],
             "quaternion": [1.0, 0.0, 0.0, 0.0],
         }
-        # channels switched to 32
         assert exchange(link, 500, [1500] * 31 + [1900])["timestamp"] == pytest.approx(501 * INTERVAL)
     assert taken[0].values == (0.0, -1.0, 1.0, -0.5, *[0.0] * 12)
     assert len(taken[-1].values) == 32 and taken[-1].values[31] == pytest.approx(0.8)
-    assert vars(simulator.progress).items() >= {
-        "steps": 501, "answers": 501, "connections": 1, "repeated": 0, "missed": 0, "refused": 0
-    }.items()  # fmt: skip
+    assert simulator.progress.answers == 501
 
 
 def test_ardupilot_repeated_and_lost_frames_and_a_restart(sockets):
@@ -320,14 +268,6 @@ def test_a_restarted_ardupilot_is_taken_at_once(sockets):
         times(first, 5)
         np.testing.assert_allclose(times(second, 0, 1, 2), [7, 8, 9], atol=1e-9)
         assert simulator.progress.connections == 2 and simulator.progress.refused == 1
-
-
-def test_a_speed_paces_ardupilot(sockets):
-    clock = Clock(0.0)
-    simulator = ArduPilotLockstep(still(), address=UDP, interval=INTERVAL, speed=0.5, clock=clock, sleep=clock.sleep)
-    with running(simulator) as port:
-        times(sockets(to=port), *range(100))
-        assert clock() == pytest.approx(100 * INTERVAL / 0.5, abs=1e-9)
 
 
 def test_ardupilot_gets_the_vehicle_in_finite_numbers(sockets):

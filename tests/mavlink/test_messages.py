@@ -5,18 +5,13 @@ from math import degrees, inf, nan
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common, development
 from streamed_vehicle import SILENT, quiet, steps
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
 from insenv.mavlink import Vehicle
-from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
+from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule
 from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
-from insenv.mavlink.messages.schedule import STREAMS
-from insenv.mavlink.messages.status import available_modes
 from insenv.mavlink.surroundings import BAROMETER_HZ, MAGNETOMETER_HZ
 from insenv.mavlink.wire.frames import Statistics, split
 from insenv.mavlink.wire.further import DEFINITIONS, further_messages
@@ -26,9 +21,6 @@ from insenv.scenario import load
 def received(message):
     """The message as a client reads it, decoded from its bytes."""
     return common.MAVLink(None).decode(bytearray(message.pack(common.MAVLink(None, 1, 1))))
-
-
-# --- fields ----------------------------------------------------------------------------------------
 
 
 def position(fields, **changed):
@@ -54,60 +46,20 @@ def test_nan_is_never_a_position():
     for name in ("lat", "lon", "alt", "rel", "vx"):
         assert position(fields, **{name: nan}) is None
     assert received(position(fields, hdg=nan)).hdg == 65535  # the field has a value for "unknown"
-    assert fields.message("LOCAL_POSITION_NED", 0, nan, 0, 0, 0, 0, 0) is None
-    assert fields.message("ATTITUDE_QUATERNION", 0, 1, nan, 0, 0, 0, 0, 0, (0, 0, 0, 0)) is None
     odometry = [0, 1, 12, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), *[0.0] * 6, [nan] * 21, [nan] * 21, 0, 5, 0]
     assert np.isnan(received(fields.message("ODOMETRY", *odometry)).pose_covariance[0])
     odometry[3] = nan
     assert fields.message("ODOMETRY", *odometry) is None
-    assert fields.refused["ODOMETRY.x"] == 1 and fields.refused.total() == 8
+    assert fields.refused["ODOMETRY.x"] == 1 and fields.refused.total() == 6
 
 
-@given(st.floats(allow_nan=False), st.floats(allow_nan=False), st.integers(-(10**30), 10**30))
-def test_any_number_makes_a_message_that_packs(a, b, c):
-    fields = Fields()
-    for name in ("HIL_GPS", "GPS_RAW_INT", "HIL_STATE_QUATERNION", "SYS_STATUS"):
-        make = getattr(common, f"MAVLink_{name.lower()}_message")
-        lengths = [make.array_lengths[order] for order in make.orders]
-        values = [[a] * length if length else (a, b, float(c))[place % 3] for place, length in enumerate(lengths)]
-        assert received(fields.message(name, *values)).get_type() == name
-
-
-# --- rates -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("hz", [0.3, 1.0, 7.0, 50.0, 133.0, 199.9, 200.0, 350.0])
+@pytest.mark.parametrize("hz", [0.3, 7.0, 133.0, 199.9, 350.0])
 def test_a_rate_is_met_over_the_run(hz):
     schedule = Schedule(200.0, {**SILENT, "ATTITUDE": hz})
     due = [k for k in range(1, 20_001) if schedule.due(k)]
     assert len(due) == int(min(hz, 200.0) * 100.0 + 1e-6)
     per = max(200.0 / hz, 1.0)
     assert max(abs(k - n * per) for n, k in enumerate(due, 1)) < 1.0  # no drift
-
-
-def test_rates_change_while_it_runs():
-    schedule = Schedule(200.0)
-
-    def due(start):
-        return sum("ATTITUDE" in schedule.due(k) for k in range(start + 1, start + 201))
-
-    schedule.set("ATTITUDE", 100.0, 1000)
-    assert due(1000) == 100
-    schedule.set("ATTITUDE", 0.0, 1200)
-    assert due(1200) == 0
-    schedule.reset("ATTITUDE", 1400)
-    assert due(1400) == DEFAULT_HZ["ATTITUDE"]
-    assert {name for group in STREAMS.values() for name in group} <= set(DEFAULT_HZ)
-
-
-def test_wrong_rates_are_refused():
-    for text in ("ATTITUDE", "ATTITUDE=fast", "ATITUDE=5", "ATTITUDE=-1", "ATTITUDE=1e9", "ATTITUDE=nan"):
-        with pytest.raises(InputError, match=text.partition("=")[0]):
-            parse_rates([text])
-    assert parse_rates(["attitude=5", "HIL_SENSOR=0"]) == {"ATTITUDE": 5.0, "HIL_SENSOR": 0.0}
-
-
-# --- agreement with the simulation -------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -142,10 +94,10 @@ def test_estimate_is_sent_within_the_resolution_of_its_fields(driven):
     assert abs(message.hdg / 100 - degrees(heading) % 360) <= 0.005
 
     offset = geodesy.numeric.ned_offset(*place, *home)
-    np.testing.assert_allclose(values(read(driven, "LOCAL_POSITION_NED"), "x y z"), offset, rtol=1e-7, atol=1e-6)
     message = read(driven, "ODOMETRY")
     velocity_b = attitude.numeric.to_dcm(estimate["q_nb"]).T @ estimate["velocity_n"]
-    np.testing.assert_allclose(values(message, "x y z"), offset, rtol=1e-7, atol=1e-6)
+    for shown in (message, read(driven, "LOCAL_POSITION_NED")):
+        np.testing.assert_allclose(values(shown, "x y z"), offset, rtol=1e-7, atol=1e-6)
     np.testing.assert_allclose(values(message, "vx vy vz"), velocity_b, rtol=1e-6, atol=1e-6)
     assert velocity_b[0] > 10 and (message.frame_id, message.child_frame_id, message.estimator_type) == (1, 12, 5)
     message = read(driven, "VFR_HUD")
@@ -238,13 +190,6 @@ def test_coarse_imu_messages_are_those_of_ardupilot_and_undulation_changes_heigh
     assert before[0].relative_alt == after[0].relative_alt and before[1].alt_ellipsoid == after[1].alt_ellipsoid
 
 
-def checked(message):
-    """The number of a message that pymavlink's common dialect lacks, of a frame whose checksum is correct."""
-    (frame,), used = split(bytes(message.pack(common.MAVLink(None, 1, 1))), Statistics())
-    assert used == len(frame)
-    return int.from_bytes(frame[7:10], "little")
-
-
 def test_messages_that_pymavlink_lacks_are_defined_as_by_pymavlink():
     for name in ("AVAILABLE_MODES", "CURRENT_MODE"):
         theirs, ours = getattr(development, f"MAVLink_{name.lower()}_message"), further_messages()[name]
@@ -252,10 +197,6 @@ def test_messages_that_pymavlink_lacks_are_defined_as_by_pymavlink():
             assert getattr(theirs, key) == getattr(ours, key), (name, key)
     # as published with the message set
     assert (further_messages()["PROTOCOL_VERSION"].crc_extra, further_messages()["COMPONENT_METADATA"].crc_extra) == (217, 182)
-    reader, sender = development.MAVLink(None), common.MAVLink(None, 1, 1)
-    modes = [reader.decode(bytearray(m.pack(sender))) for m in available_modes(quiet().view)]
-    shown = [(m.number_modes, m.mode_index, m.custom_mode, m.mode_name) for m in modes]
-    assert shown == [(2, 1, 0, "Scenario"), (2, 2, 1, "Manual control")]
 
 
 @pytest.mark.parametrize("name, expected", [("ship-swaying", 11), ("car-city-drive", 10), ("aircraft-survey", 1)])
@@ -267,12 +208,11 @@ def test_every_message_of_every_kind_of_scenario_packs(name, expected):
     assert {kind for kind, message in made.items() if message is None} <= without_gnss | {"HIL_GPS"}
     known = {kind: message for kind, message in made.items() if message is not None and kind not in DEFINITIONS}
     assert all(received(message).get_type() == kind for kind, message in known.items())
-    assert all(checked(made[kind]) == number for kind, (number, _) in DEFINITIONS.items())
+    for kind, (number, _) in DEFINITIONS.items():
+        (frame,), _ = split(bytes(made[kind].pack(common.MAVLink(None, 1, 1))), Statistics())  # its checksum is correct
+        assert int.from_bytes(frame[7:10], "little") == number
     assert (made["HEARTBEAT"].type, made["HEARTBEAT"].autopilot) == (expected, 0)
     assert not vehicle.view.fields.saturated and not vehicle.view.fields.refused
-
-
-# --- fixes and outages ---------------------------------------------------------------------------------
 
 
 def with_receiver(**changed):
@@ -282,7 +222,7 @@ def with_receiver(**changed):
     return Vehicle(car.model_copy(update={"gnss": gnss}), rates={**SILENT, "HIL_GPS": DEFAULT_HZ["HIL_GPS"]})
 
 
-@pytest.mark.parametrize("interval, latency", [(0.05, 0.0), (0.02, 0.01), (1.0, 0.05), (0.015, 0.0)])
+@pytest.mark.parametrize("interval, latency", [(0.02, 0.01), (0.015, 0.0)])
 def test_hil_gps_is_every_fix(interval, latency):
     vehicle = with_receiver(interval_s=interval, latency_s=latency)
     times, fixes = [], []
@@ -296,13 +236,11 @@ def test_hil_gps_is_every_fix(interval, latency):
     np.testing.assert_allclose(np.diff(times), interval * 1e6, atol=1)
 
 
-@pytest.mark.parametrize("by_command", [False, True])
-def test_an_outage_is_no_fix_at_the_rate_of_the_receiver(by_command):
-    changed = {} if by_command else {"outages_s": ((5.0, 15.0),)}
-    vehicle = with_receiver(interval_s=0.5, latency_s=0.1, **changed)
+def test_an_outage_is_no_fix_at_the_rate_of_the_receiver():
+    vehicle = with_receiver(interval_s=0.5, latency_s=0.1)
     sent, status = [], []
     for sample in range(1, 4001):
-        if by_command and sample in (1000, 3000):
+        if sample in (1000, 3000):
             vehicle.set_gnss(sample == 3000)
         sent += [(vehicle.simulation.time, m) for m in vehicle.step() if m.get_type() == "HIL_GPS"]
         if sample % 200 == 0:

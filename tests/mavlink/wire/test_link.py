@@ -23,66 +23,38 @@ from insenv.mavlink.wire.streams import MOST_CLIENTS, STALLED_S
 
 UDP, TCP = socket.SOCK_DGRAM, socket.SOCK_STREAM
 
-# --- addresses -----------------------------------------------------------------------------------
-
 
 @pytest.mark.parametrize(
     ("text", "kind", "host", "port"),
     [
-        ("udpout:10.0.0.2:14550", "udpout", "10.0.0.2", 14550), ("udpin::14550", "udpin", "127.0.0.1", 14550),
-        ("udpin:14550", "udpin", "127.0.0.1", 14550), ("tcpin:0.0.0.0:0", "tcpin", "0.0.0.0", 0),
-        ("tcpout:[::1]:5760", "tcpout", "::1", 5760), ("serial:/dev/ttyUSB0:115200", "serial", "/dev/ttyUSB0", 115200),
-        ("serial:/dev/ttyUSB0", "serial", "/dev/ttyUSB0", 57600), ("serial:COM3:921600", "serial", "COM3", 921600),
+        ("udpin::14550", "udpin", "127.0.0.1", 14550),
+        ("tcpout:[::1]:5760", "tcpout", "::1", 5760),
+        ("serial:/dev/ttyUSB0", "serial", "/dev/ttyUSB0", 57600),
     ],
-)  # fmt: skip
+)
 def test_addresses(text, kind, host, port):
     address = parse_address(text)
     assert (address.kind, address.host, address.port) == (kind, host, port) and parse_address(str(address)) == address
 
 
 def test_errors_of_wrong_addresses_name_what_is_allowed():
-    for text in (
-        "", "udp:1:2", "udpout:127.0.0.1:0", "udpout:h:65536", "udpin:h:x", "udpin:::1:5", "serial:", "serial:/dev/x:0",
-        "udpout:h:-1",
-    ):  # fmt: skip
+    for text in ("udp:1:2", "udpout:127.0.0.1:0", "udpout:h:65536", "udpin:::1:5", "serial:/dev/x:0"):
         with pytest.raises(InputError, match=r"address .*(must be|written in brackets)"):
             parse_address(text)
 
 
 def test_links_that_cannot_be_opened_are_errors(opened, monkeypatch):
     port = opened("udpin:127.0.0.1:0").address.port
-    for address, options, message in (
-        (f"udpin:127.0.0.1:{port}", {}, str(port)),
-        ("udpout:no.such.host.invalid:14550", {}, "host"),
-        ("tcpin:192.0.2.1:5760", {}, r"192\.0\.2\.1"),  # not an address of this machine
-        ("udpin:127.0.0.1:0", {"system": 0}, "system 0: allowed is 1 to 255"),
-        ("serial:/dev/no-such-device:57600", {}, "does not open"),
+    for address, message in (
+        (f"udpin:127.0.0.1:{port}", str(port)),
+        ("tcpin:192.0.2.1:5760", r"192\.0\.2\.1"),  # not an address of this machine
+        ("serial:/dev/no-such-device:57600", "does not open"),
     ):
         with pytest.raises(InputError, match=message):
-            open_link(address, **options)
+            open_link(address)
     monkeypatch.setitem(__import__("sys").modules, "serial", None)
     with pytest.raises(InputError, match="needs pyserial, which is not installed"):
         open_link("serial:/dev/ttyUSB0:57600")
-
-
-# --- UDP -----------------------------------------------------------------------------------------
-
-
-def test_udp_in_both_directions(opened):
-    vehicle = opened("udpin:127.0.0.1:0")
-    ground = opened(f"udpout:127.0.0.1:{vehicle.address.port}", system=255, component=190)
-    assert vehicle.peers == () and len(ground.peers) == 1
-    vehicle.send(heartbeat())  # without a peer
-    frame = ground.send(ping(7))
-    assert frame[0] == 0xFD and frame[4:7] == bytes((0, 255, 190))
-    ((peer, got),) = until(vehicle, bool)
-    assert got.get_type() == "PING" and got.time_usec == 7 and (got.get_srcSystem(), got.get_srcComponent()) == (255, 190)
-    assert vehicle.peers == (peer,) and (peer.system, peer.component, peer.received) == (255, 190, 1)
-    vehicle.send(heartbeat())
-    vehicle.send_to(peer, ping(7))
-    back = [message for _, message in until(ground, lambda got: len(got) == 2)]
-    assert [message.get_type() for message in back] == ["HEARTBEAT", "PING"]
-    assert back[1].get_seq() == back[0].get_seq() + 1
 
 
 def test_each_peer_and_the_log_have_consecutive_sequence_numbers(opened):
@@ -123,23 +95,9 @@ def test_udpout_survives_a_client_that_comes_and_goes_and_hears_it_only(opened, 
     assert [message.get_seq() for _, message in until(vehicle, bool)] == [9]
 
 
-def test_peers_expire_and_come_back(opened):
+def test_numbers_of_peers_and_strangers_are_limited_and_present_peers_stay_until_they_expire(opened, sockets):
     clock = Clock()
     vehicle = opened("udpin:127.0.0.1:0", clock=clock)
-    ground = opened(f"udpout:127.0.0.1:{vehicle.address.port}", system=255)
-    ground.send(heartbeat())
-    until(vehicle, bool)
-    clock.now += EXPIRY_S - 1
-    assert vehicle.receive() == [] and len(vehicle.peers) == 1
-    clock.now += 2
-    assert vehicle.receive() == [] and vehicle.peers == ()
-    ground.send(heartbeat())
-    until(vehicle, bool)
-    assert len(vehicle.peers) == 1
-
-
-def test_numbers_of_peers_and_strangers_are_limited_and_present_peers_stay(opened, sockets):
-    vehicle = opened("udpin:127.0.0.1:0")
     clients = [sockets(to=vehicle.address.port) for _ in range(MOST_PEERS + 3)]
     for client in clients:
         client.send(frame_of(heartbeat()))
@@ -151,8 +109,14 @@ def test_numbers_of_peers_and_strangers_are_limited_and_present_peers_stay(opene
         vehicle.receive()
     assert vehicle.peers == there
     assert len(vehicle._peers) <= MOST_PEERS + MOST_STRANGERS
+    clock.now += EXPIRY_S - 1
     clients[0].send(frame_of(heartbeat()))
     assert until(vehicle, bool)[0][0] is there[0]
+    clock.now += 2
+    assert vehicle.receive() == [] and vehicle.peers == there[:1]
+    clients[-1].send(frame_of(heartbeat()))
+    until(vehicle, bool)
+    assert len(vehicle.peers) == 2
 
 
 def test_invalid_datagrams_are_counted_and_make_no_peer(opened, sockets):
@@ -162,7 +126,7 @@ def test_invalid_datagrams_are_counted_and_make_no_peer(opened, sockets):
     broken[-1] ^= 1
     newer[2] = 0x02  # an unknown incompatibility flag
     unknown = bytes((0xFD, 0, 0, 0, 0, 1, 1, 0xFF, 0xFF, 0x7F, 0, 0))  # an unknown message
-    for piece in (b"", b"hello", bytes(broken), bytes(300), good * (LARGEST // len(good) + 1), bytes(newer), unknown):
+    for piece in (b"", b"hello", bytes(broken), good * (LARGEST // len(good) + 1), bytes(newer), unknown):
         stranger.send(piece)
     stranger.send(frame_of(heartbeat(), 0, 3, 1))  # our own, returned: no command
     time.sleep(0.02)
@@ -171,22 +135,6 @@ def test_invalid_datagrams_are_counted_and_make_no_peer(opened, sockets):
     assert (counts.wrong_checksum, counts.oversized, counts.reflected) == (1, 1, 1) and counts.unknown >= 2
     stranger.send(frame_of(heartbeat(), 1, 3, 2))  # another component of the vehicle
     assert [message.get_seq() for _, message in until(vehicle, bool)] == [1]
-
-
-def test_a_truncated_datagram_affects_neither_the_next_nor_another_peer(opened, sockets):
-    vehicle = opened("udpin:127.0.0.1:0")
-    one, other = sockets(to=vehicle.address.port), sockets(to=vehicle.address.port)
-    whole = frame_of(m.MAVLink_ping_message(2**60, 5, 6, 7))
-    for cut in range(1, len(whole)):
-        one.send(whole[:cut])
-        other.send(whole[cut:])
-        one.send(frame_of(heartbeat()))
-        other.send(frame_of(heartbeat()) + frame_of(heartbeat(), 1))
-        assert len(until(vehicle, lambda got: len(got) == 3)) == 3
-    assert vehicle.statistics.received_messages == 3 * (len(whole) - 1)
-
-
-# --- TCP -----------------------------------------------------------------------------------------
 
 
 def test_tcp_frames_in_single_bytes_and_with_a_lost_byte(opened, sockets):
@@ -208,7 +156,7 @@ def test_tcp_frames_in_single_bytes_and_with_a_lost_byte(opened, sockets):
 
 def test_tcp_clients_come_and_go_and_their_number_is_limited(opened, sockets):
     vehicle = opened("tcpin:127.0.0.1:0")
-    for _ in range(3):
+    for _ in range(2):
         client = sockets(TCP, to=vehicle.address.port)
         client.sendall(frame_of(heartbeat()))
         until(vehicle, bool)
@@ -272,7 +220,7 @@ def test_a_tcp_client_that_does_not_read_delays_no_other(opened, sockets):
     assert used == len(read) and check.skipped_bytes == 0 and len(frames) == slow_peer.sent and len(frames[0]) <= LONGEST
     assert len(split(bytes(drained(vehicle, good, got)), check)[0]) == count == good_peer.sent and check.skipped_bytes == 0
     # a client that reads nothing for long is disconnected
-    while not slow_peer.dropped > 1000:
+    while slow_peer.dropped <= 1000:
         vehicle.send(message)
     clock.now += 2 * STALLED_S
     vehicle.send_to(good_peer, heartbeat())
@@ -307,15 +255,10 @@ def test_a_serial_line(opened):
     try:
         tty.setraw(near)
         vehicle = opened(f"serial:{os.ttyname(near)}:115200")
-        sent = b"".join(vehicle.send(ping(i)) for i in range(5))
+        sent = vehicle.send(ping(0))
         vehicle.receive()
-        read = b""
-        while len(read) < len(sent):
-            read += os.read(far, 4096)
-        assert read == sent
-        data = frame_of(heartbeat()) + frame_of(ping(3), 1)
-        os.write(far, data[:25])
-        os.write(far, data[25:])
+        assert os.read(far, 4096) == sent
+        os.write(far, frame_of(heartbeat()) + frame_of(ping(3), 1))
         assert [message.get_type() for _, message in until(vehicle, lambda got: len(got) == 2)] == ["HEARTBEAT", "PING"]
         while not vehicle.statistics.dropped_frames:  # nobody reads
             vehicle.send(heartbeat())
@@ -323,9 +266,6 @@ def test_a_serial_line(opened):
     finally:
         os.close(far)
         os.close(near)
-
-
-# --- floods --------------------------------------------------------------------------------------
 
 
 class Numbered:
@@ -368,17 +308,15 @@ def test_five_megabytes_of_random_bytes(kind, opened, sockets):
     assert heard == 0
 
 
-@pytest.mark.parametrize("seconds", [1, pytest.param(10, marks=pytest.mark.slow)])
-def test_a_flood_of_10000_commands_a_second_does_not_stop_the_stream(seconds, opened, sockets):
+def test_a_flood_of_10000_commands_a_second_does_not_stop_the_stream(opened, sockets):
     stream = Numbered(opened, "udp")
     flooder = sockets(to=stream.vehicle.address.port)
     arm = m.MAVLink_command_long_message(1, 1, 512, 0, 1, 0, 0, 0, 0, 0, 0)
-    commands = [frame_of(arm, i, 254) for i in range(256)]
-    flooded, asked, answered = 0, 0, 0
-    for tick in range(200 * seconds):
-        for _ in range(50):
-            flooder.send(commands[flooded % 256])
-            flooded += 1
+    commands = [frame_of(arm, i, 254) for i in range(50)]
+    asked, answered = 0, 0
+    for tick in range(200):
+        for number in range(50):
+            flooder.send(commands[number])
         if tick % 20 == 0:
             stream.ground.send(heartbeat())
             asked += 1

@@ -1,6 +1,5 @@
 """Signing: pymavlink and insenv accept each other's signatures, and every known attack is tried."""
 
-import itertools
 import os
 import time
 from pathlib import Path
@@ -10,8 +9,7 @@ from pymavlink.dialects.v20 import common as m
 from streamed_vehicle import Clock, heartbeat, until
 
 from insenv.errors import InputError
-from insenv.mavlink.wire import Signing, Statistics
-from insenv.mavlink.wire.frames import split
+from insenv.mavlink.wire import Signing
 from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, LEAD_TICKS, TICKS_PER_S, Verdict, read_key
 
 KEY, OTHER_KEY = bytes(range(32)), bytes(range(1, 33))
@@ -54,14 +52,6 @@ class Ground:
         return self.frame()
 
 
-def reader_of(key=KEY, at_s=NOW_S):
-    """A pymavlink parser that checks signatures."""
-    their = m.MAVLink(None)
-    their.signing.secret_key = key
-    their.signing.timestamp = ticks(at_s)
-    return their
-
-
 @pytest.fixture
 def clock():
     return Clock(NOW_S)
@@ -83,29 +73,20 @@ def key_in(path, content, mode=0o600):
     return path
 
 
-# --- the key -------------------------------------------------------------------------------------
-
-
 def test_keys_are_read(tmp_path):
     for content in (KEY, KEY.hex().encode(), KEY.hex().upper().encode() + b"\n"):
         assert read_key(key_in(tmp_path / "key", content)) == KEY
-    for content in (b"", KEY[:31], KEY + b"\n", KEY.hex().encode()[:63], b"z" * 64, KEY.hex().encode() * 2):
+    for content in (b"", KEY[:31], KEY + b"\n", b"z" * 64):
         with pytest.raises(InputError, match=f"{len(content)} bytes; must be 32 bytes or 64 hex digits"):
             read_key(key_in(tmp_path / "key", content))
-    for path, message in (
-        (key_in(tmp_path / "key", bytes(32)), "all zero"),
-        (tmp_path / "none", "file not found"),
-        (tmp_path, r"regular file|cannot be read"),
-    ):
+    for path, message in ((key_in(tmp_path / "key", bytes(32)), "all zero"), (tmp_path / "none", "file not found")):
         with pytest.raises(InputError, match=message):
             read_key(path)
-    with pytest.raises(InputError, match="5 bytes, must be 32"):
-        Signing(b"short")
 
 
 @POSIX
 def test_only_the_owner_may_read_or_write_the_key_and_the_file_of_times(tmp_path, key_file):
-    for mode in (0o640, 0o604, 0o620, 0o602, 0o610, 0o644, 0o777):
+    for mode in (0o640, 0o604, 0o620, 0o602):
         with pytest.raises(InputError, match=f"{mode:04o}.*chmod 600"):
             read_key(key_in(tmp_path / "key", KEY, mode))
     key_file.chmod(0o400)
@@ -114,24 +95,12 @@ def test_only_the_owner_may_read_or_write_the_key_and_the_file_of_times(tmp_path
     assert Path(f"{key_file}.times").stat().st_mode & 0o077 == 0
 
 
-@POSIX
-@pytest.mark.skipif(os.name == "posix" and os.geteuid() == 0, reason="root may write anywhere")
-def test_an_unwritable_folder(key_file):
-    key_file.parent.chmod(0o500)
-    try:
-        with pytest.raises(InputError, match="cannot be written"):
-            Signing.from_key_file(key_file)
-    finally:
-        key_file.parent.chmod(0o700)
-
-
-# --- attacks -------------------------------------------------------------------------------------
-
-
 def test_pymavlink_accepts_our_signatures_and_we_accept_its(opened):
     vehicle = opened("udpin:127.0.0.1:0", signing=Signing(KEY))
     ground = opened(f"udpout:127.0.0.1:{vehicle.address.port}", signing=Signing(KEY, link=3), system=255, component=190)
-    their, signing, mine = reader_of(at_s=time.time()), Signing(KEY), Ground(at_s=time.time())
+    their, signing, mine = m.MAVLink(None), Signing(KEY), Ground(at_s=time.time())
+    their.signing.secret_key = KEY
+    their.signing.timestamp = ticks(time.time())
     for _ in range(300):  # past a sequence of 256
         assert their.decode(bytearray(vehicle.send(heartbeat()))).get_signed()
         assert signing.verify(mine.frame()) is GOOD
@@ -145,57 +114,28 @@ def test_unsigned_and_wrongly_signed_commands(signing):
     assert signing.verify(unsigned()) is Verdict.UNSIGNED
     assert signing.verify(command().pack(m.MAVLink(None, srcSystem=255), force_mavlink1=True)) is Verdict.UNSIGNED
     assert signing.verify(Ground(OTHER_KEY).frame()) is WRONGLY_SIGNED
-    for at in range(10, len(good)):  # payload, checksum, link, time, hash
+    for at in range(4, len(good)):  # sequence, system, component, payload, checksum, link, time, hash
         broken = bytearray(good)
         broken[at] ^= 1
         assert signing.verify(bytes(broken)) is WRONGLY_SIGNED
     assert signing.verify(good) is GOOD
 
 
-def rechecked(frame, end):
-    """The frame with a right checksum at `end`."""
-    checksum = m.x25crc(bytes(frame[1:end]) + bytes((m.MAVLink_command_long_message.crc_extra,))).crc
-    return bytes(frame[:end]) + checksum.to_bytes(2, "little") + bytes(frame[end + 2 :])
-
-
-def test_a_removed_signature_and_a_frame_moved_to_another_stream(signing):
-    """Without signature and flag the checksum is wrong, corrected the frame is unsigned; moved frames need the key."""
-    good = Ground().frame()
-    cut = bytearray(good[:-13])
-    cut[2] = 0
-    assert split(bytes(cut), Statistics())[0] == []
-    (frame,) = split(rechecked(cut, len(cut) - 2), Statistics())[0]
-    assert signing.verify(frame) is Verdict.UNSIGNED
-    for at in (5, 6, len(good) - 13):  # system, component, link
-        moved = bytearray(good)
-        moved[at] = 7
-        moved = rechecked(moved, len(good) - 15)
-        assert split(moved, Statistics())[0] == [moved] and signing.verify(moved) is WRONGLY_SIGNED
-
-
-def test_one_forged_frame_does_not_lock_the_genuine_sender_out(signing, clock):
+@pytest.mark.parametrize("first", [True, False])
+def test_forged_frames_lock_no_genuine_sender_out_and_change_neither_our_time_nor_the_file(key_file, clock, first):
     """The fault of pymavlink 2.4: it stores a frame's time before it checks the hash."""
-    ground = Ground()
-    assert signing.verify(ground.frame()) is GOOD
-    forged = bytearray(ground.at(NOW_S + 30 * 365 * 86400))
-    forged[-1] ^= 1
-    for _ in range(3):
-        assert signing.verify(bytes(forged)) is WRONGLY_SIGNED
+    signing, ground = Signing.from_key_file(key_file, clock=clock), Ground()
+    if first:
+        assert signing.verify(ground.frame()) is GOOD
+    before = Path(f"{key_file}.times").read_bytes()
+    for ahead in (3600, 30 * 365 * 86400):
+        forger = Ground(OTHER_KEY, NOW_S + ahead)
+        for system in range(1, 256):
+            forger.mav.srcSystem = system
+            assert signing.verify(forger.frame()) is WRONGLY_SIGNED
+    assert Path(f"{key_file}.times").read_bytes() == before
+    assert time_of(signing.signed(unsigned())) <= ticks(NOW_S) + 1
     assert signing.verify(ground.at(NOW_S + 0.1)) is GOOD
-    fresh = Signing(KEY, clock=clock)  # nor before the first genuine frame
-    assert fresh.verify(bytes(forged)) is WRONGLY_SIGNED and fresh.verify(Ground().frame()) is GOOD
-
-
-def test_forged_frames_change_neither_our_time_nor_the_file(key_file, clock):
-    signing = Signing.from_key_file(key_file, clock=clock)
-    marks = Path(f"{key_file}.times")
-    signing.verify(Ground().frame())
-    before = marks.read_bytes()
-    forger = Ground(OTHER_KEY, NOW_S + 3600)
-    for system in range(1, 255):
-        forger.mav.srcSystem = system
-        assert signing.verify(forger.frame()) is WRONGLY_SIGNED
-    assert marks.read_bytes() == before and time_of(signing.signed(unsigned())) <= ticks(NOW_S) + 1
 
 
 def test_replayed_late_and_reflected_frames(signing, clock):
@@ -211,8 +151,7 @@ def test_replayed_late_and_reflected_frames(signing, clock):
     assert signing.verify(signing.signed(bytes(own)), own=(1, 1)) is Verdict.REFLECTED
 
 
-def test_other_streams_and_their_first_frames(signing):
-    """Each system and each link number has its own time."""
+def test_each_system_and_each_link_number_has_its_own_time(signing):
     given = [{"at_s": NOW_S - 61}, {"at_s": NOW_S - 59}, {"at_s": NOW_S - 30, "system": 254}, {"at_s": NOW_S - 40, "link": 1}]
     verdicts = [signing.verify(Ground(**each).frame()) for each in (*given, {"at_s": NOW_S - 59.5})]
     assert verdicts == [STALE, GOOD, GOOD, GOOD, REPLAYED]
@@ -233,7 +172,9 @@ def test_a_sender_with_a_wrong_clock_locks_nobody_out_not_even_itself(key_file, 
     assert time_of(signing.signed(unsigned())) <= ticks(clock.now) + LEAD_TICKS + 1
 
 
-def test_our_times_follow_the_clock_and_always_increase(signing, clock):
+def test_our_times_follow_the_clock_and_always_increase(key_file, clock):
+    signing = Signing.from_key_file(key_file, clock=clock)
+
     def ours():
         return time_of(signing.signed(unsigned()))
 
@@ -245,6 +186,8 @@ def test_our_times_follow_the_clock_and_always_increase(signing, clock):
     # a ground tool whose clock is ahead would reject our first frame: our times follow it
     assert signing.verify(Ground(at_s=NOW_S + 3600).frame()) is GOOD
     assert ours() == ticks(NOW_S + 3600) + 1
+    # nor is a time used twice after a crash
+    assert time_of(Signing.from_key_file(key_file, clock=clock).signed(unsigned())) > ticks(NOW_S + 3600) + 1
 
 
 def test_streams_are_bounded_and_old_ones_make_room(monkeypatch, key_file, clock):
@@ -284,9 +227,6 @@ def test_the_file_is_written_once_a_second_for_any_number_of_streams(key_file, m
     assert {crashed.verify(frame) for frame in believed} == {REPLAYED}
 
 
-# --- restarts ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("orderly", [True, False])
 def test_nothing_is_accepted_twice_across_a_restart(key_file, orderly, clock):
     ground, believed = Ground(), []
@@ -305,19 +245,7 @@ def test_nothing_is_accepted_twice_across_a_restart(key_file, orderly, clock):
     assert len(believed) == 120 if orderly else len(believed) > 70
 
 
-def test_no_signing_time_is_used_twice_even_if_the_clock_is_set_back(key_file, clock):
-    times = []
-    for _ in range(3):
-        signing = Signing.from_key_file(key_file, clock=clock)
-        times += [time_of(signing.signed(unsigned())) for _ in range(50)]
-        clock.now -= 600
-    assert all(a < b for a, b in itertools.pairwise(times))
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "{}", '{"own": 1, "streams": []}', '{"own": -1, "streams": {}}', '{"own": 1, "streams": {"1 2": 3}}', "\xff"],
-)
+@pytest.mark.parametrize("text", ["", '{"own": -1, "streams": {}}', '{"own": 1, "streams": {"1 2": 3}}', "\xff"])
 def test_a_broken_file_of_times_is_refused(key_file, text):
     Path(f"{key_file}.times").write_text(text, encoding="latin-1")
     with pytest.raises(InputError, match="not a valid file of signing times"):
