@@ -59,7 +59,7 @@ def still_car(grade):
 
 @pytest.mark.parametrize(
     ("grade", "assumed"),
-    [("marine", "tactical"), ("tactical", "industrial"), ("consumer", "consumer"), ("perfect", "consumer")],
+    [("marine", "tactical"), ("consumer", "consumer"), ("perfect", "consumer")],
 )
 def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
     log = simulated_log(still_car(grade), duration_s=25.0, initial={"static_until_s": 25.0})
@@ -72,9 +72,3 @@ def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
     if grade != "perfect":
         assert taken.angle_random_walk == pytest.approx(float(np.max(own["angle_random_walk"])), rel=0.3)
         assert taken.velocity_random_walk == pytest.approx(float(np.max(own["velocity_random_walk"])), rel=0.3)
-
-
-def test_a_grade_of_the_log_is_used_as_it_is():
-    log = simulated_log(still_car("tactical"), duration_s=5.0, grade="tactical")
-    assert log.assumed is None
-    assert log.sensors(in_place=True).gyro_bias_sigma < 2 * np.radians(4.5) / 3600
