@@ -10,14 +10,10 @@ from scipy.stats import binom
 from sensor_plant import CHANCE, assert_gauss_markov, assert_mean, assert_variance, plant, simulate, starts
 
 from insenv.sensors import imu_grade
-from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
-from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 
 
-def test_operations_are_exact_and_rows_have_names_of_their_own() -> None:
+def test_operations_are_exact() -> None:
     assert not any(inexact_operations(function) for function in plant().functions.values())
-    names = IMU_PARAMETERS.names + IMU_STATE.names + GNSS_PARAMETERS.names + GNSS_STATE.names
-    assert len(set(names)) == len(names), "an FMU has one name space"
 
 
 def test_the_output_of_a_perfect_imu_is_the_truth_to_the_last_bit() -> None:

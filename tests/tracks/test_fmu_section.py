@@ -23,7 +23,7 @@ def car():
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
-    return insenv.export_fmu(car(), tmp_path_factory.mktemp("fmu") / "car.fmu")
+    return insenv.export_fmu(car(), tmp_path_factory.mktemp("fmu") / "car.fmu", fmi=3)
 
 
 @pytest.fixture(scope="module")

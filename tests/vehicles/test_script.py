@@ -48,13 +48,3 @@ def test_commands_of_vehicles_that_fly(name: str, start: dict, command: dict, ve
         runner.advance({"command_bank": 0.3, "command_speed": 90.0, "command_valid": 1.0})
         runner.run(1000, every=0)
         assert runner.state["bank"] == pytest.approx(0.3, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", ["under way", "car", "aircraft"])
-def test_no_command_makes_a_speed_negative(name: str) -> None:
-    model = plant(name)
-    runner = make_runner(model, {"sample_interval": 0.02, "start_speed": 20.0})
-    commands = np.random.default_rng(0).uniform(-30, 30, (3000, model.inputs.size))
-    commands[:, model.inputs.slice("command_valid")] = np.repeat(np.random.default_rng(1).random(30) > 0.5, 100)[:, None]
-    speeds = model.outputs.unpack(runner.run(3000, commands))["speed"]
-    assert np.isfinite(speeds).all() and speeds.min() > -1e-12

@@ -1,7 +1,6 @@
 """The surroundings of a moored ship: a steered sea, and a passing wave."""
 
 import numpy as np
-import pytest
 
 import insenv
 from insenv.core.runner import make_runner
@@ -13,9 +12,8 @@ def steered(name, **further):
     return {**values, **further, "vehicle": {**values["vehicle"], "steered_sea": True}}
 
 
-@pytest.mark.parametrize("name", ["ship-swaying", "ship-irregular-sea"])
-def test_without_commands_the_run_is_the_same_to_the_bit(name):
-    plain, other = build(load(name), duration_s=4.0), build(load(steered(name)), duration_s=4.0)
+def test_without_commands_the_run_is_the_same_to_the_bit():
+    plain, other = (build(load(given), duration_s=4.0) for given in ("ship-irregular-sea", steered("ship-irregular-sea")))
     shown, same = (make_runner(plant.model, plant.parameters).run(plant.samples) for plant in (plain, other))
     assert other.model.inputs.size == 3 and shown.tobytes() == same.tobytes()
 
