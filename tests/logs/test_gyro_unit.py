@@ -3,10 +3,7 @@
 import pytest
 from places import ROOT
 
-import insenv
 from insenv.logs import load
-from insenv.logs.gyro_unit import turn_notes
-from insenv.scenario import load as load_scenario
 
 PLAIN = ROOT / "examples" / "logs"
 
@@ -40,13 +37,3 @@ def test_a_rate_at_rest_that_the_data_sheet_does_not_allow(tmp_path):
     (note,) = notes(tmp_path, *without, ('"deg/s"', '"rad/s"'))
     assert "deg/h at rest" in note and "15 deg/h" in note and "check gyro_unit" in note
     assert notes(tmp_path, *without, ('"deg/s"', '"rad/s"'), ('grade = "tactical"', "")) == []  # nothing is known of the unit
-
-
-@pytest.mark.parametrize(("scenario", "seed"), [("ship-at-sea", 1), ("car-city-drive", 0)])
-def test_waves_and_rocking_do_not_show_a_wrong_unit(tmp_path, scenario, seed):
-    """The course of the antenna swings with the waves; a ship or a car that stands rocks faster than the Earth."""
-    values = {**load_scenario(scenario).model_dump(exclude_unset=True), "imu": {"grade": "navigation"}}
-    log = insenv.record(values, seed=seed, duration_s=60.0)
-    assert log.gnss is None or turn_notes(log, log.gnss) == []
-    path, *_ = insenv.write(log, tmp_path, ["log"], name="drive")
-    assert not any("imu: the gyros" in note for note in load(path).notes)

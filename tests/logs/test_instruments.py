@@ -1,7 +1,4 @@
-"""Aiding instruments in recorded logs: columns of text files in their units, and the samples that they belong to.
-
-What estimators are told of them, and written logs to the bit: tests/export/test_simulated.py.
-"""
+"""Aiding instruments in recorded logs: columns of text files in their units, and the samples that they belong to."""
 
 import numpy as np
 import pytest

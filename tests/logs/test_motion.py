@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from places import ROOT
 from text_logs import TOML
 
 from insenv import geodesy, replay
@@ -68,13 +67,3 @@ def test_an_alignment_in_place_is_refused_on_a_vehicle_that_travels(velocity, tm
     assert abs(result.outputs["velocity_n"][-1, 0] - 20.0) < 0.5
     path.write_text(path.read_text().replace('title = "test"', 'title = "test"\nstop_s = 19.0'))
     assert replay(path, "q-method").results[0].outputs["q_nb"].shape[1] == 4
-
-
-def test_the_real_car_stands_until_it_drives_and_is_not_aligned_in_place_after_that(tmp_path):
-    text = (ROOT / "examples" / "n380-car.toml").read_text()
-    path = tmp_path / "car.toml"
-    path.write_text(text.replace("static_until_s = 160.0", "# static_until_s = 160.0"))
-    log = load(path)
-    assert log.description.initial.static_until_s == pytest.approx(161.0, abs=1.3)
-    with pytest.raises(InputError, match="aligns a vehicle in place"):
-        replay(log, "q-method")

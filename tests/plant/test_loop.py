@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from insenv.core.model import Step, derived
+from insenv.core.model import derived
 from insenv.core.runner import make_runner
-from insenv.core.tables import Table
-from insenv.errors import InputError
 from insenv.estimators import get, registered
 from insenv.plant import loop_model
 from insenv.plant.feeding import input_rows
@@ -76,23 +74,3 @@ def test_conditions_on_inputs_that_the_plant_lacks_are_resolved_when_the_model_i
     assert loop_model(plant, always).steps["estimator_fix"].when is None
     driving = build(load("car-city-drive")).model
     assert loop_model(driving, ecef_kf).steps["estimator_fix"].when == "gnss_valid"
-
-
-def test_the_plants_inputs_are_kept():
-    plant = build(load("car-city-drive")).model
-    model = loop_model(plant, get("loosely-coupled").model)
-    assert model.inputs == plant.inputs
-    assert [k for k, s in model.steps.items() if s.uniforms] == [k for k, s in plant.steps.items() if s.uniforms]
-    assert list(model.steps)[: len(plant.steps)] == list(plant.steps)  # the places of the streams of random numbers
-
-
-def test_an_estimator_that_does_not_fit_is_an_error():
-    plant, estimator = build(load("ship-swaying")).model, get("q-method").model
-    random = replace(
-        estimator,
-        parameters=estimator.parameters + Table((plant.parameters["seed"],)),
-        state=estimator.state + Table((plant.state["step"],)),
-        steps={"sample": Step(lambda p, x, u, r: {"time": r[0]}, uniforms=1)},
-    )
-    with pytest.raises(InputError, match="random"):
-        loop_model(plant, random)

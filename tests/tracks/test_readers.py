@@ -41,10 +41,6 @@ def test_results_and_logs_are_tracks(tmp_path):
     time, shown = truth_of(loaded, 60.0)
     again = np.interp(time + reference.time[0], reference.time, reference.longitude)
     assert 6.37e6 * np.abs(shown["longitude"].ravel() - again).max() < 0.2
-    report = insenv.replay(PLAIN / "plain.toml", "velocity-integration")
-    (npz, *_) = write_files(report, OutputFolder(tmp_path / "replay"), figure=False).paths
-    with pytest.raises(InputError, match=r"a replay has no truth.*allowed is the result of a simulated run, or the log itself"):
-        scenario(npz)
 
 
 def test_the_data_of_a_log_are_part_of_its_fingerprint(tmp_path):

@@ -5,8 +5,6 @@ import pytest
 from closed_track import truth_of
 
 import insenv
-from insenv.campaigns.plan import make_plan
-from insenv.campaigns.variation import variation_of, varied
 from insenv.errors import InputError
 
 PLACES = [
@@ -70,18 +68,6 @@ def test_a_plan_across_the_date_line():
     times = np.linspace(0.0, shape.duration_s, 500)
     assert np.abs(4.5e6 * shape.spline.at(times, 1)[:, 1]).max() < 16.0
     assert 4.5e6 * (shape.spline.at(times)[-1, 1] - shape.spline.at(times)[0, 1]) == pytest.approx(788.0, abs=5.0)
-
-
-def test_runs_with_varied_plans_last_as_long_as_the_shortest():
-    key, limits = "vehicle.waypoints.1.speed_mps", (8.0, 12.0)
-    loaded = scenario(imu={"grade": "tactical"}, gnss={"grade": "spp"})
-    plan = make_plan(loaded, "loosely-coupled", 3, variations=[variation_of(key, limits)])
-    lasting = [plant.scenario.vehicle.lasts_s for plant in plan.plants(range(3))]
-    assert len(set(lasting)) > 1
-    fastest = varied(loaded.stated(), {key: limits[1]})
-    assert plan.duration_s == insenv.load(fastest).duration_s < min(lasting) < max(lasting)
-    with pytest.raises(InputError, match=r"duration_s = .* s: allowed is up to .* s, the duration of the track"):
-        make_plan(loaded, "loosely-coupled", 3, duration_s=loaded.duration_s, variations=[variation_of(key, limits)])
 
 
 def test_a_plan_that_is_to_be_met_stands_at_its_end():

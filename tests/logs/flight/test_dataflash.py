@@ -8,7 +8,6 @@ from flight_writers import DataflashWriter
 from insenv import replay
 from insenv.errors import InputError
 from insenv.logs import load
-from insenv.logs.units import standard_height
 
 REST = (0.0, 0.0, 0.0, 0.0, 0.0, -9.8)
 
@@ -79,12 +78,6 @@ def test_instruments_and_an_offset_of_the_fixes(tmp_path):
     np.testing.assert_allclose(found["magnetometer"], np.tile([2e-5, -1e-6, 4.4e-5], (100, 1)), rtol=1e-9)
     # the pressure, not the height above the place of arming; ICAO Doc 7488: 540.3 m at 950 hPa
     np.testing.assert_allclose(found["barometer"], 540.3, atol=0.2)
-
-
-def test_heights_of_the_standard_atmosphere():
-    """Tables of ICAO Doc 7488 by geopotential height, as geometric heights."""
-    heights = standard_height(np.array([101_325.0, 89_874.6, 26_436.3, 0.0]))
-    np.testing.assert_allclose(heights, [0.0, 1000.157, 10_015.76, np.nan], atol=0.2)
 
 
 def test_gaps_twice_out_of_order_and_restarts(tmp_path):

@@ -89,16 +89,3 @@ def test_files_cut_anywhere_or_garbled_end_in_words(kind, tmp_path):
     packed = path.with_suffix(f".{kind}.gz")
     packed.write_bytes(gzip.compress(whole))
     assert len(load(packed).imu_time) == 400
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ('flight = "a.log"', "must end in .tlog"),
-        ('flight = "a.tlog"\ngnss_delay_s = 0.25', "gnss_delay_s = 0.25 s: .* write gnss_time_offset_s = -0.25"),
-    ],
-)
-def test_wrong_descriptions(text, said, tmp_path):
-    (tmp_path / "log.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=said):
-        load(tmp_path / "log.toml")
