@@ -80,9 +80,6 @@ def test_a_track_of_one_hertz_does_not_ring(tmp_path):
     apart = shown["velocity_n"] - np.column_stack([np.interp(when, time, true["velocity_n"][:, k]) for k in range(3)])
     inner = (at > 3.0) & (at < 112.0)
     assert np.sqrt(np.mean(apart[inner, :2] ** 2)) < 0.15
-    resting = np.interp(when, time, (np.hypot(*true["velocity_n"][:, :2].T) > 0.01).astype(float)) == 0.0
-    settled = resting & inner & ~np.isin(np.arange(len(at)), np.flatnonzero(~resting)[:, None] + np.arange(-150, 151))
-    assert settled.any() and np.abs(apart[settled, :2]).max() < 0.1
     ours = np.linalg.norm(np.gradient(shown["velocity_n"][:, :2], at, axis=0), axis=1)[inner]
     theirs = np.linalg.norm(np.gradient(true["velocity_n"][:, :2], time, axis=0), axis=1)
     assert ours.max() < 1.3 * theirs.max()
