@@ -11,8 +11,8 @@ import numpy as np
 class DataflashWriter:
     """ArduPilot dataflash: FMT messages, then records of a head, a number and packed fields."""
 
-    CODES = {"b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "q": "q", "Q": "Q", "f": "f", "d": "d", "N": "16s"}
-    SCALED = {"c": ("h", 100), "C": ("H", 100), "e": ("i", 100), "E": ("I", 100), "L": ("i", 1e7)}
+    CODES = {"B": "B", "h": "h", "H": "H", "I": "I", "Q": "Q", "f": "f", "N": "16s"}
+    SCALED = {"c": ("h", 100), "C": ("H", 100), "e": ("i", 100), "L": ("i", 1e7)}
 
     STANDARD = {
         "IMT": ("QBfffffffff", "TimeUS,I,DelT,DelvT,DelaT,DelAX,DelAY,DelAZ,DelVX,DelVY,DelVZ"),
@@ -32,17 +32,14 @@ class DataflashWriter:
         self.data = bytearray()
         self.kinds: dict[str, tuple[int, str, list[tuple[str, float | None]]]] = {}
         self._define("FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 0x80, 89)
-        for name in names:
-            self.define(name, *self.STANDARD[name])
-
-    def define(self, name: str, form: str, columns: str) -> None:
-        number = 0x20 + len(self.kinds)
-        codes: list[tuple[str, float | None]] = [
-            self.SCALED[letter] if letter in self.SCALED else (self.CODES[letter], None) for letter in form
-        ]
-        packed = "<" + "".join(code for code, _ in codes)
-        self.kinds[name] = number, packed, codes
-        self._define(name, form, columns, number, 3 + struct.calcsize(packed))
+        for number, name in enumerate(names, start=0x20):
+            form, columns = self.STANDARD[name]
+            codes: list[tuple[str, float | None]] = [
+                self.SCALED[letter] if letter in self.SCALED else (self.CODES[letter], None) for letter in form
+            ]
+            packed = "<" + "".join(code for code, _ in codes)
+            self.kinds[name] = number, packed, codes
+            self._define(name, form, columns, number, 3 + struct.calcsize(packed))
 
     def _define(self, name: str, form: str, columns: str, number: int, length: int) -> None:
         body = struct.pack("<BB4s16s64s", number, length, name.encode(), form.encode(), columns.encode())

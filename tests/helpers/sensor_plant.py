@@ -51,9 +51,7 @@ def _instant(p: Any, x: Any) -> tuple[Any, Any, Any]:
     return x.rate_eb_b, x.rate_change_b, x.acceleration_n
 
 
-def simulate(
-    n: int, parameters: dict[str, Any], truth: dict[str, Any] | None = None, backend: str | None = None, of: str = ""
-) -> dict[str, Any]:
+def simulate(n: int, parameters: dict[str, Any], truth: dict[str, Any] | None = None, of: str = "") -> dict[str, Any]:
     """Simulate n samples; truth by row name, constant or with a leading axis of n. Returns outputs by row name, (n, ...).
 
     of: an instrument, which measures every sample of `DT`; by default inertial unit and receiver, which gives no fix.
@@ -64,7 +62,7 @@ def simulate(
     for name, value in {**LEVEL, **(truth or {})}.items():
         value = np.asarray(value, dtype=float)
         inputs[:, model.inputs.slice(f"set_{name}")] = value.reshape(n, -1) if value.ndim > len(TRUTH[name]) else value
-    outputs = make_runner(model, rows | parameters, backend).run(n, inputs)
+    outputs = make_runner(model, rows | parameters).run(n, inputs)
     assert np.isfinite(outputs).all()
     return model.outputs.unpack(outputs)
 

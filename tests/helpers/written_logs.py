@@ -11,8 +11,7 @@ from insenv.export import log_tables
 from insenv.export.toml_text import toml_text
 from insenv.scenario import load, parse
 
-LEVER_ARM_M = (-1.2, 0.3, -1.0)
-AGE_S = 0.05
+LEVER_ARM_M = [-1.2, 0.3, -1.0]
 
 
 def written_log(
@@ -20,27 +19,23 @@ def written_log(
     *,
     unit: str = "tactical",
     receiver: str = "rtk",
-    seed: int = 1,
     duration_s: float = 240.0,
     grade: str = "tactical",
-    lever_arm_m: tuple[float, float, float] = LEVER_ARM_M,
-    time_offset_s: float = 0.0,
     scale_of_sigma: float = 1.0,
     odometer: float | None = None,
     barometer: float | None = None,
 ) -> Path:
     """Write the city drive at 100 Hz with fixes at 1 Hz, and its description.
 
-    unit, receiver: grades that are simulated.  grade, lever_arm_m, time_offset_s, scale_of_sigma: what the description tells;
-    the defaults are true.
+    unit, receiver: grades that are simulated.  grade, scale_of_sigma: what the description tells; the defaults are true.
     odometer, barometer: the log has these too: speeds times a factor, heights plus an offset (m).
     """
     values = load("car-city-drive").model_dump(exclude_unset=True)
     values |= {"rate_hz": 100.0, "imu": {"grade": unit}}
-    values["gnss"] = {"grade": receiver, "interval_s": 1.0, "latency_s": AGE_S, "lever_arm_m": list(LEVER_ARM_M)}
+    values["gnss"] = {"grade": receiver, "interval_s": 1.0, "latency_s": 0.05, "lever_arm_m": LEVER_ARM_M}
     values.pop("estimator")
     values |= {id: {} for id, wrong in (("odometer", odometer), ("barometer", barometer)) if wrong is not None}
-    log = record(parse(values), seed=seed, duration_s=duration_s)
+    log = record(parse(values), seed=1, duration_s=duration_s)
     assert log.gnss is not None and log.gnss.velocity_sigma is not None
     fixes = replace(  # stamped with their time of validity
         log.gnss,
@@ -52,7 +47,7 @@ def written_log(
     columns = {"imu": log_tables.imu_columns(log), "gnss": log_tables.gnss_columns(fixes)}
     sections: dict[str, dict[str, Any]] = {
         "imu": {**log_tables.IMU, "grade": grade},
-        "gnss": {**log_tables.gnss_keys(fixes), "lever_arm_m": list(lever_arm_m), "time_offset_s": time_offset_s},
+        "gnss": {**log_tables.gnss_keys(fixes), "lever_arm_m": LEVER_ARM_M, "time_offset_s": 0.0},
     }
     for each in log.instruments:
         wrong = {"odometer": (odometer, 0.0), "barometer": (1.0, barometer)}[each.id]

@@ -2,12 +2,8 @@
 
 import pytest
 from places import ROOT
-from written_logs import written_log
 
-import insenv
 from insenv.logs import load
-from insenv.logs.gyro_unit import turn_notes
-from insenv.scenario import load as load_scenario
 
 PLAIN = ROOT / "examples" / "logs"
 
@@ -41,23 +37,3 @@ def test_a_rate_at_rest_that_the_data_sheet_does_not_allow(tmp_path):
     (note,) = notes(tmp_path, *without, ('"deg/s"', '"rad/s"'))
     assert "deg/h at rest" in note and "15 deg/h" in note and "check gyro_unit" in note
     assert notes(tmp_path, *without, ('"deg/s"', '"rad/s"'), ('grade = "tactical"', "")) == []  # nothing is known of the unit
-
-
-@pytest.mark.parametrize(
-    ("scenario", "seed"),
-    [("ship-at-sea", 1), pytest.param("ship-irregular-sea", 0, marks=pytest.mark.slow), ("car-city-drive", 0)],
-)
-def test_waves_and_rocking_do_not_show_a_wrong_unit(tmp_path, scenario, seed):
-    """The course of the antenna swings with the waves; a ship or a car that stands rocks faster than the Earth."""
-    values = {**load_scenario(scenario).model_dump(exclude_unset=True), "imu": {"grade": "navigation"}}
-    log = insenv.record(values, seed=seed, duration_s=60.0)
-    assert log.gnss is None or turn_notes(log, log.gnss) == []
-    path, *_ = insenv.write(log, tmp_path, ["log"], name="drive")
-    assert not any("imu: the gyros" in note for note in load(path).notes)
-
-
-def test_a_rate_at_rest_without_that_of_the_earth(tmp_path):
-    """Degrees that are taken for radians leave 0.3 deg/h at rest, however a car rocks."""
-    path = written_log(tmp_path, unit="navigation", grade="navigation", duration_s=35.0)
-    path.write_text(path.read_text(encoding="utf-8").replace("[imu]", "[imu]\ngyro_scale = 0.01745"), encoding="utf-8")
-    assert any("measure 0.2" in note and "deg/h at rest" in note for note in load(path).notes)

@@ -52,8 +52,6 @@ def test_gaps_in_a_file_are_bridged_and_counted(folder, kind):
     folder.error("between 10.400000 s and 10.480000 s", "imu.max_gap_s = 0.05 s")
 
 
-# --- temperature and mounting ----------------------------------------------------------------------
-
 BIAS, SCALE = np.array([30.0, -20.0, 10.0]), np.array([100.0, 200.0, -50.0])
 KEYS = """[imu]
 temperature = "temp"
@@ -110,20 +108,6 @@ def test_a_gap_is_bridged_with_the_temperature_of_its_time(warm):
     log = warm.load()
     assert log.gaps.samples == 5
     np.testing.assert_allclose(log.delta_angle, si(imu_rows())[0] / RATE, atol=1e-5)
-
-
-def test_a_column_without_slopes_and_wrong_slopes(folder):
-    folder.imu(heated(), ",temp")
-    plain = folder.toml
-    folder.change(("[imu]\n", '[imu]\ntemperature = "temp"\n'))
-    log = folder.load()
-    np.testing.assert_allclose(log.temperature, np.linspace(20.0, 45.0, len(log.dt)) + 273.15, rtol=1e-12)
-    assert not any("taken off" in note for note in log.notes)
-    folder.toml = plain.replace("[imu]\n", "[imu]\naccel_temperature_slope_ug_k = 150.0\n")
-    folder.error("with accel_temperature_slope_ug_k: the column of the temperature")
-    folder.toml = plain.replace("[imu]\n", KEYS)
-    folder.imu(heated() + [0, 0, 0, 0, 0, 0, 0, 273.15], ",temp")
-    folder.error("column 'temp': temperature is 293.15 deg C, allowed -100 to 200")
 
 
 def test_mounting_angles_turn_the_named_axes_into_those_of_the_body(folder):

@@ -1,7 +1,4 @@
-"""Aiding instruments in recorded logs: columns of text files in their units, and the samples that they belong to.
-
-What estimators are told of them, and written logs to the bit: tests/export/test_simulated.py.
-"""
+"""Aiding instruments in recorded logs: columns of text files in their units, and the samples that they belong to."""
 
 import numpy as np
 import pytest
@@ -46,18 +43,3 @@ def test_samples_get_the_last_reading_of_their_time_in_si_and_body_axes(fitted):
         assert np.flatnonzero(columns[f"{id}_new"]).tolist() == [26, 49], id
         np.testing.assert_allclose(columns[f"{id}_age"][[26, 49]], [0.005, 0.0], atol=1e-9, err_msg=id)
     assert "heading_baseline_n" not in columns
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ('field_unit = "nT"', 'field_unit = "Oe"', "magnetometer.field_unit = 'Oe'"),
-        ('azimuth_sigma = "v1", ', "", "give either azimuth_sigma"),
-        ("baseline_m = [0.9, 0.1, 0.0]", "baseline_m = [0, 0, 0]", "heading.baseline_m"),
-        ('height = "v0"', 'height = "v0", grade = "ms56"', "barometer.grade = 'ms56'"),
-        ('height = "v0"', 'height = "v0", time_offset_s = 1e5', "barometer: its times"),
-    ],
-)
-def test_wrong_descriptions(fitted, old, new, said):
-    fitted.change((old, new))
-    fitted.error(said)

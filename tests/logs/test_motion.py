@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from places import ROOT
 from text_logs import TOML
 
 from insenv import geodesy, replay
@@ -68,33 +67,3 @@ def test_an_alignment_in_place_is_refused_on_a_vehicle_that_travels(velocity, tm
     assert abs(result.outputs["velocity_n"][-1, 0] - 20.0) < 0.5
     path.write_text(path.read_text().replace('title = "test"', 'title = "test"\nstop_s = 19.0'))
     assert replay(path, "q-method").results[0].outputs["q_nb"].shape[1] == 4
-
-
-@pytest.mark.parametrize("velocity", [True, False])
-def test_one_wrong_fix_does_not_refuse_an_alignment(velocity, tmp_path):
-    path = drive(tmp_path, 60.0, 0.0, velocity=velocity)
-    lines = (tmp_path / "gnss.csv").read_text().split("\n")
-    fields = lines[30].split(",")
-    fields[1], fields[4] = str(float(fields[1]) + 1e-3), "30.0"  # 111 m
-    lines[30] = ",".join(fields)
-    (tmp_path / "gnss.csv").write_text("\n".join(lines))
-    assert "nothing in it shows" not in " ".join(replay(path, "q-method").results[0].notes)
-
-
-@pytest.mark.parametrize(("stands_s", "push", "said"), [(20.0, 2.0, True), (60.0, 0.0, False)])
-def test_a_moving_log_without_fixes_says_that_nothing_shows_it(stands_s, push, said, tmp_path):
-    """One at rest all the time shows it by its inertial unit."""
-    path = drive(tmp_path, stands_s, push)
-    path.write_text(IMU + "[initial]\nlatitude_deg = 47.0\nlongitude_deg = 15.0\nheight_m = 400.0\n")
-    notes = replay(path, "q-method").results[0].notes
-    assert any("nothing in it shows whether the vehicle stays" in note for note in notes) == said
-
-
-def test_the_real_car_stands_until_it_drives_and_is_not_aligned_in_place_after_that(tmp_path):
-    text = (ROOT / "examples" / "n380-car.toml").read_text()
-    path = tmp_path / "car.toml"
-    path.write_text(text.replace("static_until_s = 160.0", "# static_until_s = 160.0"))
-    log = load(path)
-    assert log.description.initial.static_until_s == pytest.approx(161.0, abs=1.3)
-    with pytest.raises(InputError, match="aligns a vehicle in place"):
-        replay(log, "q-method")

@@ -50,17 +50,6 @@ def test_merged_increments_cover_their_time_and_show_the_rest(folder, share, lon
     assert until is not None and full[-1, 0] - 3.0 < until <= full[-1, 0]  # whole windows of a hundred samples
 
 
-def test_lost_increments_are_still_bridged(folder):
-    full, _ = merged(np.ones(3000, dtype=int))
-    keep = np.random.default_rng(3).random(3000) > 0.1
-    keep[:2] = keep[-1] = True
-    folder.imu(full[keep])
-    folder.hold_increments("rad")
-    log = folder.load()
-    assert log.gaps.samples == np.count_nonzero(~keep) and len(log.imu_time) == 3000
-    assert log.delta_velocity[:, 2].sum() == pytest.approx(-0.0980665 * 3000, rel=1e-3)
-
-
 def test_a_late_stamp_is_jitter_not_a_gap():
     steps = np.array([1, 1, 1.9, 0.1, 1, 1, 3.0, 1, 1, 1.7, 0.8, 0.8, 1, 2.0, 1.0]) * 0.01
     missing = missing_samples(np.concatenate(([0.0], np.cumsum(steps))), 0.01)

@@ -23,15 +23,6 @@ def test_white_noise_is_found_at_any_rate(estimate, rate_hz):
     assert 0.8 * DENSITY < estimate(white(rate_hz), 1 / rate_hz) < 1.25 * DENSITY
 
 
-@pytest.mark.parametrize("estimate", [noise_at_rest, noise_in_motion])
-def test_a_low_pass_filter_does_not_hide_the_noise(estimate):
-    """A filter of 20 Hz, as ArduPilot's: at 400 Hz it leaves a tenth of the scatter from sample to sample."""
-    rates, filtered, part = white(400.0) * 400.0, [np.zeros(3)], 1 - np.exp(-2 * np.pi * 20.0 / 400.0)
-    for rate in rates:
-        filtered.append(filtered[-1] + part * (rate - filtered[-1]))
-    assert estimate(np.array(filtered[1:]) / 400.0, 1 / 400.0) > 0.6 * DENSITY
-
-
 def test_an_engine_rocking_and_a_knock_are_no_noise_at_rest():
     n, dt = 6000, 0.005
     time = np.arange(n) * dt
@@ -59,7 +50,7 @@ def still_car(grade):
 
 @pytest.mark.parametrize(
     ("grade", "assumed"),
-    [("marine", "tactical"), ("tactical", "industrial"), ("consumer", "consumer"), ("perfect", "consumer")],
+    [("marine", "tactical"), ("consumer", "consumer"), ("perfect", "consumer")],
 )
 def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
     log = simulated_log(still_car(grade), duration_s=25.0, initial={"static_until_s": 25.0})
@@ -72,9 +63,3 @@ def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
     if grade != "perfect":
         assert taken.angle_random_walk == pytest.approx(float(np.max(own["angle_random_walk"])), rel=0.3)
         assert taken.velocity_random_walk == pytest.approx(float(np.max(own["velocity_random_walk"])), rel=0.3)
-
-
-def test_a_grade_of_the_log_is_used_as_it_is():
-    log = simulated_log(still_car("tactical"), duration_s=5.0, grade="tactical")
-    assert log.assumed is None
-    assert log.sensors(in_place=True).gyro_bias_sigma < 2 * np.radians(4.5) / 3600

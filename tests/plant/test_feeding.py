@@ -1,19 +1,8 @@
 """Chunks of samples, the interval between records, lost samples."""
 
 import numpy as np
-import pytest
 
-from insenv.plant.feeding import bridge_lost, chunks, recording_interval
-
-
-@pytest.mark.parametrize(("samples", "records", "every"), [(10, 100, 1), (6000, 3000, 2), (9001, 3000, 4), (60_013, 3000, 21)])
-def test_records_are_about_as_many_as_asked_for(samples, records, every):
-    assert recording_interval(samples, records) == every
-
-
-def test_chunks_cover_all_samples_in_whole_records():
-    assert list(chunks(60, 6, 20)) == [(0, 18), (18, 18), (36, 18), (54, 6)]
-    assert list(chunks(60, 30, 20)) == [(0, 30), (30, 30)]  # a record is longer than a chunk
+from insenv.plant.feeding import bridge_lost
 
 
 def test_lost_samples_are_interpolated_and_held_at_the_ends():

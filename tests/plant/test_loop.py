@@ -5,17 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from insenv.core.batch import make_batch
-from insenv.core.model import Step, derived
+from insenv.core.model import derived
 from insenv.core.runner import make_runner
-from insenv.core.tables import Row, Table
-from insenv.errors import InputError
 from insenv.estimators import get, registered
 from insenv.plant import loop_model
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
-QUICK = ("q-method",)  # two libraries are compiled for each estimator
 SAMPLES = 220  # a fix, some tens of covariances, the first windows
 
 
@@ -25,14 +21,6 @@ def scenario_for(estimator):
 
 def parameters(plant, estimator):
     return {**plant.parameters, **{f"estimator_{k}": v for k, v in estimator.parameters(plant.knowledge).items()}}
-
-
-def loop_and_expected(id):
-    """The model of the loop, its parameters, and the outputs of plant and estimator run one after the other."""
-    estimator = get(id)
-    plant = build(scenario_for(estimator), seed=21)
-    model = loop_model(plant.model, estimator.model)
-    return model, parameters(plant, estimator), np.concatenate(one_after_the_other(plant, estimator), axis=1)
 
 
 def one_after_the_other(plant, estimator, samples=SAMPLES, lost=False):
@@ -53,20 +41,12 @@ def one_after_the_other(plant, estimator, samples=SAMPLES, lost=False):
 
 @pytest.mark.parametrize("id", sorted(registered()))
 def test_the_loop_is_bit_identical_to_plant_then_estimator(id):
-    model, rows, expected = loop_and_expected(id)
+    estimator = get(id)
+    plant = build(scenario_for(estimator), seed=21)
+    model = loop_model(plant.model, estimator.model)
+    expected = np.concatenate(one_after_the_other(plant, estimator), axis=1)
     assert np.isfinite(expected).all()
-    assert model.outputs.names[-1] == f"estimator_{get(id).model.outputs.names[-1]}"
-    assert np.array_equal(make_runner(model, rows, "interpreter").run(SAMPLES), expected)
-
-
-@pytest.mark.parametrize(
-    "id", [pytest.param(id, marks=[] if id in QUICK else [pytest.mark.slow]) for id in sorted(registered())]
-)
-def test_the_loop_is_bit_identical_in_c_and_in_a_batch(id):
-    model, rows, expected = loop_and_expected(id)
-    assert np.array_equal(make_runner(model, rows, "native").run(SAMPLES), expected)
-    batch = make_batch(model, 3, {**rows, "seed": 19.0}, backend="native").run(SAMPLES, every=1)
-    assert np.array_equal(batch[2], expected)
+    assert np.array_equal(make_runner(model, parameters(plant, estimator), "interpreter").run(SAMPLES), expected)
 
 
 @pytest.mark.parametrize("id", ["q-method", "loosely-coupled"])
@@ -85,23 +65,6 @@ def test_a_lost_sample_repeats_the_last_that_arrived(id):
     assert seen == {0.0, 1.0}  # runs that begin with a lost sample too
 
 
-def test_the_same_pair_gives_the_same_model():
-    plant, estimator = build(load("ship-swaying")).model, get("q-method").model
-    assert loop_model(plant, estimator) is loop_model(plant, estimator)
-    assert loop_model(plant, get("analytic").model) is not loop_model(plant, estimator)
-
-
-def test_two_estimators_on_one_plant():
-    plant = build(load("car-parked"), seed=2)
-    first, second = get("q-method"), get("analytic")
-    model = loop_model(loop_model(plant.model, first.model), second.model, "other_")
-    rows = parameters(plant, first) | {f"other_{k}": v for k, v in second.parameters(plant.knowledge).items()}
-    found = model.outputs.unpack(make_runner(model, rows, "interpreter").run(50))
-    for estimator, prefix in ((first, "estimator_"), (second, "other_")):
-        alone = estimator.model.outputs.unpack(one_after_the_other(plant, estimator, 50)[1])
-        assert np.array_equal(found[f"{prefix}q_nb"], alone["q_nb"])
-
-
 def test_conditions_on_inputs_that_the_plant_lacks_are_resolved_when_the_model_is_made():
     plant, ecef_kf = build(load("ship-swaying")).model, get("ecef-kf").model
     steps = loop_model(plant, ecef_kf).steps
@@ -111,26 +74,3 @@ def test_conditions_on_inputs_that_the_plant_lacks_are_resolved_when_the_model_i
     assert loop_model(plant, always).steps["estimator_fix"].when is None
     driving = build(load("car-city-drive")).model
     assert loop_model(driving, ecef_kf).steps["estimator_fix"].when == "gnss_valid"
-
-
-def test_the_plants_inputs_are_kept():
-    plant = build(load("car-city-drive")).model
-    model = loop_model(plant, get("loosely-coupled").model)
-    assert model.inputs == plant.inputs
-    assert [k for k, s in model.steps.items() if s.uniforms] == [k for k, s in plant.steps.items() if s.uniforms]
-    assert list(model.steps)[: len(plant.steps)] == list(plant.steps)  # the places of the streams of random numbers
-
-
-def test_an_estimator_that_does_not_fit_is_an_error():
-    plant, estimator = build(load("ship-swaying")).model, get("q-method").model
-    random = replace(
-        estimator,
-        parameters=estimator.parameters + Table((plant.parameters["seed"],)),
-        state=estimator.state + Table((plant.state["step"],)),
-        steps={"sample": Step(lambda p, x, u, r: {"time": r[0]}, uniforms=1)},
-    )
-    with pytest.raises(InputError, match="random"):
-        loop_model(plant, random)
-    wide = replace(estimator, inputs=Table((Row("latitude", "Two of them", "rad", (2,)),)))
-    with pytest.raises(InputError, match="latitude"):
-        loop_model(plant, wide)

@@ -4,7 +4,6 @@ from typing import Any
 
 import allantools
 import numpy as np
-import pytest
 from scipy.stats import chi2
 from sensor_plant import CHANCE, simulate
 
@@ -20,16 +19,15 @@ def allan_of_the_processes(time: Any) -> Any:
     return np.sqrt(total)
 
 
-@pytest.mark.parametrize(("n", "seeds"), [(20_000, 2), pytest.param(200_000, 4, marks=pytest.mark.slow)])
-def test_it_has_the_floor_that_is_asked_for(n: int, seeds: int) -> None:
+def test_it_has_the_floor_that_is_asked_for() -> None:
     """The Allan deviation of 3 axes of both triads; the processes are nearly flat from ten seconds to half a day."""
     flat = allan_of_the_processes(np.logspace(1, np.log10(5e4), 200))
     assert 0.92 < flat.min() < flat.max() < 1.01
     floor = {"gyro_flicker": (1e-7, 2e-7, 4e-7), "accel_flicker": (1e-4, 2e-4, 5e-5)}
-    times = np.array([10, 30, 100, 300, 1000, 3000][: 4 if n < 1e5 else 6])
-    ratios, backend = [], "native" if n > 1e5 else None
+    n, seeds, times = 20_000, 2, np.array([10, 30, 100, 300])
+    ratios = []
     for seed in range(seeds):
-        out = simulate(n, {"sample_interval": 1.0, "drift_interval": 1.0, "seed": seed, **floor}, backend=backend)
+        out = simulate(n, {"sample_interval": 1.0, "drift_interval": 1.0, "seed": seed, **floor})
         for output, name in (("delta_angle", "gyro_flicker"), ("delta_velocity", "accel_flicker")):
             for rate, size in zip(out[output].T, floor[name], strict=True):
                 ratios.append(allantools.oadev(rate, 1.0, "freq", times)[1] / size)

@@ -6,21 +6,13 @@ from exactness import inexact_operations
 from sensor_plant import MODULES, plant, simulate
 
 from insenv.errors import InputError
-from insenv.instruments import INSTRUMENTS, TOLD
 from insenv.scenario import load
 from insenv.sensors.registry import registered
 
 
 @pytest.mark.parametrize("id", MODULES)
-def test_operations_are_exact_and_rows_those_that_are_declared(id: str) -> None:
+def test_operations_are_exact(id: str) -> None:
     assert not any(inexact_operations(function) for function in plant(id).functions.values())
-    sensor, given = registered()[id].sensor, INSTRUMENTS[id]
-    assert sensor.outputs == given.measurement.names
-    table = MODULES[id].EQUATIONS.all_parameters
-    told = sensor.told(table.unpack(table.start_vector()))
-    assert set(told) == set(given.told.names)
-    for name, value in told.items():
-        TOLD[name].check(np.broadcast_to(np.asarray(value, dtype=float), TOLD[name].shape).ravel())
 
 
 @pytest.mark.parametrize("id", MODULES)
@@ -55,8 +47,6 @@ def test_every_figure_of_a_grade_is_a_key_and_has_a_source(id: str) -> None:
         ("barometer", {"interval_s": 0.0333}, r"barometer\.interval_s = 0\.0333 s"),  # no whole number of samples
         ("odometer", {"latency_s": 0.2}, r"odometer\.latency_s = 0\.2 s"),  # longer than the interval
         ("magnetometer", {"grade": "rm310"}, r"magnetometer\.grade = 'rm310'.*did you mean 'rm3100'"),
-        ("magnetometer", {"year": 2050.0}, r"magnetometer\.year = 2050"),
-        ("heading", {"baseline_m": [0, 0, 0]}, r"heading\.baseline_m = \[0, 0, 0\] m"),
         ("dvl", {"outages_s": [[5.0, 2.0]]}, r"dvl\.outages_s.*from 5 s to 2 s"),
     ],
 )

@@ -1,7 +1,5 @@
 """kind = "fmu": an outside model as truth; here the outside model is an exported car, whose truth is known."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from closed_track import truth_of
@@ -25,9 +23,7 @@ def car():
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
-    """The car as an FMU of FMI 2 or 3, made once."""
-    folder = tmp_path_factory.mktemp("fmu")
-    return cache(lambda fmi: insenv.export_fmu(car(), folder / f"car{fmi}.fmu", fmi=fmi))
+    return insenv.export_fmu(car(), tmp_path_factory.mktemp("fmu") / "car.fmu", fmi=3)
 
 
 @pytest.fixture(scope="module")
@@ -49,19 +45,18 @@ def differences(loaded, theirs):
     return position, np.abs(ours["velocity_n"] - theirs["velocity_n"]).max(), np.degrees(between).max(), ours
 
 
-@pytest.mark.parametrize("fmi", [pytest.param(2, marks=pytest.mark.slow), 3])
-def test_the_track_is_that_of_the_fmu(fmi, exported, theirs):
-    position, velocity, turned, own = differences(scenario(exported(fmi)), theirs)
+def test_the_track_is_that_of_the_fmu(exported, theirs):
+    position, velocity, turned, own = differences(scenario(exported), theirs)
     assert position < 1e-3 and velocity < 0.01 and turned < 0.02
-    position, velocity, _, _ = differences(scenario(exported(fmi), outputs={**OUTPUTS, "velocity": VELOCITY}), theirs)
+    position, velocity, _, _ = differences(scenario(exported, outputs={**OUTPUTS, "velocity": VELOCITY}), theirs)
     assert position < 1e-4 and velocity < 2.5e-3
     last = {**PLACE, "quaternion": [*QUATERNION[1:], QUATERNION[0]]}
     with pytest.raises(InputError, match=r"scalar of the quaternion first, by \d deg with it last: state .*order = 'xyzw'"):
-        scenario(exported(fmi), outputs=last)
-    stated = scenario(exported(fmi), outputs={**last, "quaternion_order": "xyzw"})
+        scenario(exported, outputs=last)
+    stated = scenario(exported, outputs={**last, "quaternion_order": "xyzw"})
     assert np.array_equal(differences(stated, theirs)[-1]["q_nb"], own["q_nb"])
     assert not stated.notes[:-1]  # the last: the unit is perfect
-    wrong = scenario(exported(fmi), outputs={**last, "quaternion_order": "wxyz"})
+    wrong = scenario(exported, outputs={**last, "quaternion_order": "wxyz"})
     assert "is vehicle.outputs.quaternion_order = 'wxyz' right?" in wrong.notes[0]
 
 
@@ -69,20 +64,11 @@ def test_the_track_is_that_of_the_fmu(fmi, exported, theirs):
     ("outputs", "step_s", "said"),
     [
         ({"height": "altitude"}, 0.1, "no variable 'altitude'"),
-        ({"roll": "latitude"}, 0.1, "roll, pitch and heading, or quaternion"),
-        ({"quaternion": None, "quaternion_order": "xyzw"}, 0.1, "quaternion_order = 'xyzw' has no effect without quaternion"),
-        ({"quaternion": ["a", "b"]}, 0.1, "quaternion = .*: must be a list of four names of variables"),
         ({"velocity": [VELOCITY[1], VELOCITY[0], VELOCITY[2]]}, 0.1, r"velocity (north|east) is"),
         ({}, 0.013, r"step_s = 0.013 s: allowed is a whole multiple of its own step, 0.01 s$"),
     ],
 )
 def test_wrong_outputs_and_steps_are_refused(outputs, step_s, said, exported, capfd):
     with pytest.raises(InputError, match=said):
-        scenario(exported(3), outputs={**OUTPUTS, **outputs}, step_s=step_s)
+        scenario(exported, outputs={**OUTPUTS, **outputs}, step_s=step_s)
     assert capfd.readouterr().out == ""  # the FMU's own words are no part of the output
-
-
-def test_a_file_that_is_no_fmu_is_refused(tmp_path):
-    (tmp_path / "no.fmu").write_text("no", encoding="utf-8")
-    with pytest.raises(InputError, match="no FMU"):
-        scenario(tmp_path / "no.fmu")

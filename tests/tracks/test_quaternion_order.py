@@ -39,11 +39,3 @@ def test_aerobatics_are_no_wrong_order_and_a_wrong_order_is_none(figure):
             found = contradictions(q_nb[:, moved], read, velocity, acceleration)
             if figure in ("loops", "turns"):
                 assert other_order(found, read) == true and other_order(found, true) is None, course
-
-
-def test_a_drone_that_flies_sideways_has_the_right_order():
-    for course in COURSES:
-        q_nb, velocity, acceleration = flown((ZERO + course, ZERO), ZERO)
-        across = velocity @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        for moved in (across, -across):
-            assert other_order(contradictions(q_nb, "wxyz", moved, acceleration), "wxyz") is None, course

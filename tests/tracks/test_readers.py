@@ -22,15 +22,11 @@ def test_one_of_several_tracks_is_named(tmp_path):
 
     for path in (tmp_path / "two.gpx", tmp_path / "two.kml"):
         first, truth, other, by_number = (track(path, which) for which in (None, "truth", "loosely-coupled", 1))
-        names = "has the tracks 'truth', 'loosely-coupled'"
-        assert f"{path.name} {names}: the first is taken; vehicle.track chooses another" in first.notes
-        assert not truth.notes and np.array_equal(first.shape.points, truth.shape.points)
+        assert np.array_equal(first.shape.points, truth.shape.points)
         assert not np.array_equal(other.shape.points, truth.shape.points)
         assert np.array_equal(by_number.shape.points, other.shape.points)
         with pytest.raises(InputError, match=r"vehicle.track = 'trth': no such track in .*did you mean 'truth'"):
             track(path, "trth")
-        with pytest.raises(InputError, match=f"vehicle.track = 2: .* {names}"):
-            track(path, 2)
 
 
 def test_results_and_logs_are_tracks(tmp_path):
@@ -45,33 +41,13 @@ def test_results_and_logs_are_tracks(tmp_path):
     time, shown = truth_of(loaded, 60.0)
     again = np.interp(time + reference.time[0], reference.time, reference.longitude)
     assert 6.37e6 * np.abs(shown["longitude"].ravel() - again).max() < 0.2
-    report = insenv.replay(PLAIN / "plain.toml", "velocity-integration")
-    (npz, *_) = write_files(report, OutputFolder(tmp_path / "replay"), figure=False).paths
-    with pytest.raises(InputError, match=r"a replay has no truth.*allowed is the result of a simulated run, or the log itself"):
-        scenario(npz)
 
 
-@pytest.fixture
-def plain(tmp_path):
-    """The description of the example log beside a copy of its files."""
+def test_the_data_of_a_log_are_part_of_its_fingerprint(tmp_path):
+    """The description alone is the same for two drives."""
     for file in PLAIN.glob("plain*"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
-    return tmp_path / "plain.toml"
-
-
-def test_a_log_of_files_of_different_lengths_is_a_track_with_a_note(plain):
-    lines = plain.with_name("plain-reference.csv").read_text(encoding="utf-8").splitlines()[1:701]
-    more = "".join(f"{line.split(',')[0]},0\n" for line in lines)
-    plain.with_name("more.csv").write_text(f"time_s,more\n{more}", encoding="utf-8")
-    text = plain.read_text(encoding="utf-8")
-    plain.write_text(text.replace('"plain-reference.csv"', '["plain-reference.csv", "more.csv"]'), encoding="utf-8")
-    loaded = scenario(plain)
-    assert loaded.duration_s < 70.0
-    assert loaded.notes[0].startswith("reference: joined by time: 700 rows have the same time in ")
-
-
-def test_the_data_of_a_log_are_part_of_its_fingerprint(plain):
-    """The description alone is the same for two drives."""
+    plain = tmp_path / "plain.toml"
     first, data = scenario(plain), plain.with_name("plain-reference.csv")
     lines = data.read_text(encoding="utf-8").splitlines(keepends=True)
     data.write_text("".join(lines[:-20]), encoding="utf-8")
@@ -79,13 +55,6 @@ def test_the_data_of_a_log_are_part_of_its_fingerprint(plain):
     assert first.vehicle.sha256 != second.vehicle.sha256 and second.duration_s < first.duration_s
     with pytest.raises(InputError, match="the file has changed"):
         insenv.load(first.model_dump(mode="json"))
-
-
-@pytest.mark.parametrize(("name", "text"), [("t.gpx", "no xml"), ("t.xyz", "a")])
-def test_files_that_are_no_tracks(name, text, tmp_path):
-    (tmp_path / name).write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=name):
-        scenario(tmp_path / name)
 
 
 def gga(time, latitude, longitude, height):

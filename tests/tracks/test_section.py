@@ -1,7 +1,6 @@
 """kind = "recorded": tracks against closed forms and simulated drives, and what is no track."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -42,16 +41,13 @@ def test_a_closed_form_through_csv(csv):
     assert np.abs(turned).max() < 2e-4 and np.abs(turned)[time > 3.0].max() < 5e-6
 
 
-@pytest.mark.parametrize(
-    ("duration_s", "position", "velocity"), [(30.0, 1e-5, 1e-6), pytest.param(600.0, 1e-3, 1e-5, marks=pytest.mark.slow)]
-)
-def test_a_perfect_unit_drifts_less_than_a_millimetre_in_ten_minutes(csv, duration_s, position, velocity):
+def test_a_perfect_unit_does_not_drift(csv):
     perfect = {"draw_errors": False, "tilt_sigma_deg": 0.001, "heading_sigma_deg": 0.001}
-    loaded = scenario(csv, vehicle={"columns": ATTITUDE}, duration_s=duration_s, knowledge=perfect)
+    loaded = scenario(csv, vehicle={"columns": ATTITUDE}, duration_s=30.0, knowledge=perfect)
     (result,) = insenv.run(loaded, "wander-sins").results
     worst = {name: float(np.abs(error).max()) for name, error in result.errors.items()}
-    assert max(worst[name] for name in ("north_m", "east_m", "down_m")) < position, worst
-    assert max(worst[name] for name in ("vn_mps", "ve_mps", "vd_mps")) < velocity, worst
+    assert max(worst[name] for name in ("north_m", "east_m", "down_m")) < 1e-5, worst
+    assert max(worst[name] for name in ("vn_mps", "ve_mps", "vd_mps")) < 1e-6, worst
 
 
 @pytest.mark.slow
@@ -72,19 +68,6 @@ def test_a_course_alone_gives_the_heading(tmp_path):
     assert np.abs(np.angle(np.exp(1j * (heading - course))))[fast].max() < np.radians(0.5)
 
 
-def test_heights_that_are_missing_are_noted_or_refused(tmp_path):
-    time, path = np.arange(0.0, 100.0), tmp_path / "t.gpx"
-    write_gpx(path, time, closed_form(time))
-    text = path.read_text(encoding="utf-8")
-    path.write_text(re.sub("<ele>.*?</ele>", "", text, count=1), encoding="utf-8")
-    with pytest.raises(InputError, match="point 1 has no height, others have one"):
-        scenario(path)
-    path.write_text(re.sub("<ele>.*?</ele>", "", text), encoding="utf-8")
-    loaded = scenario(path, vehicle={"height_offset_m": 50.0})
-    assert loaded.vehicle.notes == ("t.gpx has no heights: the track is at height_offset_m above the ellipsoid",)
-    assert loaded.start.height_m == pytest.approx(50.0)
-
-
 def test_a_track_of_one_hertz_does_not_ring(tmp_path):
     """A drive as GPX once a second, to a centimetre: velocity and acceleration between the points are those of the drive."""
     time, true = truth_of(insenv.load({**insenv.load("car-city-drive").model_dump(mode="json"), "rate_hz": 100.0}), 120.0)
@@ -97,20 +80,14 @@ def test_a_track_of_one_hertz_does_not_ring(tmp_path):
     apart = shown["velocity_n"] - np.column_stack([np.interp(when, time, true["velocity_n"][:, k]) for k in range(3)])
     inner = (at > 3.0) & (at < 112.0)
     assert np.sqrt(np.mean(apart[inner, :2] ** 2)) < 0.15
-    resting = np.interp(when, time, (np.hypot(*true["velocity_n"][:, :2].T) > 0.01).astype(float)) == 0.0
-    settled = resting & inner & ~np.isin(np.arange(len(at)), np.flatnonzero(~resting)[:, None] + np.arange(-150, 151))
-    assert settled.any() and np.abs(apart[settled, :2]).max() < 0.1
     ours = np.linalg.norm(np.gradient(shown["velocity_n"][:, :2], at, axis=0), axis=1)[inner]
     theirs = np.linalg.norm(np.gradient(true["velocity_n"][:, :2], time, axis=0), axis=1)
     assert ours.max() < 1.3 * theirs.max()
 
 
-# --- refusals ------------------------------------------------------------------------------------------
-
 TIME = np.arange(100.0)
 ROWS = closed_form(TIME)
-LONG = np.arange(1000.0)
-GAP, LONG_GAP = (TIME < 30) | (TIME > 45), (LONG < 100) | (LONG > 400)
+GAP = (TIME < 30) | (TIME > 45)
 JUMP = ROWS + np.where(TIME[:, None] >= 60, [[100.0 / 6.37e6, 0, 0, 0, 0, 0]], 0.0)
 BACK = np.where(TIME == 50, 40.0, TIME)
 
@@ -119,12 +96,8 @@ BACK = np.where(TIME == 50, 40.0, TIME)
     ("time", "values", "vehicle", "said"),
     [
         (TIME[GAP], ROWS[GAP], {}, "no points between 29 s and 46 s: a gap of 17 s, allowed max_gap_s = 10 s$"),
-        (LONG[LONG_GAP], closed_form(LONG[LONG_GAP]), {"max_gap_s": 400.0}, "a gap of 302 s with knots every 1 s: allowed are"),
         (TIME, JUMP, {}, "a jump near (59|60) s: .* m/s2 over a second, allowed max_acceleration_mps2 = 20"),
         (BACK, ROWS, {}, "time goes from 49 s to 40 s at point 51"),
-        (TIME[:5], ROWS[:5], {}, "5 points: allowed is 8 or more"),
-        (TIME, ROWS, {"columns": {"roll": "roll", "pitch": "pitch"}}, r"vehicle\.columns: no heading"),
-        (TIME, ROWS, {"track": "a"}, "vehicle.track = 'a': allowed with .gpx and .kml"),
         (TIME, ROWS, {"columns": {"position_unit": "rad"}}, "check position_unit"),
     ],
 )  # fmt: skip
@@ -138,7 +111,6 @@ def test_what_is_no_track(tmp_path, time, values, vehicle, said):
     ("more", "said"),
     [
         ({"duration_s": 120.0}, r"^scenario: duration_s = 120 s: the track lasts 99 s$"),
-        ({"rate_hz": 2.0, "vehicle": {"knot_s": 0.1}}, r"knots every 0.1 s with samples every 0.5 s"),
         ({"rate_hz": 4.0, "vehicle": {"columns": ATTITUDE}}, r"rotation of 0.\d+ rad in a sample: allowed is 0.25 rad"),
         ({"start": {"latitude_deg": 46.0, "longitude_deg": 7.0}}, r"start\.latitude_deg = 46: the track begins at 45"),
     ],
@@ -162,8 +134,3 @@ def test_a_file_beside_a_scenario_that_must_not_change(tmp_path):
     write_csv(tmp_path / "t.csv", TIME, ROWS + 1e-9)
     with pytest.raises(InputError, match="the file has changed"):
         insenv.load(dumped)
-
-
-def test_a_misspelt_kind_is_named_first():
-    with pytest.raises(InputError, match=r"^scenario: vehicle.kind = 'record': "):
-        scenario("drive.gpx", vehicle={"kind": "record"})

@@ -1,13 +1,10 @@
 """kind = "waypoints": a plan of places, speeds and stops becomes a drive that keeps to it."""
 
-import gymnasium
 import numpy as np
 import pytest
 from closed_track import truth_of
 
 import insenv
-from insenv.campaigns.plan import make_plan
-from insenv.campaigns.variation import variation_of, varied
 from insenv.errors import InputError
 
 PLACES = [
@@ -54,36 +51,15 @@ FIRST, SECOND = PLACES[:2]
 @pytest.mark.parametrize(
     ("places", "message"),
     [
-        ([FIRST], "vehicle.waypoints.*: must have two places or more"),
         ([FIRST, FIRST], r"vehicle.waypoints\[1\]: 0 m from the place before"),
-        ([FIRST, {**SECOND, "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0"),
         ([FIRST, SECOND, FIRST], r"waypoints\[1\]: a turn of 180 deg"),
         ([{**FIRST, "stop_s": 86400.0}, SECOND], "the plan lasts 86474.* s or more"),
         ([{**FIRST, "latitude_deg": 89.9}, {**SECOND, "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
-        ([FIRST, {**SECOND, "latitude_deg": 60.0}], "more than 300 km from the first"),
     ],
 )
 def test_wrong_plans_are_refused(places, message):
     with pytest.raises(InputError, match=message):
         scenario(places)
-
-
-@pytest.mark.parametrize(
-    ("vehicle", "message"),
-    [({"lateral_mps2": 0.0}, r"vehicle\.lateral_mps2 = 0.0"), ({"knot_s": 3600.0}, "knot_s = 3600 s: .* the track, 93 s")],
-)
-def test_wrong_keys_beside_the_places_are_named(vehicle, message):
-    with pytest.raises(InputError, match=message):
-        scenario(PLACES[:2], vehicle=vehicle)
-
-
-@pytest.mark.slow
-def test_environments_and_campaigns_take_a_track():
-    loaded = scenario(imu={"grade": "industrial"}, gnss={"grade": "spp"}, duration_s=60.0)
-    gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded).reset(seed=1)
-    with pytest.raises(InputError, match=r"heading_deg = .*: the vehicle's track has its own"):
-        gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded, heading_deg=(0.0, 90.0)).reset(seed=1)
-    assert len(insenv.campaign(loaded, "loosely-coupled", 3, duration_s=20.0).seeds) == 3
 
 
 def test_a_plan_across_the_date_line():
@@ -92,45 +68,6 @@ def test_a_plan_across_the_date_line():
     times = np.linspace(0.0, shape.duration_s, 500)
     assert np.abs(4.5e6 * shape.spline.at(times, 1)[:, 1]).max() < 16.0
     assert 4.5e6 * (shape.spline.at(times)[-1, 1] - shape.spline.at(times)[0, 1]) == pytest.approx(788.0, abs=5.0)
-
-
-def test_a_place_that_is_passed_at_a_distance_is_noted():
-    """A turn by 170 deg at 15 m/s: an arc of the radius v^2 / a would begin beyond half of the line."""
-    sharp = [PLACES[0], PLACES[1], {**PLACES[0], "longitude_deg": 7.0025}]
-    (note,) = scenario(sharp, imu={"grade": "tactical"}).notes
-    assert note.startswith("the arc at vehicle.waypoints[1] passes ") and "keeps it closer" in note
-    stopped = [sharp[0], {**sharp[1], "stop_s": 5.0}, sharp[2]]
-    assert scenario(stopped, imu={"grade": "tactical"}).notes == ()
-
-
-@pytest.mark.slow
-def test_a_plan_of_hours_has_longer_knots():
-    """278 km at 15 m/s: five hours, more knots of half a second than a track can have."""
-    places = [{"latitude_deg": latitude, "longitude_deg": 11.0, "speed_mps": 15.0} for latitude in (48.0, 45.5)]
-    shape = scenario(places, duration_s=2.0).vehicle.shape
-    assert shape.duration_s > 18_000 and 1.0 < shape.interval < 1.3
-
-
-def test_runs_with_varied_plans_last_as_long_as_the_shortest():
-    key, limits = "vehicle.waypoints.1.speed_mps", (8.0, 12.0)
-    loaded = scenario(imu={"grade": "tactical"}, gnss={"grade": "spp"})
-    plan = make_plan(loaded, "loosely-coupled", 3, variations=[variation_of(key, limits)])
-    lasting = [plant.scenario.vehicle.lasts_s for plant in plan.plants(range(3))]
-    assert len(set(lasting)) > 1
-    fastest = varied(loaded.stated(), {key: limits[1]})
-    assert plan.duration_s == insenv.load(fastest).duration_s < min(lasting) < max(lasting)
-    with pytest.raises(InputError, match=r"duration_s = .* s: allowed is up to .* s, the duration of the track"):
-        make_plan(loaded, "loosely-coupled", 3, duration_s=loaded.duration_s, variations=[variation_of(key, limits)])
-
-
-def test_a_varied_first_place_is_the_start():
-    loaded = scenario(imu={"grade": "tactical"}, gnss={"grade": "spp"})
-    vary = variation_of("vehicle.waypoints.0.latitude_deg", (44.999, 45.001))
-    plan = make_plan(loaded, "loosely-coupled", 2, variations=[vary])
-    for run in range(2):
-        plant = plan.plant_of(run)
-        drawn = vary.value(plan.seed_of(run))
-        assert plant.scenario.start.latitude_deg == pytest.approx(drawn, abs=1e-7)
 
 
 def test_a_plan_that_is_to_be_met_stands_at_its_end():

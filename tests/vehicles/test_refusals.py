@@ -19,26 +19,17 @@ def multirotor(legs):
     [
         (car_route, [{"turn_deg": 90, "duration_s": 5}], "leg 1: turn_deg = 90"),  # at rest
         (car_route, [{"accelerate_to_mps": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs either"),
-        (car_route, [{"drive_s": 5, "wait_s": 5}], "exactly one of"),
-        (car_route, [{"drive_s": -5}], "drive_s = -5"),
         (flight_plan, [{"turn_deg": 90}], "leg 1: turn_deg = 90 at 0 m/s"),
         (flight_plan, [{"speed_mps": 20}, {"climb_to_m": 500}], "leg 2: climb_to_m = 500 at 20 m/s"),
         (flight_plan, [{"speed_mps": 80}, {"turn_deg": 5, "bank_deg": 30}], "before the bank has settled"),
-        (flight_plan, [{"speed_mps": 80}, {"turn_deg": 90, "bank_deg": 60}], "bank 1.0472 rad"),
-        (multirotor, [{"hover_s": 5, "fly_s": 5}], "leg 1 has hover_s and fly_s"),
         (multirotor, [{"hover_s": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs duration_s"),
-        (multirotor, [{"hover_s": 5, "forward_mps": 2.0}], "leg 1: forward_mps does not go with hover_s"),
         (multirotor, [{"turn_deg": 3600, "duration_s": 10}], "segment 1: yaw_rate = 6.28"),
         (SCRIPT.table, [{"speed": 3.0}], "segment 1: duration is missing"),
-        (SCRIPT.table, [{"duration": 1.0, "sped": 3.0}], "did you mean 'speed'"),
         (SCRIPT.table, [{"duration": 1.0}, {"duration": 1.0, "speed": float("nan")}], "segment 2: speed = nan"),
         (SCRIPT.table, [{"duration": 1.0}] * (N_SEGMENTS + 1), "at most 64"),
-        (regular_sway, [{"motion": "rol"}], "did you mean 'roll'"),
         (regular_sway, [{"motion": "roll", "amplitude_deg": 1}], "needs amplitude_deg and either"),
-        (regular_sway, [{"motion": "roll", "amplitude_deg": 1, "period_s": 0}], "above 0"),
         (lambda size: Hull(length=size), 0, "length = 0"),
         (lambda height: irregular_sea(height, 8.0), -1.0, "significant_height = -1"),
-        (lambda count: irregular_sea(2.0, 8.0, count), 0, "components = 0"),
     ],
 )
 def test_wrong_plans(planned, legs, said):

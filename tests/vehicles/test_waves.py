@@ -86,14 +86,6 @@ def test_spectrum_has_the_moments_of_the_sea(enhancement: float) -> None:
         assert 2 * np.pi * zeroth / first == pytest.approx(0.772 * 9.0, rel=0.01)
 
 
-def test_short_waves_do_not_move_a_long_hull_and_its_roll_has_a_resonance() -> None:
-    hull = Hull(length=100, beam=16, draught=5)
-    for direction in (0.0, 0.7, np.pi / 2, np.pi):
-        assert all(abs(value[0]) < 0.1 for value in response([3.0], hull, direction).values())
-    at = 2 * np.pi / hull.roll_period
-    assert abs(response([at], hull, np.pi / 2)["roll"][0]) > 2.5 * at**2 / STANDARD_GRAVITY
-
-
 @pytest.mark.parametrize("speed", [0.0, 8.0])
 def test_motion_in_an_irregular_sea_has_the_variance_of_spectrum_and_response(speed: float) -> None:
     hull, height, period, heading, direction = Hull(length=60), 2.5, 9.0, 0.4, 2.5

@@ -1,4 +1,4 @@
-"""Flight logs: what a simulated flight writes in each format comes back with the estimates of the flight itself."""
+"""Flight logs: what a simulated flight writes in each format comes back."""
 
 import copy
 import gzip
@@ -9,68 +9,30 @@ import numpy as np
 import pytest
 from flight_drive import UNDULATION, WRITERS, described, drive, telemetry, ulog
 
-from insenv import attitude, estimators, geodesy, replay
+from insenv import attitude, geodesy, replay
 from insenv.errors import InputError
 from insenv.logs import GnssFixes, load
-from insenv.runs.follower import Follower
-from insenv.runs.replayed import sample_columns
 
 FIX = ("time", "latitude", "longitude", "height", "position_sigma", "velocity_n", "velocity_sigma")
 # how finely each format writes: position of fixes (m: north or east, height), velocity (m/s)
-RESOLUTION = {"tlog": (1e-7, 1e-3, 1e-2), "BIN": (1e-7, 1e-2, 1e-6), "ulg": (1e-12, 1e-9, 1e-6)}
-
-
-def followed(log):
-    """The flight's own estimator, told what it was told, on the samples of the log."""
-    plant = drive().vehicle.simulation.plant
-    estimator = estimators.get("loosely-coupled")
-    follower = Follower.started(estimator, plant.parameters_of(estimator), 1)
-    columns, dropped = sample_columns(log, slice(None))
-    assert dropped == 0
-    follower.follow(columns, len(log.imu_time))
-    return follower.named()
-
-
-def differences(one, other, rows=slice(None)):
-    """Largest differences of position (m), velocity (m/s) and attitude (rad)."""
-    one, other = ({name: group[name][rows] for name in other} for group in (one, other))
-    place = ("latitude", "longitude", "height")
-    metres = geodesy.numeric.ned_offset(*(one[name] for name in place), *(other[name] for name in place))
-    turned = attitude.numeric.multiply(attitude.numeric.conjugate(one["q_nb"]), other["q_nb"])
-    velocity = one["velocity_n"] - other["velocity_n"]
-    return float(np.abs(metres).max()), float(np.abs(velocity).max()), float(2 * np.abs(turned[:, 1:]).max())
 
 
 @pytest.mark.parametrize("kind", WRITERS)
-def test_a_flight_comes_back_with_its_estimate(kind, tmp_path):
+def test_the_samples_and_fixes_of_a_flight_come_back(kind, tmp_path):
     own = drive()
     log = load(described(WRITERS[kind](own, tmp_path / f"flight.{kind}")))
-    # every sample at its time, with its increments to single precision
+    # increments in single precision
     np.testing.assert_allclose(log.imu_time, own.time_us * 1e-6, rtol=0, atol=1e-9)
     samples = np.hstack([log.delta_angle, log.delta_velocity])
     np.testing.assert_allclose(samples, own.increments, rtol=1.2e-7, atol=1e-13)
     assert log.gaps.count == 0
-    # every fix at its time of validity, to its resolution
-    degrees, height, speed = RESOLUTION[kind]
+    # how finely each format writes fixes: degrees, height (m), velocity (m/s)
+    degrees, height, speed = {"tlog": (1e-7, 1e-3, 1e-2), "BIN": (1e-7, 1e-2, 1e-6), "ulg": (1e-12, 1e-9, 1e-6)}[kind]
     half = np.radians(degrees) / 2 + 2e-16
     exact = GnssFixes(*(np.array([getattr(fix, name) for _, fix in own.fixes]) for name in FIX))
     bounds = (1e-6, half, half, height / 2 + 1e-9, 5.1e-3, speed / 2 + 1e-5, 5.1e-3)
     for name, bound in zip(FIX, bounds, strict=True):
         np.testing.assert_allclose(getattr(log.gnss, name), getattr(exact, name), rtol=0, atol=bound, err_msg=name)
-    # and so the estimate, of which a filter's memory of some 20 fixes averages the rounding
-    got = followed(log)
-    rounded = replace(exact, position_sigma=log.gnss.position_sigma, velocity_sigma=log.gnss.velocity_sigma)
-    angles, velocities = own.increments[:, :3], own.increments[:, 3:]
-    without_rounding = followed(replace(log, delta_angle=angles, delta_velocity=velocities, gnss=rounded))
-    position, velocity, angle = differences(got, without_rounding)
-    assert position < max(degrees * 111_320.0, height) / 2 + 5 * speed / 2 + 1e-5
-    assert velocity < speed / 2 + 1e-5
-    assert angle < speed / 2 / 2.0 + 1e-6  # heading comes from velocity, over the speed of some metres a second
-    # the flight itself took each fix 50 ms later, and knew its accuracy better than to the centimetre, 0.7 % of a gain
-    since = own.time_us[:, None] * 1e-6 - np.array([arrives for arrives, _ in own.fixes])
-    settled = np.where(since >= 0, since, np.inf).min(axis=1) < 0.9
-    position, velocity, angle = differences(got, own.estimate, settled)
-    assert position < 0.05 and velocity < 0.02 and angle < 4e-3
 
 
 @pytest.mark.parametrize("kind", WRITERS)
@@ -127,19 +89,3 @@ def test_files_cut_anywhere_or_garbled_end_in_words(kind, tmp_path):
     packed = path.with_suffix(f".{kind}.gz")
     packed.write_bytes(gzip.compress(whole))
     assert len(load(packed).imu_time) == 400
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ('flight = "a.log"', "must end in .tlog"),
-        ('flight = "a.tlog"\nleverarm = 1', "leverarm: unknown key"),
-        ('flight = "a.tlog"\nstart_s = 2\nstop_s = 1', "stop_s = 1 .*must be after"),
-        ('flight = "a.tlog"\ngnss_delay_s = 0.25', "gnss_delay_s = 0.25 s: .* write gnss_time_offset_s = -0.25"),
-        ('flight = "a.tlog"', "a.tlog: file not found"),
-    ],
-)
-def test_wrong_descriptions(text, said, tmp_path):
-    (tmp_path / "log.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=said):
-        load(tmp_path / "log.toml")

@@ -1,4 +1,4 @@
-"""MAVLink telemetry logs: messages, parameters and places; one of insenv replays as well as the run that it came from."""
+"""MAVLink telemetry logs: messages, parameters and places."""
 
 import random
 
@@ -9,7 +9,6 @@ from flight_drive import START_UNIX, described, drive, telemetry
 from insenv import replay, run
 from insenv.errors import InputError
 from insenv.logs import load
-from insenv.logs.flight.parameters import settings
 from insenv.logs.flight.records import TelemetryLog
 from insenv.mavlink import Stream, Vehicle
 from insenv.mavlink.simulation import Simulation
@@ -25,23 +24,6 @@ def streamed(path, scenario, estimator, seconds):
     return path
 
 
-def rms(report, channel, from_s):
-    result = report.results[0]
-    return float(np.sqrt(np.mean(result.errors[channel][result.time > from_s] ** 2)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["ship-underway", "car-city-drive"])
-def test_a_replay_is_as_good_as_the_run(scenario, tmp_path):
-    """The scenario's own seed, 200 s, the last 100 s: the same estimator on the same samples and fixes, from another start."""
-    path = streamed(tmp_path / "drive.tlog", scenario, "loosely-coupled", 200.0)
-    again = replay(path, "loosely-coupled", start="reference")
-    original = run(scenario, "loosely-coupled", duration_s=200.0)
-    for channel in ("north_m", "east_m", "down_m", "vn_mps", "ve_mps", "vd_mps", "roll_deg", "pitch_deg"):
-        own = rms(original, channel, 100.0)
-        assert rms(again, channel, 100.0) < max(1.1 * own, own + 0.2 * again.results[0].stated()[channel]), channel
-
-
 def test_lever_arm_data_sheet_and_settings_are_in_the_log(tmp_path):
     log = load(streamed(tmp_path / "drive.tlog", "car-city-drive", "loosely-coupled", 3.0))
     assert log.lever_arm_b == pytest.approx([-1.2, 0.3, -1.0])
@@ -52,17 +34,6 @@ def test_lever_arm_data_sheet_and_settings_are_in_the_log(tmp_path):
     assert any("lever arm of the antenna -1.2, 0.3, -1 m" in note for note in log.notes)
     told = load(described(tmp_path / "drive.tlog", 'lever_arm_m = [0.0, 0.0, 0.0]\ngrade = "consumer"'))
     assert told.lever_arm_b.tolist() == [0.0, 0.0, 0.0] and told.unit is None
-
-
-def test_settings_of_another_version_are_taken_as_far_as_they_go():
-    vehicle = Vehicle(load_scenario("car-city-drive"), "loosely-coupled", speed=0.0)
-    values = {parameter.name: parameter.value() for parameter in vehicle.parameters.all}
-    assert settings(values)["loosely-coupled"]["innovation_gate"] == 5.0
-    values["E_NEW_NAME"] = 1.0
-    del values["E_INN_GATE"]
-    found = settings(values)["loosely-coupled"]
-    assert "innovation_gate" not in found and found["fix_wander_sigma"] == pytest.approx([1.5, 1.5, 3.05])
-    assert "q-method" not in settings(values)
 
 
 def test_a_moored_ship_is_aligned_at_its_home_position(tmp_path):
@@ -113,17 +84,12 @@ def test_accuracies_are_those_of_gps_raw_int(tmp_path):
 
 
 def test_messages_that_are_missing(tmp_path):
-    imu, whole = {"HIL_SENSOR", "HIGHRES_IMU"}, telemetry(drive(), tmp_path / "flight.tlog")
+    imu = {"HIL_SENSOR", "HIGHRES_IMU"}
     none = telemetry(drive(), tmp_path / "none.tlog", lambda message: message.get_type() in imu)
-    for path, said in (
-        (none, "no inertial unit at a usable rate, 20 Hz or more: found none at all"),
-        (described(whole, 'imu = "IMU[7]"'), r"no imu 'IMU\[7\]'.*HIL_SENSOR"),
-    ):
-        with pytest.raises(InputError, match=said):
-            load(path)
+    with pytest.raises(InputError, match="no inertial unit at a usable rate, 20 Hz or more: found none at all"):
+        load(none)
     path = telemetry(drive(), tmp_path / "blind.tlog", lambda message: "GPS" in message.get_type())
     assert any(note == "no GNSS: the log has no fixes" for note in load(path).notes)
-    assert load(described(whole, 'gnss = "none"')).gnss is None
     path = telemetry(drive(), tmp_path / "hil.tlog", lambda message: message.get_type() == "GPS_RAW_INT")
     log, (_, fix) = load(path), drive().fixes[0]
     assert any(note.startswith("HIL_GPS: eph and epv are taken as accuracies in cm") for note in log.notes)
