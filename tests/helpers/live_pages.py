@@ -15,7 +15,6 @@ from insenv.web.live import Live, live, live_document
 
 SHIP = ("ship-swaying", ("q-method",), 60.0)
 CAR = ("car-city-drive", ("loosely-coupled", "wander-sins"), 60.0)
-HOVER = ("multirotor-hover", ("wander-sins",), 10.0)
 
 
 @functools.cache
