@@ -37,8 +37,7 @@ def test_bounds_keep_what_run_refuses_out():
 
 def test_an_estimator_of_ones_own_and_settings_have_a_page():
     made = live("car-city-drive", insenv.fusion(["gyro_scale"], id="mine"), duration_s=10.0)
-    assert made.values["estimators"] == [] and made.page.members[0].estimator.id == "mine"
+    assert made.page.members[0].estimator.id == "mine"
     settings = {"loosely-coupled": {"innovation_gate": 4.25}}
     made = live("car-city-drive", "loosely-coupled", duration_s=10.0, settings=settings)
     assert np.all(made.parameters[made.page.model.parameters.slice("e0_innovation_gate")] == 4.25)
-    assert made.values["estimator"]["loosely-coupled"]["innovation_gate"] == 4.25

@@ -15,11 +15,9 @@ from insenv.report import OutputFolder, write_files
 from insenv.report.page.html import LIMIT
 from insenv.report.tables import error_rows, number
 from insenv.web.live import live_document
-from insenv.web.page import page
 
 END = "document.querySelector('.end').hidden === false"
 STARTED = "document.getElementById('clock')?.textContent === '0:00.0'"
-BELOW = "[...document.querySelectorAll('.end .below')].map((line) => line.textContent)"
 OPEN_ALL = "document.querySelectorAll('details').forEach((one) => (one.open = true));"
 
 
@@ -89,19 +87,6 @@ def test_run_to_the_end_shows_the_numbers_of_insenv_run_also_after_changes_and_b
     assert figures(browser) == printed(report, limit=False) and browser.console() == []
 
 
-@pytest.mark.slow
-def test_what_is_said_below_a_table_is_what_insenv_run_says(browser, tmp_path):
-    """Of a filter that trusts its odometer far too much."""
-    settings = {"fusion": {"odometer_scale_factor_sigma": 1e-6, "odometer_noise_mps": 1e-3}}
-    given = {"estimators": ["fusion"], "duration_s": 120.0, "settings": settings}
-    browser.open(page("car-odometer", tmp_path / "car.html", **given))
-    fast(browser)
-    (result,) = insenv.run("car-odometer", **given).results
-    for begin in ("the estimate of", "the filter has diverged", "odometer does not fit", "the errors are larger"):
-        assert any(note.startswith(begin) for note in result.notes)
-    assert browser.value(BELOW) == [*f"Health: {result.health.summary}".split("\n"), *result.notes]
-
-
 def test_another_grade_alone_has_the_notes_of_insenv_run(browser):
     notes = "[...document.querySelectorAll('.notes li')].map((one) => one.textContent)"
     told = "document.getElementById('changed').textContent"
@@ -141,21 +126,6 @@ def test_the_page_is_accessible_and_fits(browser, size, dark):
     assert browser.violations() == []
     assert browser.value("document.documentElement.scrollWidth <= innerWidth")
     assert browser.console() == []
-
-
-def test_nothing_can_be_set_before_the_model_is_there(browser):
-    add, remove = (f"Page.{verb}ScriptToEvaluateOnNewDocument" for verb in ("add", "remove"))
-    script = browser.driver.execute_cdp_cmd(add, {"source": "window.Worker = class { postMessage() {} };"})
-    try:
-        browser.open(page_file(*CAR))
-        browser.until("document.getElementById('run')?.textContent === 'Starting ...'")
-    finally:
-        browser.driver.execute_cdp_cmd(remove, script)
-    able = "[...document.querySelectorAll('.transport :is(button, select), .controls, .drive, .cloud')]"
-    assert browser.value(f"{able}.filter((one) => !one.disabled && !one.inert).length") == 0
-    browser.open(page_file(*CAR))
-    browser.until("document.getElementById('run')?.textContent === 'Run'")
-    assert browser.value(f"{able}.filter((one) => one.disabled || one.inert).length") == 0
 
 
 @pytest.mark.slow

@@ -22,10 +22,8 @@ VENDORED = {
 }
 
 
-def test_vendored_files_are_as_published_and_their_versions_named():
+def test_vendored_files_are_as_published():
     assert {path: hashlib.sha256((ROOT / path).read_bytes()).hexdigest() for path in VENDORED} == VENDORED
-    assert "1.6.32" in (WEB / "vendor/uPlot/README.md").read_text("utf-8")
-    assert "4.14.1" in (ROOT / "tests/web/axe/README.md").read_text("utf-8")
 
 
 def test_a_page_makes_no_request_and_runs_its_own_script_alone():
@@ -46,14 +44,9 @@ def test_modules_are_joined_after_those_that_they_import(tmp_path):
     text = joined(tmp_path, "main.js")
     assert "import" not in text and "export" not in text
     assert in_node(f"const print = console.log;\n{text}", None, tmp_path) == "4\n"
-    for wrong, message in (
-        ('import { m } from "./main.js";\n', "imports itself"),
-        ('import * as a from "./a.js";\n', "allowed are"),
-        ("export default 1;\n", "allowed are"),
-    ):
-        main.write_text(wrong)
-        with pytest.raises(InsenvError, match=message):
-            joined(tmp_path, "main.js")
+    main.write_text('import { m } from "./main.js";\n')
+    with pytest.raises(InsenvError, match="imports itself"):
+        joined(tmp_path, "main.js")
 
 
 @pytest.mark.slow
