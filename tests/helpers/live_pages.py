@@ -19,7 +19,6 @@ CAR = ("car-city-drive", ("loosely-coupled", "wander-sins"), 60.0)
 
 @functools.cache
 def live_page(scenario: str, estimators: tuple[str, ...], duration_s: float) -> Live:
-    """A page's model and its controls."""
     return live(scenario, estimators, duration_s=duration_s)
 
 

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import wasmtime
+from interpreted import interpreted  # noqa: F401
 from live_pages import CAR, SHIP, in_node, live_page
 
 import insenv
