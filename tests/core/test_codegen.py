@@ -4,11 +4,10 @@ import casadi as ca
 import pytest
 
 from insenv.core.batch import make_batch
-from insenv.core.codegen import batch_source, embedded_source, module_source, native_source
+from insenv.core.codegen import native_source
 from insenv.core.model import Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
-from insenv.estimators import get
 
 
 @pytest.mark.parametrize("rows", [1, 7])
@@ -26,8 +25,3 @@ def test_an_operation_that_is_not_exactly_rounded_is_refused():
     model = Model("sine", "sine", Table(), state, Table(), state, {"go": go}, lambda p, x: vars(x))
     with pytest.raises(RuntimeError, match="'go' of a model uses SIN: not an exactly rounded operation"):
         native_source(model)
-
-
-@pytest.mark.parametrize("source", [native_source, embedded_source, batch_source, module_source])
-def test_short_functions_stay_in_one(source):
-    assert "PIECE" not in source(get("q-method").model)

@@ -42,13 +42,11 @@ def test_a_model_is_compiled_once_which_is_told(cache, toy, caplog):
 
 
 def test_the_level_of_optimisation_is_chosen(monkeypatch):
-    monkeypatch.delenv("INSENV_OPTIMIZATION")
-    chosen = {"": find_compiler()}
+    chosen = {}
     for level in "0123":
         monkeypatch.setenv("INSENV_OPTIMIZATION", level)
         chosen[level] = find_compiler()
         assert chosen[level].flags[0] == f"-O{level}"
-    assert chosen[""] == chosen["2"]
     assert len({compiling._key("source", compiler) for compiler in chosen.values()}) == 4
     monkeypatch.setenv("INSENV_OPTIMIZATION", "s")
     with pytest.raises(InputError, match="INSENV_OPTIMIZATION = 's'"):
@@ -130,23 +128,6 @@ def test_whoever_needs_what_another_compiles_waits_for_it(cache, toy, tmp_path):
         found = set(pool.map(lambda _: compile_library(source, compiler), range(8)))
     assert len(found) == 1 and runs.read_text().splitlines() == ["run"]
     assert [p.name for p in cache.iterdir()] == [found.pop().parent.name]  # no lock is left
-
-
-def test_no_source_is_written_for_a_library_in_the_cache(cache, toy):
-    written, write = [], compiling.native_source
-
-    def noted(model, functions=None):
-        if functions is None:
-            written.append(model.id)
-        return write(model, functions)
-
-    def library():
-        return compiling._looked_up(replace(toy), noted)()
-
-    first = library()
-    assert library() == first and written == ["toy"]
-    Path(first).write_bytes(b"damaged")
-    assert library() == first and written == ["toy", "toy"]
 
 
 def test_other_equations_conditions_and_code_that_writes_are_other_entries(cache, toy, monkeypatch):

@@ -54,4 +54,3 @@ def test_only_a_look_up_is_a_loop():
     mixed = table[:, 0]
     mixed[50] = p[0]
     assert loop_of(ca.vertcat(*row_of(mixed, x[1])), p, x) is None
-    assert loop_of(ca.vertcat(*row_of(table[:20, :], x[1])), p, x) is None  # short

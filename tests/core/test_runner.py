@@ -45,11 +45,6 @@ def test_a_cycle_is_a_step_then_advances_then_the_outputs(toy, backend, n):
         assert np.array_equal(buffer[4 * n :], other.output())
 
 
-def test_inputs_of_another_shape_are_named(toy):
-    with pytest.raises(InputError, match="shape"):
-        make_runner(toy, None, "interpreter").run(3, np.zeros((4, 4)))
-
-
 def test_backend_is_chosen_by_argument_then_environment(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     assert resolve_backend() == "interpreter" and resolve_backend("native") == "native"

@@ -15,12 +15,10 @@ from insenv.web.live import Live, live, live_document
 
 SHIP = ("ship-swaying", ("q-method",), 60.0)
 CAR = ("car-city-drive", ("loosely-coupled", "wander-sins"), 60.0)
-HOVER = ("multirotor-hover", ("wander-sins",), 10.0)
 
 
 @functools.cache
 def live_page(scenario: str, estimators: tuple[str, ...], duration_s: float) -> Live:
-    """A page's model and its controls."""
     return live(scenario, estimators, duration_s=duration_s)
 
 

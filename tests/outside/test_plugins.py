@@ -13,7 +13,7 @@ from command_line import strict
 from places import ROOT
 
 import insenv
-from insenv import Estimator, InputError, InsenvError, Row, Sensor, SensorSection, Step, Table, VehicleSection
+from insenv import Estimator, InputError, InsenvError, Row, Sensor, SensorSection, Step, Table
 from insenv.core.compose import Part
 from insenv.estimators import registry as estimators
 from insenv.instruments import INSTRUMENTS
@@ -61,27 +61,19 @@ def section(rail, **methods):
     [
         (of_step, lambda p, x, u: {"q_nb": x.q_nb + u.delta_velo[0]}, "no row named 'delta_velo'; did you mean"),
         (of_step, lambda p, x, u: {"q_nb": x.q_nb[:3]}, "row 'q_nb' has the shape 3 x 1"),
-        (of_step, lambda p, x, u: {"q_nb": "x"}, "row 'q_nb' is of type str"),
         (of_step, lambda p, x, u: None, "the result is of type NoneType"),
         (of_step, lambda p, x, u: {"q_nb": x.q_nb if u.dt > 0 else -x.q_nb}, "a CasADi symbol has no truth value"),
         (of_step, lambda p, x, u: {"q_nb": x.q_nb + ca.SX.zeros(3)}, "RuntimeError: Dimension mismatch"),
-        (of_step, lambda p, x, u: {"q_nb": x.q_nb / 0}, "row 'q_nb' contains a constant that is not finite"),
         (of_model, {"output": lambda p, x: {}}, "output: row 'q_nb' is missing"),
-        (of_model, {"output": None}, "output and start must be functions"),
         (of_model, {"steps": {"sample": lambda p, x, u: {}}}, "step 'sample': function: allowed is a Step"),
-        (of_model, {"state": ()}, "state is of type tuple"),
         (of_estimator, {"motion": "foo"}, "estimator 'ahrs': motion = 'foo'"),
-        (of_estimator, {"sensors": "gnss"}, "estimator 'ahrs': sensors = 'gnss'"),
-        (of_estimator, {"model": "x"}, "Estimator: model = 'x'"),
         (of_estimator, {"kind": "navigation"}, "'ahrs': an estimator of kind 'navigation' has the output 'velocity_n'"),
         (of_estimator, {"prepare": lambda known: {"lattitude": 1}}, "prepare: no row named 'lattitude'; did you mean"),
         (of_estimator, {"prepare": lambda known: 1 / 0}, "estimator 'ahrs', prepare: ZeroDivisionError"),
         (of_law, {"along": lambda p, x: [{"rail_phase": 0}]}, "along: 1 results: allowed are 3"),
         (of_law, {"angles": lambda p, x: [p.mean_rol, p.mean_pitch, 0]}, "no row named 'mean_rol'; did you mean"),
         (of_law, {"state": Table((Row("q_nb", "Mine"),))}, "q_nb"),
-        (of_section, {"vehicle": lambda self: None}, "vehicle = None"),
         (of_section, {"vehicle": lambda self: self.law}, "vehicle kind 'trolley', vehicle: AttributeError: 'Mine'"),
-        (of_section, {"rows": lambda self, start: None}, "vehicle kind 'trolley', rows: the result is of type NoneType"),
         (of_section, {"rows": lambda self, start: {"rail_amplitude": 1}}, "rows: 'rail_angular_frequency' is missing"),
     ],
 )
@@ -92,72 +84,34 @@ def test_a_fault_names_its_model_estimator_or_vehicle(rail, made, changes, messa
     assert named in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_register_refuses_other_things_in_a_few_words(rail):
-    ahrs, trolley, compass = rail["ahrs"].ESTIMATOR, rail["trolley"].trolley(), rail["compass"].COMPASS
-    for taken, things in (
-        (insenv.register, (ahrs.model, [ahrs], trolley, compass)),
-        (vehicles.register, (ahrs,)),
-        (sensors.register, (ahrs,)),
-        (estimators.register, (ahrs.model,)),
-        (lambda model: insenv.run("ship-swaying", model), (ahrs.model,)),
-    ):
-        for thing in things:
-            with pytest.raises(InputError, match=r"ahrs|trolley|compass") as caught:
-                taken(thing)
-            assert len(str(caught.value)) < 250
-    for thing in (3, VehicleSection, SensorSection):
-        with pytest.raises(InputError, match="a subclass of"):
-            insenv.register(thing)
-
-
-# --- names and contracts -----------------------------------------------------------------------------
-
-
 def test_names_are_plain_and_not_taken(rail):
     def of_sensor(id):
         sensor = Sensor(id, lambda instant: Part(), ())
         return type("Mine", (SensorSection,), {"__module__": __name__, "sensor": sensor, "rows": lambda self, rate_hz: {}})
 
     model = rail["ahrs"].ESTIMATOR.model
-    for id in ("", "My Est/..!", "ship-swaying"):
+    for id in ("My Est/..!", "ship-swaying"):
         with pytest.raises(InputError, match=rf"estimator.*{id!r}"):
             insenv.register(Estimator(replace(model, id=id), kind="alignment"))
     own = section(rail)
-    for name in ("", "a b", "Compass"):
-        own.model_fields["kind"].annotation = Literal[name]
-        for what, thing in (("kind", own), ("sensor id", of_sensor(name))):
-            with said(f"Mine: {what} = {name!r}"):
-                insenv.register(thing)
+    own.model_fields["kind"].annotation = Literal["a b"]
+    for what, thing in (("kind", own), ("sensor id", of_sensor("a b"))):
+        with said(f"Mine: {what} = 'a b'"):
+            insenv.register(thing)
     for id in ("start", "name", "model_copy"):
         with said(f"sensor {id!r}: a key or attribute of a scenario has this name"):
             insenv.register(of_sensor(id))
     assert {name for name in dir(Scenario) if not name.startswith("_")} | set(Scenario.model_fields) <= sensors.TAKEN
 
 
-def test_a_section_must_define_what_its_contract_declares():
-    class Bare(VehicleSection):
-        kind: Literal["bare"]
-
-    class Mute(SensorSection):
-        sensor = Sensor("mute", part=lambda instant: Part(), outputs=())
-
-    for thing, missing in ((Bare, "in_place"), (Mute, "rows")):
-        with said(f"must define '{missing}'"):
-            insenv.register(thing)
-
-
 def test_a_fault_of_a_sensor_names_it(rail):
     compass = rail["compass"].COMPASS
     for wrong, message in (
-        ([replace(compass, part=lambda instant: None)], "sensor 'compass': part gave None"),
         ([replace(compass, outputs=("compas_valid",))], "sensor 'compass': no row named 'compas_valid'; did you mean"),
         ([compass, replace(compass, id="other")], "two rows are named 'compass_valid'"),
     ):
         with said(message):
             plant_model(rail["trolley"].trolley(), tuple(wrong))
-
-
-# --- entry points ------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -196,8 +150,6 @@ def test_a_broken_sensor_or_vehicle_stops_only_the_scenarios_that_name_it(monkey
     for registry, wanted in ((sensors, {"sonar": {}}), (vehicles, {"vehicle": {"kind": "sonar"}})):
         monkeypatch.setattr(registry._PLUGINS, "_broken", {"sonar": "package 'mine': cannot be loaded"})
         insenv.load(values)
-        with pytest.raises(InputError, match=r"vehicle\.kind"):
-            insenv.load({**values, "vehicle": {"kind": []}})
         with pytest.raises(InsenvError, match="'sonar': package 'mine': cannot be loaded"):
             insenv.load({**values, **wanted})
 

@@ -1,6 +1,5 @@
 """The figures of docs/benchmarks.md are those of the code; its times name figures that `insenv bench` measures."""
 
-import json
 import re
 
 import benchmarks
@@ -62,17 +61,3 @@ def test_each_estimator_can_run_on_the_scenario_that_it_is_measured_on():
     for estimator in (each for each in registered().values() if not each.smooths):
         plant = build(load(scenario_of(estimator)))
         assert plant.parameters_of(plant.adapted(estimator)), estimator.id
-
-
-def test_times_are_taken_from_the_document_of_the_benchmark(tmp_path, monkeypatch):
-    table, document = tmp_path / "table.json", tmp_path / "bench.json"
-    table.write_text(benchmarks.TABLE.read_text("utf-8"))
-    monkeypatch.setattr(benchmarks, "TABLE", table)
-    figure = {"name": "env.single", "value": 151234.0, "unit": "steps/s", "floor": 1e6, "n": 9, "note": ""}
-    document.write_text(json.dumps({"machine": {"processor": "P", "cores": 2}, "figures": [figure]}))
-    benchmarks.main(["speed", str(document)])
-    speed = json.loads(table.read_text())["speed"]
-    (row,) = [row for row in speed["figures"] if row["name"] == "env.single"]
-    assert (row["value"], row["floor"], row["target"]) == (151000.0, 1e6, 150000) and speed["machine"] == "P, 2 cores"
-    with pytest.raises(SystemExit):
-        benchmarks.main(["nonesuch"])

@@ -1,6 +1,5 @@
 """The pages of docs/estimators: one form, examples that print what they show, accuracy that the code still has."""
 
-import json
 import re
 
 import accuracy
@@ -27,7 +26,6 @@ def test_a_page_has_the_form_names_code_that_exists_and_shows_the_errors_of_a_ru
 
 def test_the_accuracy_of_every_case_is_stored():
     rows = accuracy.stored()
-    assert json.loads(accuracy.text(rows)) == rows
     assert [(row["estimator"], row["case"]) for row in rows] == [(case.estimator, case.label) for case in accuracy.CASES]
     assert {row["estimator"] for row in rows} == set(estimators.registered()) - {"smoother", "fusion-smoother"}
 

@@ -1,7 +1,6 @@
 """The table of every estimator on every scenario: shares beyond three sigmas, and the part of the page that it writes."""
 
 from dataclasses import replace
-from datetime import date
 
 import matrix
 import numpy as np
@@ -23,23 +22,3 @@ def test_the_share_is_that_of_the_worst_component_with_the_scatter_between_runs(
     assert judged(error).beyond(3) is None
     assert judged(error, np.full((4, 10, 3), 2.0)).beyond(0) == (0.0, 0.0)
     assert replace(judged(error), unjudged=("roll_deg", "pitch_deg")).beyond(0) == (0.0, 0.0)
-
-
-def test_rows_replace_those_of_the_same_pair(tmp_path):
-    page, error = tmp_path / "page.md", np.zeros((2, 3, 3))
-    page.write_text(f"before\n\n{matrix.BEGIN}{matrix.END}\n\nafter\n")
-    matrix.write([matrix.row(judged(error)), matrix.row(judged(error, estimator="analytic"))], date(2020, 1, 2), page)
-    error[..., 2] = 4.0
-    error[..., 0] = 1.0
-    matrix.write([matrix.row(judged(error))], date(2020, 1, 3), page)
-    lines = page.read_text().splitlines()
-    assert lines[:3] == ["before", "", "<!-- begin matrix -->"] and lines[-1] == "after"
-    assert "64 seeds from 7000, last written on 2020-01-03." in lines
-    rows = [line for line in lines if line.startswith("| car-parked")]
-    assert [line.split("|")[2].strip() for line in rows] == ["analytic", "qakf"]
-    assert "| 100.0 +- 0.0 |" in rows[1] and "| 0.5, -, - |" in rows[1]
-
-
-@pytest.mark.slow
-def test_a_pair_without_standard_deviations_has_no_row():
-    assert matrix.judge("static-ecef", "wander-sins", 2) is None

@@ -1,7 +1,6 @@
 """The list of injected faults fits the sources: every text stands once, and there are enough."""
 
 import mutants
-import pytest
 from places import ROOT
 
 
@@ -13,18 +12,6 @@ def test_every_fault_of_the_list_can_be_made():
             path, _, name = test.partition("::")
             assert (ROOT / path).is_file(), test
             assert not name or f"def {name}(" in (ROOT / path).read_text(encoding="utf-8"), test
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [("no such text", "stands 0 times"), ("import", "times in the file"), ("OMEGA_IE = 7.292115e-5", "no fault")],
-)
-def test_a_text_that_does_not_stand_once_is_an_error(text, said, tmp_path, monkeypatch):
-    monkeypatch.setattr(mutants, "LIST", tmp_path / "faults.toml")
-    fault = f'[[file]]\npath = "insenv/geodesy/wgs84.py"\ntests = []\nmutants = [["{text}", "{text}"]]\n'
-    mutants.LIST.write_text(fault)
-    with pytest.raises(SystemExit, match=said):
-        mutants.listed()
 
 
 def test_a_fault_is_made_in_a_copy_found_and_taken_back(tmp_path, monkeypatch):

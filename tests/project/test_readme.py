@@ -1,10 +1,7 @@
 """What README.md, CONTRIBUTING.md and docs/*.md tell a reader to type, typed.
 
-In ``console`` and ``sh`` blocks the lines that begin with ``$ insenv``, ``$ python -m insenv`` or ``$ python examples/`` are
-run, those with ``$ make`` must name a target of the Makefile; the lines below a command must be printed by it, in this order;
-``...`` stands for any lines.  A ``python`` block is run whole, and so are the code cells of a tutorial.  Each block runs in its
-own folder with links to examples and scenarios.  ``<!-- not run: reason -->`` on the line before a block leaves it out.
-`make test` runs the pages `FIRST`, `make test-all` every page.
+What stands below a command must be printed by it, in this order; ``...`` stands for any lines.  Each block runs in a folder of
+its own with links to examples and scenarios.  ``<!-- not run: reason -->`` on the line before a block leaves it out.
 """
 
 import os
@@ -171,30 +168,7 @@ def test_python(page, tmp_path):
     run([sys.executable, "-c", EACH, *map(str, files)], tmp_path, path_of(page, tmp_path))
 
 
-def test_blocks_commands_and_what_they_do_not_print_are_found():
-    page = "text\n<!-- not run: no radio -->\n```sh\n$ insenv list\n```\n```python\nx = 1\n```\n```c\nx;\n```\n"
-    expected = [Block("p.md", 3, "sh", "$ insenv list\n", "no radio"), Block("p.md", 6, "python", "x = 1\n", None)]
-    assert blocks_of("p.md", page) == expected
-    block = "$ insenv run ship\nroll   1.0\n...\nheading 2\n$ insenv list \\\n  grades\n"
-    assert shown_below(block) == [("insenv run ship", ["roll   1.0", "...", "heading 2"]), ("insenv list    grades", [])]
-    assert runnable("A=1 insenv list | insenv run") == f"A=1 {PYTHON} -m insenv list | {PYTHON} -m insenv run"
-    assert runnable("pip install insenv") is None
+def test_what_is_not_printed_is_found():
     printed = "q-method, 0.2 us a sample\nroll   1.0   \npitch 3\nheading 2\n"
     assert missing(["q-method, 9 us a sample", "roll   1.0", "...", "heading 2"], printed) == []
     assert missing(["heading 2", "roll   1.0"], printed) == ["roll   1.0"]
-
-
-def test_packages_that_the_page_does_not_install_are_hidden(tmp_path):
-    path = path_of("README.md", tmp_path)
-    run([sys.executable, "-c", "import matplotlib"], tmp_path, path)
-    with pytest.raises(AssertionError, match="No module named 'pandas'"):
-        run([sys.executable, "-c", "import pandas"], tmp_path, path)
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/cli.md", "docs/benchmarks.md"])
-def test_a_page_shows_tables_that_are_compared(page):
-    lines = [line for b in ALL if b.page == page and not b.reason for _, shown in shown_below(b.text) for line in shown]
-    for row in ("roll [deg]", "pitch [deg]", "heading [deg]"):
-        assert any(line.startswith(row) for line in lines), row
-    for fence in re.findall(r"^```text\n(.*?)^```$", (ROOT / page).read_text("utf-8"), re.MULTILINE | re.DOTALL):
-        assert "[deg]" not in fence, "a table outside of a console block is not compared"

@@ -15,12 +15,6 @@ def test_what_the_readme_links_to_exists():
     assert local and [target for target in local if not (ROOT / target).exists()] == []
 
 
-def test_every_tutorial_is_listed():
-    folder = ROOT / "docs" / "tutorials"
-    listed = re.findall(r"^\| \[[^\]]+\]\(([\w-]+\.md)\)", (folder / "index.md").read_text("utf-8"), re.MULTILINE)
-    assert sorted(listed) == sorted(path.name for path in folder.glob("*.md") if path.name != "index.md")
-
-
 def test_links_and_images_become_absolute_where_an_address_is_declared():
     text = "![a ship](docs/ship.png) [page](docs/a.md#part) [there](https://x.org) [here](#part)"
     raw, blob = f"{SOURCE}/raw/v1.0", f"{SOURCE}/blob/v1.0"

@@ -14,7 +14,6 @@ import pytest
 
 SITE = Path(os.environ.get("INSENV_SITE", "/nonexistent"))
 PHONE, LAPTOP = (390, 844), (1280, 900)
-LOOKED_AT = ("index.html", "tutorials/align-a-ship.html", "generated/environments/ship-alignment.html")
 pytestmark = pytest.mark.slow
 
 
@@ -40,7 +39,7 @@ class Page(HTMLParser):
 
 
 def test_links_and_pictures_lead_somewhere(pages):
-    assert {*LOOKED_AT, "search.html", "how-to.html", "reference.html", "concepts/architecture.html"} <= set(pages)
+    assert {"index.html", "search.html", "how-to.html", "reference.html", "concepts/architecture.html"} <= set(pages)
     wrong, parsed = [], functools.cache(Page)
     for page, link in [(each, link) for each in pages for link in parsed(each).links]:
         parts = urlsplit(urljoin(f"http://site/{page}", link))
@@ -129,40 +128,3 @@ def test_each_page_in_the_browser(browser, address, pages):
         sized(browser, PHONE)
         assert browser.execute_script(SCROLL) <= 0 and browser.execute_script(CUT) == [], page
     assert typeset_on["concepts/frames.html"] > 8
-
-
-@pytest.mark.parametrize(
-    ("words", "wanted"), [("lever arm", "scenarios.html"), ("InputError", "generated/api/InputError.html")]
-)
-def test_search_finds_a_page(browser, address, words, wanted):
-    from selenium.webdriver.support.ui import WebDriverWait
-
-    assert opened(browser, address, f"search.html?q={words.replace(' ', '+')}") == []
-    finished = "return /found|matching/.test(document.querySelector('#search-results .search-summary')?.innerText ?? '')"
-    WebDriverWait(browser, 30).until(lambda b: b.execute_script(finished))
-    found = browser.execute_script("return [...document.querySelectorAll('#search-results a')].map(a => a.href)")
-    assert any(link.startswith(address + wanted) for link in found), found[:10]
-
-
-COLOURS = """const shown = e => getComputedStyle(e); const body = document.querySelector('.bd-article p');
-let e = body, back = 'rgba(0, 0, 0, 0)';
-while (e && back == 'rgba(0, 0, 0, 0)') { back = shown(e).backgroundColor; e = e.parentElement; }
-return [back, shown(body).color]"""
-
-
-def luminance(colour):
-    """WCAG 2."""
-    values = [float(part) / 255 for part in colour[colour.index("(") + 1 : -1].split(",")[:3]]
-    linear = [value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4 for value in values]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-@pytest.mark.parametrize("mode", ["light", "dark"])
-def test_light_and_dark(browser, address, mode):
-    wished = [{"name": "prefers-color-scheme", "value": mode}]
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": wished})
-    for page in LOOKED_AT:
-        assert opened(browser, address, page) == []
-        back, front = (luminance(colour) for colour in browser.execute_script(COLOURS))
-        assert (back > 0.8) if mode == "light" else (back < 0.1)
-        assert (max(back, front) + 0.05) / (min(back, front) + 0.05) > 7.0  # contrast, WCAG 2 level AAA

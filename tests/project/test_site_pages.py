@@ -3,7 +3,6 @@
 import re
 
 import pytest
-import site_docstrings
 import site_gallery
 import site_pages
 import site_sources
@@ -33,14 +32,6 @@ def test_everything_has_a_page(pages):
     assert "none: its bias hides the rotation of the Earth" in pages["grades/consumer.md"]
 
 
-def test_an_environment_has_its_rows_and_baselines(pages):
-    for page in (pages[f"environments/{site_pages.slug(id)}.md"] for id in SPECS):
-        for part in ("\n## The action", "\n## The observation", "\n## The info", "| `q_nb` |", "| `time` |"):
-            assert part in page, page
-        scores = page.partition("\n## Baselines")[2]
-        assert len(re.findall(r"^\|.*-?\d\.\d\d \+- \d\.\d\d", scores, re.MULTILINE)) >= 4, page
-
-
 @pytest.mark.parametrize("id", estimators.registered())
 def test_the_page_of_an_estimator_ends_with_its_tables(id):
     name = f"estimators/{site_tables.estimator_pages()[id].removesuffix('.md')}"
@@ -56,29 +47,6 @@ def test_a_key_of_a_parameter_is_one_that_is_taken(monkeypatch):
     assert "`arw_deg_sqrt_h`" in tables and "`innovation_gate`" in tables
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     insenv.run("car-city-drive", duration_s=1.0, settings={"loosely-coupled": {"arw_deg_sqrt_h": 0.2, "innovation_gate": 4}})
-
-
-def test_links_to_an_anchor_lead_to_the_heading_below_it():
-    text = site_sources.extended("logs", "see [health](consistency.md#health) and [axes](#axes)")
-    assert text == "see [health](consistency.md#in-a-single-run-health) and [axes](#axes)"
-
-
-def test_a_page_that_no_table_of_contents_names_is_below_the_reference(tmp_path, monkeypatch):
-    (tmp_path / "concepts").mkdir()
-    (tmp_path / "concepts" / "index.md").write_text("```{toctree}\n:hidden:\n\n../limits\n```\n")
-    for name in ("index", "limits", "benchmarks"):
-        (tmp_path / f"{name}.md").write_text("# Title\n")
-    monkeypatch.setattr(site_sources, "DOCS", tmp_path)
-    assert site_sources.unlisted() == ["benchmarks"]
-
-
-def test_a_docstring_becomes_definitions_links_and_code():
-    lines = ["What `run` gives.  Half * done.", "", "one, two: first text", "    of `x_` and `Report`.", "", "    code()"]
-    assert site_docstrings.as_rst(lines, {"one", "two"}) == [
-        "What :py:obj:`~insenv.run` gives.  Half \\* done.", "",
-        "``one``, ``two``", "    first text of ``x_`` and :py:obj:`~insenv.Report`.", "",
-        ".. code-block:: python", "", "    code()", "",
-    ]  # fmt: skip
 
 
 def test_each_live_page_of_the_gallery_can_run_and_has_a_link():

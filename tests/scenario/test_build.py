@@ -22,13 +22,6 @@ def shown(plant, samples=None):
     return plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(samples or plant.samples))
 
 
-def test_a_parked_vehicle_starts_at_its_place_and_rocks():
-    start, out = load("aircraft-parked").start, shown(build(load("aircraft-parked"), duration_s=10.0))
-    place = start.latitude_deg * DEG, start.longitude_deg * DEG, start.height_m
-    assert np.abs(geodesy.numeric.ned_offset(out["latitude"], out["longitude"], out["height"], *place)).max() < 1.0
-    assert np.ptp(np.array(attitude.numeric.to_euler(out["q_nb"]))[0]) > 1e-4
-
-
 def test_equal_structures_share_a_model():
     swaying, changed = build(load("ship-swaying")), data_of("ship-swaying")
     changed["vehicle"]["sway"]["roll"][0]["period_s"] = 7.0
@@ -58,15 +51,6 @@ def test_turntable_is_that_of_the_paper_in_other_axes():
     swap = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])  # east-north-up to north-east-down, right-forward-up to FRD
     np.testing.assert_allclose(attitude.numeric.to_dcm(shown(plant)["q_nb"][-1]), swap @ enu @ swap, atol=1e-12)
     np.testing.assert_allclose(swap @ [0.01, 0.01, 0.01], plant.parameters["gyro_bias"] / DEG * 3600)
-
-
-def test_survey_has_its_outages_on_the_lines():
-    plant = build(load("aircraft-survey"))
-    begin = np.cumsum(plant.parameters["segments"][:, 0])[6 + 1]  # wait, taxi, turn (2), take-off, on, climb (2)
-    assert begin == pytest.approx(1000.0, abs=1.0)
-    np.testing.assert_allclose(plant.parameters["gnss_outage_start"][:4], 1000.0 + 60.0 * np.array([1, 4, 7, 10]))
-    length = plant.parameters["gnss_outage_end"] - plant.parameters["gnss_outage_start"]
-    np.testing.assert_allclose(length, 60.0 * (np.arange(16) < 4))
 
 
 def start_errors(plant):

@@ -37,7 +37,6 @@ def test_run_follows_them():
 
 def test_wrong_entries():
     for entry, message in (
-        ({"speed": 1.0}, r"commands\[0\]: at_s is missing"),
         ({"at_s": 1.0, "sped": 1.0}, r"commands\[0\]: unknown command 'sped'; did you mean 'speed'"),
         ({"at_s": 1.0, "speed": 1e3}, r"commands\[0\]: command_speed"),
     ):
@@ -46,9 +45,10 @@ def test_wrong_entries():
 
 
 def test_others_refuse_them():
-    values = load("ship-swaying").model_dump(mode="json", exclude_unset=True)
-    with pytest.raises(insenv.InputError, match="takes no commands"):  # moored
-        load({**values, "commands": [{"at_s": 1.0, "speed": 1.0}]})
-    for use in (insenv.limit, lambda each: gymnasium.make("insenv/VehicleNavigation-v0", scenario=each)):
+    for use in (
+        insenv.limit,
+        lambda each: insenv.campaign(each, "loosely-coupled", 2),
+        lambda each: gymnasium.make("insenv/VehicleNavigation-v0", scenario=each),
+    ):
         with pytest.raises(insenv.InputError, match="nothing else does"):
             use(with_commands(*COMMANDS))

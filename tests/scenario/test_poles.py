@@ -1,7 +1,5 @@
 """Near a pole, where vehicles that steer relative to north cannot be simulated: exact up to 100 m, refused beyond."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from insenv.geodesy import POLAR_RADIUS
 from insenv.mavlink.simulation import Simulation
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
-from insenv.scenario.build import reseeded
 
 
 def ship(latitude_deg=89.995, heading_deg=0.0, duration_s=100.0, speed=6.0, **more):
@@ -27,16 +24,13 @@ def ship(latitude_deg=89.995, heading_deg=0.0, duration_s=100.0, speed=6.0, **mo
 
 
 @pytest.mark.parametrize(("latitude", "heading", "pole"), [(89.995, 0.0, "north"), (-89.995, 180.0, "south")])
-def test_a_course_over_a_pole_is_refused_everywhere_with_the_time(latitude, heading, pole):
+def test_a_course_over_a_pole_is_refused_with_the_time(latitude, heading, pole):
     scenario = ship(latitude, heading)
     time_s = (0.005 * np.pi / 180 * POLAR_RADIUS - 100.0) / 6.0  # at which the way along the meridian has 100 m left
     said = rf"latitude_deg = {latitude:g}, comes within 100 m of the {pole} pole at {time_s:.1f}"[:-1]
     for use in (
         build,
-        lambda s: insenv.run(s, "loosely-coupled"),
-        insenv.record,
         lambda s: insenv.campaign(s, "loosely-coupled", 2),
-        lambda s: reseeded(build(s, duration_s=60.0), [1, 2]) and build(s),
         lambda s: insenv.export_fmu(s, "never.fmu"),
         Simulation,
     ):

@@ -63,18 +63,6 @@ def test_verdicts_and_sentences_are_those_of_a_run(tmp_path):
     assert all(verdicts.count(verdict) > CASES // 20 for verdict in (*VERDICTS, None) if verdict) and None in verdicts
 
 
-def test_a_verdict_is_said_once_beside_its_word(tmp_path):
-    told = {
-        "consistent": "",
-        "untested: none of 4 fixes was compared with an estimate": "none of 4 fixes was compared with an estimate; ",
-        "overconfident, factor 2": "factor 2; ",
-        "consistent within 5 %: 0 % of 9 fixes refused": "within 5 %: 0 % of 9 fixes refused; ",
-        "diverged, factor 3; gnss: consistent: none used": "factor 3; gnss: consistent: none used; ",
-    }
-    code = 'given.map((line) => module_readings.besideVerdict([line, "dvl: consistent"]))'
-    assert answers("readings.js", code, [*told], tmp_path) == [f"{text}dvl: consistent" for text in told.values()]
-
-
 @pytest.mark.parametrize(
     ("scenario", "id", "scales"),
     [("aircraft-inflight-alignment", "velocity-integration", (0.01, 3.0)), ("ship-dvl", "fusion", (1e-12, 0.3, 1e3))],

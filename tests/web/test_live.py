@@ -6,21 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browser import LAPTOP, PHONE
-from live_pages import CAR, HOVER, SHIP, live_page, page_file
+from live_pages import CAR, SHIP, live_page, page_file
 from selenium.webdriver import ActionChains, Keys
 from selenium.webdriver.common.by import By
 
 import insenv
 from insenv.report import OutputFolder, write_files
 from insenv.report.page.html import LIMIT
-from insenv.report.tables import error_columns, error_rows, number
+from insenv.report.tables import error_rows, number
 from insenv.web.live import live_document
-from insenv.web.page import page
 
 END = "document.querySelector('.end').hidden === false"
 STARTED = "document.getElementById('clock')?.textContent === '0:00.0'"
-BELOW = "[...document.querySelectorAll('.end .below')].map((line) => line.textContent)"
-PICTURES = "[...document.querySelectorAll('.plots .panels .plot canvas')].map((one) => one.toDataURL())"
 OPEN_ALL = "document.querySelectorAll('details').forEach((one) => (one.open = true));"
 
 
@@ -54,14 +51,10 @@ def fast(browser):
     browser.until(END, timeout_s=120.0)
 
 
-def cells(browser, rows):
-    """Texts of the rows of a table, with ASCII minus signs."""
-    texts = "map((row) => [...row.cells].map((cell) => cell.textContent.replace('\u2212', '-')))"
-    return browser.value(f"[...document.querySelectorAll('{rows}')].{texts}")
-
-
 def figures(browser):
-    return [row[1:] for row in cells(browser, ".end tbody tr")]
+    """The numbers of the table at the end, with ASCII minus signs."""
+    texts = "map((row) => [...row.cells].slice(1).map((cell) => cell.textContent.replace('\u2212', '-')))"
+    return browser.value(f"[...document.querySelectorAll('.end tbody tr')].{texts}")
 
 
 def printed(report, limit=True):
@@ -82,8 +75,7 @@ def test_run_to_the_end_shows_the_numbers_of_insenv_run_also_after_changes_and_b
     fast(browser)
     report = insenv.run(name, estimators, duration_s=duration)
     assert figures(browser) == printed(report)
-    heads = "[...document.querySelectorAll('.end thead th')].map((cell) => cell.textContent)"
-    assert browser.value(heads) == list(error_columns(report.results[0])) and path.stat().st_size < LIMIT
+    assert path.stat().st_size < LIMIT
     ready(browser, path)
     typed(browser, "seed", "7")
     choose(browser, "control-imu.grade", "navigation")
@@ -93,32 +85,6 @@ def test_run_to_the_end_shows_the_numbers_of_insenv_run_also_after_changes_and_b
     browser.open(path, fragment=browser.until("location.hash.includes('seed=7') && location.hash"))
     fast(browser)
     assert figures(browser) == printed(report, limit=False) and browser.console() == []
-
-
-@pytest.mark.slow
-def test_roll_and_heading_near_90_deg_of_pitch_have_no_limit(browser, tmp_path):
-    legs = [{"duration_s": 10.0}, {"duration_s": 20.0, "pitch_deg": 90.0, "rate_deg_s": 20.0}]
-    table = {
-        "title": "table", "estimators": ["fusion"], "duration_s": 30.0, "imu": {"grade": "tactical"},
-        "start": {"latitude_deg": 47.0, "longitude_deg": 15.0}, "vehicle": {"kind": "turntable", "legs": legs},
-    }  # fmt: skip
-    browser.open(page(table, tmp_path / "table.html"))
-    fast(browser)
-    found = figures(browser)
-    assert found == printed(insenv.run(table)) and [row[4] for row in found][:3:2] == ["-", "-"]
-
-
-@pytest.mark.slow
-def test_what_is_said_below_a_table_is_what_insenv_run_says(browser, tmp_path):
-    """Of a filter that trusts its odometer far too much."""
-    settings = {"fusion": {"odometer_scale_factor_sigma": 1e-6, "odometer_noise_mps": 1e-3}}
-    given = {"estimators": ["fusion"], "duration_s": 120.0, "settings": settings}
-    browser.open(page("car-odometer", tmp_path / "car.html", **given))
-    fast(browser)
-    (result,) = insenv.run("car-odometer", **given).results
-    for begin in ("the estimate of", "the filter has diverged", "odometer does not fit", "the errors are larger"):
-        assert any(note.startswith(begin) for note in result.notes)
-    assert browser.value(BELOW) == [*f"Health: {result.health.summary}".split("\n"), *result.notes]
 
 
 def test_another_grade_alone_has_the_notes_of_insenv_run(browser):
@@ -141,54 +107,16 @@ def test_another_grade_alone_has_the_notes_of_insenv_run(browser):
     assert browser.value(notes) == said() and browser.console() == []
 
 
-def test_a_broken_link_and_a_value_out_of_bounds_are_sentences_in_the_page(browser):
-    for fragment, message in (("#seed=999999", "seed = 999999"), ("#imu.grade=golden", 'imu.grade = "golden"')):
-        browser.open(page_file(*SHIP), fragment=fragment)
-        told = browser.until("document.getElementById('wrong')?.textContent")
-        assert told.startswith(f"This link cannot be followed: {message}")
-        browser.until("document.getElementById('seed').value === '1' && location.hash === ''")
+def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
+    browser.open(page_file(*SHIP), fragment="#seed=999999")
+    told = browser.until("document.getElementById('wrong')?.textContent")
+    assert told.startswith("This link cannot be followed: seed = 999999")
+    browser.until("document.getElementById('seed').value === '1' && location.hash === ''")
     browser.until(STARTED)
-    browser.driver.execute_script(OPEN_ALL)
-    for id, given, sentence in (
-        ("control-start.latitude_deg", "95", "start.latitude_deg = 95 deg: allowed is -80 to 80 deg. The run still uses 30"),
-        ("seed", "", "seed is empty: allowed is 0 to 1023. The run still uses 1"),
-        ("seed", "2.5", "seed = 2.5: allowed is a whole number, 0 to 1023. The run still uses 1"),
-    ):
-        typed(browser, id, given)
-        browser.until(f"document.body.innerText.includes('{sentence}')")
+    typed(browser, "seed", "2.5")
+    sentence = "seed = 2.5: allowed is a whole number, 0 to 1023. The run still uses 1"
+    browser.until(f"document.body.innerText.includes('{sentence}')")
     assert browser.console() == []
-
-
-def test_the_space_key_runs_and_pauses_after_clicks_with_the_pointer(browser):
-    ready(browser, page_file(*SHIP))
-    label = "document.getElementById('run').textContent"
-    for button, after in (("step", "Pause"), ("reset", "Pause"), ("run", "Run")):
-        browser.driver.find_element(By.ID, button).click()
-        ActionChains(browser.driver).send_keys(" ").perform()
-        browser.until(f"{label} === {after!r}")
-        click(browser, "reset")
-        browser.until(STARTED)
-    # a button that the keyboard has reached keeps its own action
-    browser.driver.execute_script("document.getElementById('step').focus()")
-    ActionChains(browser.driver).send_keys(" ").perform()
-    browser.until("document.querySelector('progress').value > 0")
-    assert browser.value(label) == "Run"
-
-
-def test_labels_keep_their_size_at_a_ratio_of_two_and_focus_that_goes_back_stays_clear_of_the_bar(browser):
-    ready(browser, page_file(*SHIP), (1280, 500), ratio=2)
-    browser.driver.execute_script(
-        "window.fonts = []; const draw = CanvasRenderingContext2D.prototype.fillText;"
-        "CanvasRenderingContext2D.prototype.fillText = function (...given) {"
-        "  if (this.canvas.closest('.uplot')) window.fonts.push(parseFloat(this.font)); draw.apply(this, given); };"
-        "document.querySelector('.tools button:last-child').click();"
-    )
-    assert set(browser.until("window.fonts.length && window.fonts")) == {24}
-    browser.driver.execute_script(f"{OPEN_ALL} document.getElementById('restore').focus();")
-    for _ in range(12):
-        ActionChains(browser.driver).key_down(Keys.SHIFT).send_keys(Keys.TAB).key_up(Keys.SHIFT).perform()
-        top = browser.value("document.activeElement.getBoundingClientRect().top")
-        assert top >= browser.value("document.querySelector('.transport').getBoundingClientRect().bottom")
 
 
 @pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
@@ -198,72 +126,6 @@ def test_the_page_is_accessible_and_fits(browser, size, dark):
     assert browser.violations() == []
     assert browser.value("document.documentElement.scrollWidth <= innerWidth")
     assert browser.console() == []
-
-
-def test_nothing_can_be_set_before_the_model_is_there(browser):
-    add, remove = (f"Page.{verb}ScriptToEvaluateOnNewDocument" for verb in ("add", "remove"))
-    script = browser.driver.execute_cdp_cmd(add, {"source": "window.Worker = class { postMessage() {} };"})
-    try:
-        browser.open(page_file(*CAR))
-        browser.until("document.getElementById('run')?.textContent === 'Starting ...'")
-    finally:
-        browser.driver.execute_cdp_cmd(remove, script)
-    able = "[...document.querySelectorAll('.transport :is(button, select), .controls, .drive, .cloud')]"
-    assert browser.value(f"{able}.filter((one) => !one.disabled && !one.inert).length") == 0
-    assert browser.violations() == []
-    browser.open(page_file(*CAR))
-    browser.until("document.getElementById('run')?.textContent === 'Run'")
-    assert browser.value(f"{able}.filter((one) => one.disabled || one.inert).length") == 0
-
-
-@pytest.mark.slow
-def test_plots_out_of_sight_wait_while_it_runs_but_are_drawn_for_a_print_and_at_the_end(browser):
-    frames = (
-        "const done = arguments[0]; let left = 40;"
-        "const wait = () => (left-- ? requestAnimationFrame(wait) : done()); requestAnimationFrame(wait);"
-    )
-    ready(browser, page_file(*CAR))
-    click(browser, "run")
-    browser.until("document.getElementById('clock').textContent > '0:11.0'")  # from 10 s on the axis grows
-    last = "[...document.querySelectorAll('.plots .panels .plot canvas')].at(-1)"
-    assert browser.value(f"{last}.getBoundingClientRect().top - innerHeight") > 200
-    before = browser.value(f"{last}.toDataURL()")
-    browser.until("document.getElementById('clock').textContent > '0:13.0'")
-    assert browser.value(f"{last}.toDataURL()") == before
-    click(browser, "run")
-    browser.until(f"{last}.toDataURL() !== {json.dumps(before)}")
-    click(browser, "run")
-    browser.until("document.getElementById('clock').textContent > '0:15.0'")
-    drawn = browser.driver.execute_async_script(
-        f"const done = arguments[0]; const pictures = () => {PICTURES}; const before = pictures();"
-        "dispatchEvent(new Event('beforeprint'));"
-        "queueMicrotask(() => done(pictures().filter((one, place) => one !== before[place]).length));"
-    )
-    assert drawn > 12
-    choose(browser, "speed", "")
-    browser.until(END, timeout_s=120.0)
-    browser.driver.execute_async_script(frames)
-    found = browser.value(PICTURES)
-    for place in range(len(found)):
-        browser.driver.execute_script(f"document.querySelectorAll('.plots .panel')[{place}].scrollIntoView()")
-        browser.driver.execute_async_script(frames.replace("40", "3"))
-    assert len(found) > 12 and browser.value(PICTURES) == found and browser.console() == []
-
-
-def test_numbers_fit_on_a_phone_where_a_multirotor_climbs_and_sinks_by_dragging(browser):
-    browser.open(page_file(*CAR), PHONE)
-    fast(browser)
-    width = "document.querySelector('.readings .scroll').{}Width"
-    assert browser.value(width.format("scroll")) == browser.value(width.format("client"))
-    ready(browser, page_file(*HOVER), PHONE)
-    assert browser.value("document.querySelectorAll('.cut').length") == 3
-    assert browser.value("document.documentElement.scrollWidth") == PHONE[0]
-    pad = browser.driver.find_element(By.CSS_SELECTOR, ".pad")
-    half = pad.size["height"] / 2
-    for share, rate in ((-0.5, 1.5), (0.5, -1.5)):
-        ActionChains(browser.driver).move_to_element_with_offset(pad, 0, round(share * half)).click().perform()
-        given = "JSON.parse(new URLSearchParams(location.hash.slice(1)).get('commands') ?? '[]')"
-        browser.until(f"Math.abs({given}.at(-1)?.[1].climb_rate - {rate}) < 0.1")
 
 
 @pytest.mark.slow
@@ -295,18 +157,6 @@ def test_a_car_is_driven_with_keys_and_its_scenario_gives_the_same_numbers(brows
     browser.open(path, fragment=link)
     fast(browser)
     assert figures(browser) == printed(report) and browser.console() == []
-
-
-@pytest.mark.slow
-def test_many_units_stay_about_the_limit(browser):
-    ready(browser, page_file(*SHIP))
-    click(browser, "cloud")
-    browser.until("document.getElementById('cloud-done').textContent === '64 of 64'", timeout_s=300.0)
-    found = {row[0].split()[0]: [float(text) for text in row[1:]] for row in cells(browser, ".cloud tbody tr")}
-    runs = [insenv.run(*SHIP[:2], seed=seed, duration_s=SHIP[2]).results[0] for seed in range(1, 65)]
-    for channel, (rms, largest, _, _) in found.items():
-        ends = np.array([result.errors[f"{channel}_deg"][-1] for result in runs])
-        assert (rms, largest) == pytest.approx((float(np.sqrt(np.mean(ends**2))), float(np.abs(ends).max())), rel=5e-3)
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import hashlib
 import re
 import subprocess
 
-import numpy as np
 import pytest
 from live_pages import in_node
 from peers import program
@@ -23,10 +22,8 @@ VENDORED = {
 }
 
 
-def test_vendored_files_are_as_published_and_their_versions_named():
+def test_vendored_files_are_as_published():
     assert {path: hashlib.sha256((ROOT / path).read_bytes()).hexdigest() for path in VENDORED} == VENDORED
-    assert "1.6.32" in (WEB / "vendor/uPlot/README.md").read_text("utf-8")
-    assert "4.14.1" in (ROOT / "tests/web/axe/README.md").read_text("utf-8")
 
 
 def test_a_page_makes_no_request_and_runs_its_own_script_alone():
@@ -47,32 +44,9 @@ def test_modules_are_joined_after_those_that_they_import(tmp_path):
     text = joined(tmp_path, "main.js")
     assert "import" not in text and "export" not in text
     assert in_node(f"const print = console.log;\n{text}", None, tmp_path) == "4\n"
-    for wrong, message in (
-        ('import { m } from "./main.js";\n', "imports itself"),
-        ('import * as a from "./a.js";\n', "allowed are"),
-        ("export default 1;\n", "allowed are"),
-    ):
-        main.write_text(wrong)
-        with pytest.raises(InsenvError, match=message):
-            joined(tmp_path, "main.js")
-
-
-@pytest.mark.parametrize("theme", [":root", ':root[data-theme="dark"]'])
-def test_text_on_the_shadow_of_a_wide_table_is_legible(theme):
-    """A contrast of 4.5 (WCAG 2.2, 1.4.3) where the shadow is strongest; axe-core does not judge text on gradients."""
-    block = (WEB / "colours.css").read_text("utf-8").partition(f"{theme} {{")[2].partition("}")[0]
-    colours = {name: np.array(bytearray.fromhex(digits)) for name, digits in re.findall(r"--(\w+): #(\w{6});", block)}
-    shade = r"--shade: .*color-mix\(in srgb, var\(--ink\) (\d+)%, transparent\)"
-    (share,) = re.findall(shade, (WEB / "page.css").read_text("utf-8"))
-
-    def luminance(colour):
-        part = colour / 255
-        return np.where(part <= 0.03928, part / 12.92, ((part + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
-
-    behind = colours["surface"] + int(share) / 100 * (colours["ink"] - colours["surface"].astype(float))
-    for name in ("ink", "muted", "warn"):
-        low, high = sorted((luminance(colours[name]), luminance(behind)))
-        assert (high + 0.05) / (low + 0.05) >= 4.5, name
+    main.write_text('import { m } from "./main.js";\n')
+    with pytest.raises(InsenvError, match="imports itself"):
+        joined(tmp_path, "main.js")
 
 
 @pytest.mark.slow
