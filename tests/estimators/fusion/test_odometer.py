@@ -13,18 +13,13 @@ from insenv.scenario import build, load
 
 N380 = ROOT / "examples" / "n380-car-position-only.toml"
 AIDS = ["gnss", "zero_velocity", "non_holonomic"]
-KF_GINS = {  # the unit as KF-GINS is told of it
-    "arw_deg_sqrt_h": 0.3, "vrw_mps_sqrt_h": 0.1, "gyro_bias_deg_h": 50.0, "accel_bias_mgal": 500.0,
-    "correlation_time_s": 3600.0,
-}  # fmt: skip
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("unit", [KF_GINS, {}])
-def test_a_real_drive_has_its_heading_within_its_sigma(unit):
+def test_a_real_drive_has_its_heading_within_its_sigma():
     """The unit is turned by 2 deg against the wheels; taken as 0 the heading is 1.6 deg off, 9 stated sigmas."""
     package("onavdata")
-    result = insenv.replay(N380, "fusion", settings={"fusion": {**unit, "aids": AIDS}}).results[0]
+    result = insenv.replay(N380, "fusion", settings={"fusion": {"aids": AIDS}}).results[0]
     moving = result.time >= 350.0
     heading, sigma = result.errors["heading_deg"][moving], result.sigma["heading_deg"][moving]
     assert abs(heading[-1]) < 2 * sigma[-1]  # at rest, at the end
@@ -36,8 +31,7 @@ def test_a_real_drive_has_its_heading_within_its_sigma(unit):
     assert not any("does not fit" in note for note in result.notes)
 
 
-def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_told(monkeypatch):
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_told():
     untold, told = (build(load(name), seed=1, duration_s=2.0) for name in ("car-city-drive", "car-odometer"))
     filter = insenv.fusion([], AIDS)
     assert float(untold.parameters_of(untold.adapted(filter))["non_holonomic_arm_sigma"]) == UNTOLD_ARM
