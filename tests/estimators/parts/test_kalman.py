@@ -109,7 +109,7 @@ def test_a_fix_after_a_long_outage_returns_the_position(id, height_m):
     model = get(id).model
     sigma = {"position_sigma": (1e6, 1e6, 1e6), "velocity_sigma": 10.0, "tilt_sigma": 0.01, "heading_sigma": 0.01}
     start = {"start_latitude": 0.9, "start_longitude": 0.3, "start_height": height_m, "start_velocity_n": np.zeros(3)}
-    runner = make_runner(model, start | sigma)
+    runner = make_runner(model, start | sigma, "interpreter")
     latitude, longitude, _ = geodesy.numeric.geodetic_from_ned_offset(np.array([7e4, 7e4, 0.0]), 0.9, 0.3, 0.0)
     fix = {"gnss_valid": 1.0, "gnss_latitude": latitude, "gnss_longitude": longitude, "gnss_height": 0.0}
     fix |= {"gnss_position_sigma": np.full(3, 0.01), "gnss_velocity_sigma": np.full(3, 0.1)}
