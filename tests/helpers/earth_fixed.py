@@ -78,6 +78,11 @@ def tangent(q):
     return np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
 
 
+def stored(P):
+    """The triangle of a covariance as a state has it."""
+    return np.concatenate([P[: j + 1, j] for j in range(len(P))])
+
+
 def frame_n(r):
     """C_en (..., 3, 3): north, east, down as columns."""
     latitude, longitude, _ = geodetic(r)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from earth_fixed import tangent
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
@@ -51,9 +52,7 @@ def tilt_of(id, P, state):
     """Covariance of the misalignment in the frame of the filter (3x3)."""
     if not id.startswith("aqe"):
         return P[PLACES[id]["tilt"], PLACES[id]["tilt"]]
-    w, x, y, z = state["q_wb"]
-    Y = np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
-    return 4 * Y.T @ P[:4, :4] @ Y
+    return 4 * tangent(state["q_wb"]).T @ P[:4, :4] @ tangent(state["q_wb"])
 
 
 @pytest.mark.parametrize("id", IDS)
