@@ -150,29 +150,24 @@ class Motion:
         """v_e (..., 3), m/s."""
         return self._derivative(t, 1)
 
-    def _rotations(self, t):
-        angles = [
-            (size * np.sin(rate * t + phase), size * rate * np.cos(rate * t + phase)) for size, rate, phase, _ in self.turns
-        ]
-        axes = [np.array(axis) / np.linalg.norm(axis) for *_, axis in self.turns]
-        return angles, axes
+    def _turns(self, t):
+        """Matrices (..., 3, 3) and rates (..., 3) of both rotations."""
+        t = np.asarray(t, float)[..., None]
+        for size, rate, phase, axis in self.turns:
+            unit = np.array(axis) / np.linalg.norm(axis)
+            angle = size * np.sin(rate * t + phase) * unit
+            C = Rotation.from_rotvec(angle.reshape(-1, 3)).as_matrix().reshape(*angle.shape, 3)
+            yield C, size * rate * np.cos(rate * t + phase) * unit
 
     def attitude(self, t):
         """C_eb (..., 3, 3)."""
-        t = np.asarray(t, float)
-        angles, axes = self._rotations(t)
-        first, second = (
-            Rotation.from_rotvec((angle[..., None] * axis).reshape(-1, 3))
-            for (angle, _), axis in zip(angles, axes, strict=True)
-        )
-        return (first * second).as_matrix().reshape(*t.shape, 3, 3)
+        (first, _), (second, _) = self._turns(t)
+        return first @ second
 
     def rate(self, t):
         """omega_ib^b (..., 3), rad/s."""
-        t = np.asarray(t, float)
-        angles, axes = self._rotations(t)
-        first = Rotation.from_rotvec((angles[0][0][..., None] * axes[0]).reshape(-1, 3)).as_matrix().reshape(*t.shape, 3, 3)
-        over_e = angles[0][1][..., None] * axes[0] + angles[1][1][..., None] * (first @ axes[1])
+        (first, by_first), (_, by_second) = self._turns(t)
+        over_e = by_first + np.einsum("...ij,...j->...i", first, by_second)
         return np.einsum("...ji,...j->...i", self.attitude(t), over_e + EARTH_RATE)
 
     def force(self, t):

@@ -9,7 +9,7 @@ from insenv import InputError
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.contract import Drive, Knowledge, SensorNotes
-from insenv.estimators.fusion import fusion, odometer
+from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.prepared import prepared
 from insenv.estimators.fusion.presets import aids_of
 from insenv.plant.feeding import input_rows
@@ -147,24 +147,6 @@ def test_a_delay_and_a_lever_arm_are_found():
     assert outputs["fix_refused_count"][-1] == 0
 
 
-@pytest.mark.slow
-def test_an_odometer_and_its_mounting_are_found():
-    plant, columns = columns_of("car-odometer", 4, 200.0)
-    filter = plant.adapted("fusion")
-    runner = make_runner(filter.model, plant.parameters_of(filter))
-    runner.run(plant.samples, input_rows(filter.model, columns, plant.samples), 0)
-    shown, true = runner.outputs(), columns["odometer_scale_factor_true"][-1]
-    found, sigma = shown[odometer.SCALE.name], shown[f"{odometer.SCALE.name}_estimate_sigma"]
-    assert min(abs(found + true), abs(found - true)) < 4 * sigma < plant.knowledge.rows["odometer_scale_factor_sigma"]
-    assert shown["odometer_count"] > 1000 and shown["odometer_refused_count"] < 20
-
-
-def test_zero_velocity_alone_holds_a_car_at_rest():
-    """No GNSS: nothing is refused for want of it."""
-    (result,) = insenv.run("car-parked", fusion([], ["zero_velocity"], "rest"), duration_s=10).results
-    assert np.abs(result.errors["vn_mps"][-1]) < 0.01 and np.abs(result.errors["north_m"][-1]) < 3.0
-
-
 @pytest.mark.parametrize(("grade", "seed"), [("navigation", 10022), ("industrial", 10001)])
 def test_a_parked_car_stays_where_it_is(grade, seed):
     """By detection of rest alone these drove off, by 10 km and more: their start, or their heading, was 3 sigmas off."""
@@ -178,20 +160,10 @@ def test_a_parked_car_stays_where_it_is(grade, seed):
     assert not any("holds the height" in note or "shows the heading" in note for note in result.notes)
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "in_place", "aids"),
-    [
-        ("car", True, ("in_place",)),
-        ("car with GNSS", True, ("gnss", "zero_velocity")),
-        ("car", None, ("zero_velocity",)),
-        ("", True, ("zero_velocity",)),
-        ("ship", True, ()),
-        ("turntable", True, ("in_place",)),
-    ],
-)
-def test_only_what_stays_on_wheels_or_turns_in_place_has_a_fixed_place(vehicle, in_place, aids):
-    kind, _, gnss = vehicle.partition(" with ")
-    assert aids_of(Drive("here", frozenset(["gnss"] * bool(gnss)), in_place, vehicle=kind)) == aids
+def test_only_what_stays_on_wheels_has_a_fixed_place():
+    assert aids_of(Drive("here", frozenset(["gnss"]), True, vehicle="car")) == ("gnss", "zero_velocity")
+    assert aids_of(Drive("here", frozenset(), None, vehicle="car")) == ("zero_velocity",)
+    assert aids_of(Drive("here", frozenset(), True, vehicle="ship")) == ()
 
 
 @pytest.mark.parametrize(("name", "sigma"), [("car-parked", 0.02), ("turntable-calibration", 0.001)])

@@ -239,14 +239,6 @@ def test_notes_on_the_start(scenario, seconds, said, unsaid):
     assert not any(unsaid in note for note in notes)
 
 
-@pytest.mark.parametrize(
-    ("name", "aids"), [("car-odometer", ["odometer", "zero_velocity"]), ("multirotor-hover", ["gnss", "magnetometer"])]
-)
-def test_without_the_velocity_of_gnss_or_with_a_measured_heading_there_is_no_alignment(name, aids):
-    plant = build(changed(name, knowledge=UNKNOWN), seed=1, duration_s=5.0)
-    assert not any(row.startswith("alignment_") for row in plant.adapted(insenv.fusion([], aids)).model.state.names)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "grade"), [("car-unknown-heading", "consumer"), ("ship-at-sea", "autopilot")])
 def test_gyros_of_low_cost_do_not_make_it_too_sure(name, grade):
@@ -259,18 +251,3 @@ def test_gyros_of_low_cost_do_not_make_it_too_sure(name, grade):
     if grade != "autopilot":
         assert north.rms[-1] < 1.6 * north.stated[-1] < 5.0
         assert summary.nees.mean[-1] < 9.0 + 3.2  # 3 standard deviations of the mean of 16 runs
-
-
-@pytest.mark.slow
-def test_a_smoother_has_its_heading_from_where_the_filter_begins():
-    """16 runs of a ship: the filter begins with degrees, the smoother states what the whole run shows, and keeps to it."""
-    smoother = insenv.fusion((), ("gnss",), "few", smoother=True)
-    ratios = []
-    for seed in range(20000, 20016):
-        result = insenv.run("ship-at-sea", smoother, seed=seed, duration_s=60).results[0]
-        sigma = result.sigma["heading_deg"]
-        found = int(np.argmax(sigma < 5.0))
-        assert found > 0 and np.all(sigma[:found] > 7.0) and np.all(sigma[found:] < 2.5)
-        ratios.append([result.errors[name][found] / result.sigma[name][found] for name in result.sigma])
-    square = np.mean(np.square(ratios), axis=0)
-    assert np.all(square < 2.5) and np.mean(square) < 1.4  # of 16 independent ones 2.5 is the bound at 99.9 %

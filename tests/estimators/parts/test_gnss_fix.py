@@ -68,7 +68,8 @@ def test_measurements_that_are_too_old_are_refused(name, sensor, id, allowed, to
         plant.parameters_of(plant.adapted(id))
 
 
-def test_a_log_of_old_measurements_is_refused():
+def test_a_log_of_old_measurements_is_refused(monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     log = insenv.record(late("ship-at-sea", "gnss", 3.0), duration_s=9.0)
     with pytest.raises(InputError, match=r"'fusion' uses measurements .* those of GNSS of the log are up to 3 s old"):
         insenv.replay(log, "fusion", start="stated")
