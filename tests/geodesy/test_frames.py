@@ -37,18 +37,12 @@ def test_wander_frame_round_trip(lat, lon, wander):
     np.testing.assert_allclose(again, attitude.numeric.to_dcm(q), atol=3e-15)
 
 
-def test_rates_in_n_and_w_agree():
+def test_earth_rates_in_n_and_w_agree():
     rng, n = np.random.default_rng(3), 2000
-    lat, h = rng.uniform(-1.5, 1.5, n), rng.uniform(-1e4, 1e6, n)
+    lat = rng.uniform(-1.5, 1.5, n)
     lon, wander = rng.uniform(-np.pi, np.pi, (2, n))
-    velocity_n = rng.normal(size=(n, 3)) * 100
     q = numeric.q_ew_from_geodetic(lat, lon, wander)
     C_nw = np.einsum("nji,njk->nik", numeric.C_en(lat, lon), numeric.C_ew(lat, lon, wander))
-    velocity_w = np.einsum("nij,ni->nj", C_nw, velocity_n)
-    in_n = numeric.transport_rate_n(velocity_n, lat, h)
-    in_w = numeric.transport_rate_w(velocity_w, q, h)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", C_nw, in_w)[:, :2], in_n[:, :2], rtol=0, atol=1e-19)
-    np.testing.assert_array_equal(in_w[:, 2], 0.0)
     earth = np.einsum("nij,nj->ni", C_nw, numeric.earth_rate_w(q))
     np.testing.assert_allclose(earth, numeric.earth_rate_n(lat), rtol=0, atol=1e-19)
 

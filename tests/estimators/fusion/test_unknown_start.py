@@ -11,15 +11,11 @@ import insenv
 from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
-from insenv.estimators.fusion import unknown_start
-from insenv.estimators.fusion.available import composition
 from insenv.estimators.parts.error_model import GYRO, POSITION, TILT
 from insenv.estimators.velocity_integration import source
-from insenv.estimators.velocity_integration.estimator import BY_FIXES
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
-STATES, AIDS = ("gnss_wander", "dvl_scale", "dvl_misalignment"), ("gnss", "dvl")
 UNKNOWN = {"heading_sigma_deg": 180.0}
 NAVIGATION = ("north_m", "east_m", "down_m", "vn_mps", "ve_mps", "vd_mps")
 
@@ -127,10 +123,9 @@ def test_an_outlier_is_not_the_first_fix():
 def test_fixes_that_go_on_far_away_are_taken():
     """A place that is told wrong by far more than its sigma: after ten refused fixes the filter starts from the next."""
     plant, columns = columns_of(changed("ship-at-sea", knowledge=UNKNOWN), 1, 20.0)
-    known, model = plant.knowledge, unknown_start.model_of(composition("few", STATES, AIDS), BY_FIXES)
-    told = {**insenv.fusion(STATES, AIDS).parameters(known), **unknown_start.prepared(BY_FIXES, known)}
-    own = {name: value for name, value in told.items() if name in model.parameters}
-    runner = make_runner(model, own | {"start_latitude": own["start_latitude"] + 1e-3}, "interpreter")
+    filter = plant.adapted("fusion")
+    model, told = filter.model, plant.parameters_of(filter)
+    runner = make_runner(model, told | {"start_latitude": told["start_latitude"] + 1e-3})
     outputs = model.outputs.unpack(runner.run(plant.samples, input_rows(model, columns, plant.samples), 50))
     assert outputs["fix_refused_count"].max() == outputs["fix_refused_count"][-1] == 10
     assert abs(outputs["latitude"][-1] - columns["latitude"][-1]) * 6.4e6 < 10.0
