@@ -9,7 +9,6 @@ from places import ROOT
 import insenv
 from insenv import InputError
 from insenv.core.runner import make_runner
-from insenv.estimators import get
 from insenv.estimators.contract import Drive, Knowledge, SensorNotes
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.odometer import UNTOLD_ARM
@@ -39,12 +38,6 @@ def test_states_and_aids_follow_from_the_unit_the_instruments_and_the_vehicle():
     assert "gyro_scale, gyro_misalignment, accel_scale" in ship and ship.endswith("aids: gnss, dvl")
     hover = titles("multirotor-hover")
     assert "hard_iron" in hover and "gyro_scale" not in hover and hover.endswith("aids: gnss, barometer, magnetometer")
-
-
-def test_a_unit_without_such_errors_has_no_states_for_them():
-    known = Knowledge(0.5, 0.5, 10.0, 0.01, sensors=SensorNotes(gyro_scale_sigma=1e-9, accel_scale_sigma=0.0))
-    filter = get("fusion").adapted(known, Drive("here", frozenset({"gnss"}), False))
-    assert filter.title == "15 states: navigation, biases; aids: gnss, zero_velocity"
 
 
 def test_the_same_filter_is_the_same_object():
@@ -164,15 +157,6 @@ def test_only_what_stays_on_wheels_has_a_fixed_place():
     assert aids_of(Drive("here", frozenset(["gnss"]), True, vehicle="car")) == ("gnss", "zero_velocity")
     assert aids_of(Drive("here", frozenset(), None, vehicle="car")) == ("zero_velocity",)
     assert aids_of(Drive("here", frozenset(), True, vehicle="ship")) == ()
-
-
-@pytest.mark.parametrize(("name", "sigma"), [("car-parked", 0.02), ("turntable-calibration", 0.001)])
-def test_a_parked_vehicle_is_shaken_and_a_turntable_is_not(name, sigma):
-    plant = build(load(name))
-    estimator = plant.adapted("fusion")
-    default = float(estimator.model.parameters["in_place_sigma"].start)
-    assert plant.parameters_of(estimator).get("in_place_sigma", default) == sigma
-    assert plant.parameters_of(estimator, {"in_place_sigma": 0.3})["in_place_sigma"] == 0.3
 
 
 @pytest.mark.slow

@@ -90,16 +90,6 @@ def test_before_the_attitude_is_found_velocity_and_place_have_honest_sigmas(name
         assert found > 10 and ratio(result, NAVIGATION, found) < 5.0
 
 
-def test_a_heading_that_is_roughly_known_is_kept_until_a_better_one_is_found():
-    """A straight line shows none: 45 deg stay 45 deg, and level, velocity and place are known all the while."""
-    scenario = changed("car-unknown-heading", knowledge={"heading_sigma_deg": 45.0})
-    (result,) = insenv.run(scenario, "fusion", seed=20002, duration_s=29).results
-    for name, least, most in (("heading_deg", 40.0, 50.0), ("roll_deg", 0.0, 2.0), ("vn_mps", 0.0, 1.0), ("north_m", 0.0, 5.0)):
-        assert least < result.sigma[name][-1] < most
-    assert abs(result.errors["vn_mps"][-1]) < 1.0
-    assert any("the heading is not found" in note for note in result.notes)
-
-
 def test_each_fix_counts_where_no_attitude_is_found():
     """Gyros of a degree a second: the heading stays unknown, the place that of the fixes."""
     scenario = changed("car-unknown-heading", knowledge=UNKNOWN, imu={"grade": "autopilot"})

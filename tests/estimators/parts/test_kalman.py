@@ -106,8 +106,7 @@ def test_a_fix_after_a_long_outage_returns_the_position(id, height_m):
     fix = {"gnss_valid": 1.0, "gnss_latitude": latitude, "gnss_longitude": longitude, "gnss_height": 0.0}
     fix |= {"gnss_position_sigma": np.full(3, 0.01), "gnss_velocity_sigma": np.full(3, 0.1)}
     sample = {"delta_angle": np.zeros(3), "delta_velocity": np.array([0.0, 0.0, -0.0982]), "dt": 0.01}
-    inputs = {name: value for name, value in (sample | fix).items() if name in model.inputs}
-    runner.advance(inputs)
+    runner.advance({name: value for name, value in (sample | fix).items() if name in model.inputs})
     found = runner.outputs()
     place = found["latitude"], found["longitude"], found["height"]
     error = geodesy.numeric.position_error(*place, latitude, longitude, 0.0)

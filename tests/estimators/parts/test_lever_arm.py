@@ -16,7 +16,6 @@ def _functions():
     followed = lever_arm.followed(rows, rate, dt, first)["mean_rate"]
     return {
         "then": ca.Function("then", [rate, change, arm, age], list(lever_arm.then(rate, change, arm, age))),
-        "by_rate": ca.Function("by_rate", [rate, arm, age], list(lever_arm.by_rate(rate, arm, age))),
         "followed": ca.Function("followed", [x, rate, dt, first], [followed]),
         "acceleration": ca.Function("acceleration", [x, rate, dt], [lever_arm.angular_acceleration(rows, rate, dt)]),
     }
@@ -47,15 +46,6 @@ def test_the_arm_some_time_ago_against_rotations():
         )
     assert errors[0][0] / errors[1][0] == pytest.approx(8, rel=0.1) and errors[1][0] < 1e-5
     assert errors[0][1] / errors[1][1] == pytest.approx(4, rel=0.1) and errors[1][1] < 1e-3
-
-
-def test_derivatives_with_respect_to_the_rate():
-    rng = np.random.default_rng(3)
-    rate, change, arm, age = rng.normal(size=3), rng.normal(size=3), rng.normal(size=3) * 5, 0.17
-    for derivative, place in zip(call("by_rate", rate, arm, age), (0, 1), strict=True):
-        for j, e in enumerate(np.eye(3) * 1e-6):
-            up, down = (call("then", rate + s * e, change, arm, age)[place] for s in (1, -1))
-            assert np.allclose(derivative[:, j], (up - down) / 2e-6, atol=1e-7)
 
 
 def test_the_rate_of_the_fix_on_a_ramp_and_on_a_sway():
