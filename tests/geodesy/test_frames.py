@@ -3,14 +3,9 @@
 import numpy as np
 import pymap3d
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from insenv import attitude
 from insenv.geodesy import numeric
-
-latitude = st.one_of(st.floats(-np.pi / 2, np.pi / 2), st.sampled_from([np.pi / 2, -np.pi / 2, 0.0]))
-longitude = st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([np.pi, -np.pi, 0.0]))
 
 
 def test_frames_against_pymap3d():
@@ -23,32 +18,24 @@ def test_frames_against_pymap3d():
     np.testing.assert_allclose(ahead, [np.cos(1.2), np.sin(1.2), 0.0], atol=1e-15)
 
 
-@settings(deadline=None)  # the first call traces
-@given(latitude, longitude, longitude)
-def test_wander_frame_round_trip(lat, lon, wander):
+def test_wander_frame_round_trip():
+    corners = np.array([-np.pi, -np.pi / 2, 0.0, np.pi / 2, np.pi])
+    lat, lon, wander = (each.ravel() for each in np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, 13), corners, corners))
     q = numeric.q_ew_from_geodetic(lat, lon, wander)
     np.testing.assert_allclose(attitude.numeric.to_dcm(q), numeric.C_ew(lat, lon, wander), atol=2e-15)
     back = numeric.geodetic_from_q_ew(q)
-    assert np.isfinite(back).all()
-    assert back[0] == pytest.approx(lat, abs=1e-15)
-    if abs(lat) == np.pi / 2:
-        assert back[1] == 0.0
+    np.testing.assert_allclose(back[0], lat, rtol=0, atol=1e-15)
+    assert not back[1][abs(lat) == np.pi / 2].any()
     again = attitude.numeric.to_dcm(numeric.q_ew_from_geodetic(*back))
     np.testing.assert_allclose(again, attitude.numeric.to_dcm(q), atol=3e-15)
 
 
-def test_rates_in_n_and_w_agree():
+def test_earth_rates_in_n_and_w_agree():
     rng, n = np.random.default_rng(3), 2000
-    lat, h = rng.uniform(-1.5, 1.5, n), rng.uniform(-1e4, 1e6, n)
+    lat = rng.uniform(-1.5, 1.5, n)
     lon, wander = rng.uniform(-np.pi, np.pi, (2, n))
-    velocity_n = rng.normal(size=(n, 3)) * 100
     q = numeric.q_ew_from_geodetic(lat, lon, wander)
     C_nw = np.einsum("nji,njk->nik", numeric.C_en(lat, lon), numeric.C_ew(lat, lon, wander))
-    velocity_w = np.einsum("nij,ni->nj", C_nw, velocity_n)
-    in_n = numeric.transport_rate_n(velocity_n, lat, h)
-    in_w = numeric.transport_rate_w(velocity_w, q, h)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", C_nw, in_w)[:, :2], in_n[:, :2], rtol=0, atol=1e-19)
-    np.testing.assert_array_equal(in_w[:, 2], 0.0)
     earth = np.einsum("nij,nj->ni", C_nw, numeric.earth_rate_w(q))
     np.testing.assert_allclose(earth, numeric.earth_rate_n(lat), rtol=0, atol=1e-19)
 

@@ -29,9 +29,6 @@ def test_field_is_that_of_the_model_100_km_away_to_30_nt() -> None:
         near = magnetic_field(ca.DM(field), ca.DM(gradient), *place, lat, lon, h).full().ravel()
         there = field_at(*map(math.degrees, place[:2]), place[2] / 1e3)
         assert np.abs(near * 1e9 - there).max() < 30.0 and np.abs(field * 1e9 - there).max() > 100.0
-    for pole in (89.999, -89.999):  # 112 m from it, where the axes of n turn with every metre east
-        near, gradient = world_magnetic_model(math.radians(pole), 0.3, 0.0, 2026.0)
-        np.testing.assert_allclose(np.linalg.norm(gradient[:, 1]), np.hypot(*near[:2]) / 111.69, rtol=0.01)
     with pytest.raises(InputError, match="year = 1990: allowed is 2025 to 2030"):
         world_magnetic_model(lat, lon, h, 1990.0)
 

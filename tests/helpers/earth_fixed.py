@@ -1,13 +1,6 @@
 """An independent nonlinear mechanization in the Earth-fixed frame, in plain NumPy, and a motion known in closed form.
 
-It shares no line with insenv: no frame w or n, no Somigliana formula, no quaternion, no increments, no approximation of
-small angles. With r, v in e, C = C_eb and the body's rate w and specific force f (what its unit measures, b),
-
-    r' = v,   v' = C f + g(r) - 2 W x v,   C' = C [w x] - [W x] C,   W = (0, 0, omega_ie)
-
-is integrated by Runge and Kutta's method of fourth order for many starts and biases at once. g is the gradient of the
-ellipsoid's normal potential, with the centrifugal part (Heiskanen and Moritz 1967, eqs. (2-62), (2-66)).
-
+It shares no line with insenv: no frame w or n, no Somigliana formula, no quaternion, no increments, no small angles.
 Error states are vectors in e, estimate minus truth: position (m), velocity (m/s), phi (rad) with C_hat = (I - [phi x]) C,
 and the biases left in rate (rad/s, b) and specific force (m/s^2, b).
 """
@@ -19,6 +12,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import pymap3d
 from scipy.spatial.transform import Rotation
 
 EARTH_RATE = np.array([0.0, 0.0, 7.292115e-5])  # rad/s
@@ -36,43 +30,57 @@ def skew(v):
 
 
 def gravity(r):
-    """Gravity (..., 3, m/s^2, e) at r (..., 3, m): normal gravity of WGS 84, exact."""
-    a, b = AXIS, AXIS * (1 - FLATTENING)
+    """Gravity (..., 3, m/s^2, e) at r (..., 3, m), to the precision of r: the gradient of the ellipsoid's normal potential.
+
+    Heiskanen and Moritz 1967, eqs. (2-62), (2-66), with the centrifugal part; neither Somigliana's formula nor its gammas.
+    """
+    a = np.asarray(r).dtype.type(AXIS)
+    b = a - a * FLATTENING
     E2 = a * a - b * b
     E, rate = np.sqrt(E2), EARTH_RATE[2]
-    x, y, z = np.moveaxis(np.asarray(r, float), -1, 0)
+    x, y, z = np.moveaxis(np.asarray(r), -1, 0)
     across = x * x + y * y
     k = across + z * z - E2
     u2 = k / 2 * (1 + np.sqrt(1 + 4 * E2 * z * z / (k * k)))
     u, v2 = np.sqrt(u2), u2 + E2
     v = np.sqrt(v2)
-    p = np.sqrt(across)
-    sine, cosine = z / u, p / v  # of the reduced latitude
+    sine, cosine = z / u, np.sqrt(across) / v  # of the reduced latitude
 
-    def q(t):
-        return ((1 + 3 * t * t / E2) * np.arctan(E / t) - 3 * t / E) / 2
+    def q(t):  # ((1 + 3 t^2 / E^2) arctan(E / t) - 3 t / E) / 2, without its loss of digits
+        return sum(-2 * (-1) ** n * n / ((2 * n + 1) * (2 * n + 3)) * (E / t) ** (2 * n + 1) for n in range(1, 15))
 
     q_prime = 3 * (1 + u2 / E2) * (1 - u / E * np.arctan(E / u)) - 1
     w = np.sqrt((u2 + E2 * sine**2) / v2)
     centre = rate**2 * a * a
     along_u = -(GM / v2 + centre * E / v2 * q_prime / q(b) * (sine**2 / 2 - 1 / 6) - rate**2 * u * cosine**2) / w
-    along_beta = (centre / v * q(u) / q(b) - rate**2 * v) * sine * cosine / w
-    outward = along_u * u * cosine / (w * v) - along_beta * sine / w
-    return np.stack(
-        [outward * x / p, outward * y / p, along_u * sine / w + along_beta * u * cosine / (w * v)], axis=-1
-    )  # fmt: skip
+    along_beta = (centre / v * q(u) / q(b) - rate**2 * v) * sine / w  # over cosine
+    outward = (along_u * u / v - along_beta * sine) / (w * v)  # over the distance from the axis
+    axial = along_u * sine / w + along_beta * u * cosine**2 / (w * v)
+    return np.stack([outward * x, outward * y, axial], axis=-1)
 
 
 def geodetic(r):
-    """Latitude, longitude (rad) and height (m) of r (..., 3), by iteration of the latitude."""
-    x, y, z = np.moveaxis(np.asarray(r, float), -1, 0)
-    e2, p = FLATTENING * (2 - FLATTENING), np.hypot(x, y)
-    latitude = np.arctan2(z, p * (1 - e2))
-    for _ in range(8):
-        N = AXIS / np.sqrt(1 - e2 * np.sin(latitude) ** 2)
-        height = p / np.cos(latitude) - N
-        latitude = np.arctan2(z, p * (1 - e2 * N / (N + height)))
-    return latitude, np.arctan2(y, x), height
+    """Latitude, longitude (rad) and height (m) of r (..., 3)."""
+    return pymap3d.ecef2geodetic(*np.moveaxis(np.asarray(r, float), -1, 0), deg=False)
+
+
+def quaternion_of(C):
+    return Rotation.from_matrix(C).as_quat(scalar_first=True)
+
+
+def matrix_of(q):
+    return Rotation.from_quat(q, scalar_first=True).as_matrix()
+
+
+def tangent(q):
+    """(0, u) (x) q as a matrix times u: of a quaternion error dQ, 2 tangent^T dQ is a rotation in w."""
+    w, x, y, z = q
+    return np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
+
+
+def stored(P):
+    """The triangle of a covariance as a state has it."""
+    return np.concatenate([P[: j + 1, j] for j in range(len(P))])
 
 
 def frame_n(r):
@@ -117,10 +125,7 @@ class Motion:
 
     @cached_property
     def _begin(self):
-        e2 = FLATTENING * (2 - FLATTENING)
-        N = AXIS / np.sqrt(1 - e2 * np.sin(self.latitude) ** 2)
-        p, s = (N + self.height) * np.cos(self.latitude), (N * (1 - e2) + self.height) * np.sin(self.latitude)
-        centre = np.array([p * np.cos(self.longitude), p * np.sin(self.longitude), s])
+        centre = np.array(pymap3d.geodetic2ecef(self.latitude, self.longitude, self.height, deg=False))
         C = frame_n(centre)
         ahead = C @ [np.cos(self.heading), np.sin(self.heading), 0.0]
         out = centre / np.linalg.norm(centre)
@@ -145,29 +150,24 @@ class Motion:
         """v_e (..., 3), m/s."""
         return self._derivative(t, 1)
 
-    def _rotations(self, t):
-        angles = [
-            (size * np.sin(rate * t + phase), size * rate * np.cos(rate * t + phase)) for size, rate, phase, _ in self.turns
-        ]
-        axes = [np.array(axis) / np.linalg.norm(axis) for *_, axis in self.turns]
-        return angles, axes
+    def _turns(self, t):
+        """Matrices (..., 3, 3) and rates (..., 3) of both rotations."""
+        t = np.asarray(t, float)[..., None]
+        for size, rate, phase, axis in self.turns:
+            unit = np.array(axis) / np.linalg.norm(axis)
+            angle = size * np.sin(rate * t + phase) * unit
+            C = Rotation.from_rotvec(angle.reshape(-1, 3)).as_matrix().reshape(*angle.shape, 3)
+            yield C, size * rate * np.cos(rate * t + phase) * unit
 
     def attitude(self, t):
         """C_eb (..., 3, 3)."""
-        t = np.asarray(t, float)
-        angles, axes = self._rotations(t)
-        first, second = (
-            Rotation.from_rotvec((angle[..., None] * axis).reshape(-1, 3))
-            for (angle, _), axis in zip(angles, axes, strict=True)
-        )
-        return (first * second).as_matrix().reshape(*t.shape, 3, 3)
+        (first, _), (second, _) = self._turns(t)
+        return first @ second
 
     def rate(self, t):
         """omega_ib^b (..., 3), rad/s."""
-        t = np.asarray(t, float)
-        angles, axes = self._rotations(t)
-        first = Rotation.from_rotvec((angles[0][0][..., None] * axes[0]).reshape(-1, 3)).as_matrix().reshape(*t.shape, 3, 3)
-        over_e = angles[0][1][..., None] * axes[0] + angles[1][1][..., None] * (first @ axes[1])
+        (first, by_first), (_, by_second) = self._turns(t)
+        over_e = by_first + np.einsum("...ij,...j->...i", first, by_second)
         return np.einsum("...ji,...j->...i", self.attitude(t), over_e + EARTH_RATE)
 
     def force(self, t):

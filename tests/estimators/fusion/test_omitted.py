@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from earth_fixed import stored
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
@@ -21,11 +22,6 @@ ARM = np.array([3.0, -1.0, -15.0])
 
 def constants(table, **values):
     return table.symbols(ca.SX(ca.DM(table.pack(values))))
-
-
-def stored(P):
-    """The triangle of a covariance as a state has it."""
-    return np.array(ca.DM(symmetric.triangle(ca.DM(P)))).ravel()
 
 
 def number(expression):

@@ -28,8 +28,7 @@ SURE = {
     [(FLIGHT, ARM, 0.0, 1e-3, 2e-3), (FLIGHT, ARM, 0.2, 0.015, 0.05), (SWAY, MAST, 0.2, 0.015, 0.015)],
 )
 def test_an_exact_fix_leaves_no_innovation(id, motion, arm, age, place, speed):
-    """At 250 m/s, and on a mast of 15 m in sway: a time wrong by 0.2 s is 50 m and 1 m/s, an arm that swings the wrong way
-    1 m/s, and a rate that is taken as constant 0.2 m/s on the mast.
+    """At 250 m/s, and on a mast of 15 m in sway: a time wrong by 0.2 s is 50 m, an arm that swings the wrong way 1 m/s.
 
     What is left: acceleration and angular acceleration are taken as constant over the age of the fix.
     """
@@ -57,7 +56,6 @@ def late(name, sensor, latency_s):
         ("ship-dvl", "dvl", "fusion", 1.0, 1.5),
         ("car-odometer", "odometer", "fusion-smoother", 1.0, 3.0),
         ("car-city-drive", "gnss", "loosely-coupled", 1.0, 1.2),
-        ("car-city-drive", "gnss", "smoother", 1.0, 1.2),
         ("car-city-drive", "gnss", "aqe-sukf", 0.4, 1.0),
         ("ship-at-sea", "gnss", "velocity-integration", 0.9, 3.0),
     ],
@@ -70,19 +68,8 @@ def test_measurements_that_are_too_old_are_refused(name, sensor, id, allowed, to
         plant.parameters_of(plant.adapted(id))
 
 
-def test_a_log_of_old_measurements_is_refused():
+def test_a_log_of_old_measurements_is_refused(monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     log = insenv.record(late("ship-at-sea", "gnss", 3.0), duration_s=9.0)
     with pytest.raises(InputError, match=r"'fusion' uses measurements .* those of GNSS of the log are up to 3 s old"):
         insenv.replay(log, "fusion", start="stated")
-
-
-@pytest.mark.slow
-def test_errors_of_a_ship_in_waves_are_as_stated_at_the_largest_age():
-    """Fixes every 4 s; 8 runs.  With 3 s they were hundreds of sigmas (rms), as the motion of then is not kept."""
-    ratios = []
-    for seed in range(7000, 7008):
-        result = insenv.run(late("ship-at-sea", "gnss", 0.9), "fusion", seed=seed, duration_s=200.0).results[0]
-        settled = result.time > 50.0
-        names = ("heading_deg", "north_m", "east_m", "vn_mps", "ve_mps")
-        ratios.append([np.mean((result.errors[name][settled] / result.sigma[name][settled]) ** 2) for name in names])
-    assert np.sqrt(np.mean(ratios, axis=0)).max() < 1.6

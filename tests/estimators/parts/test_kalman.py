@@ -7,7 +7,7 @@ import earth_fixed
 import navigation
 import numpy as np
 import pytest
-from earth_fixed import ACCEL, GYRO, PHI, POSITION, VELOCITY
+from earth_fixed import ACCEL, GYRO, PHI, POSITION, VELOCITY, matrix_of, quaternion_of, stored, tangent
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -19,14 +19,6 @@ from insenv.estimators.parts import kalman
 from insenv.plant.feeding import input_rows
 
 MOTION, WANDER = earth_fixed.Motion(latitude=-0.7, speed=180.0), 0.8
-
-
-def quaternion(C):
-    return Rotation.from_matrix(C).as_quat(scalar_first=True)
-
-
-def matrix(q):
-    return Rotation.from_quat(q, scalar_first=True).as_matrix()
 
 
 def about_down(angle):
@@ -43,7 +35,7 @@ def true_motion():
 
 def rows_in_w(r, v, C_eb, C_ew):
     """Rows of a navigation state in a wander-azimuth frame."""
-    rows = {"q_wb": quaternion(C_ew.T @ C_eb), "velocity_w": C_ew.T @ v, "q_ew": quaternion(C_ew)}
+    rows = {"q_wb": quaternion_of(C_ew.T @ C_eb), "velocity_w": C_ew.T @ v, "q_ew": quaternion_of(C_ew)}
     return rows | {"height": earth_fixed.geodetic(r)[2]}
 
 
@@ -57,10 +49,10 @@ def shifted(error):
 
 def as_vectors(state):
     """r, v (e), C_eb of a state in w."""
-    C_ew = matrix(state["q_ew"])
+    C_ew = matrix_of(state["q_ew"])
     latitude, longitude, _ = geodesy.numeric.geodetic_from_q_ew(state["q_ew"])
     r = geodesy.numeric.geodetic_to_ecef(latitude, longitude, state["height"])
-    return r, C_ew @ state["velocity_w"], C_ew @ matrix(state["q_wb"])
+    return r, C_ew @ state["velocity_w"], C_ew @ matrix_of(state["q_wb"])
 
 
 def error_of(seed):
@@ -95,10 +87,10 @@ def test_feedback_of_the_12_states_returns_to_the_truth(seed):
     x, e = ca.SX.sym("x", model.state.size), ca.SX.sym("e", 12)
     rows = ecef_kf.corrected(model.state.symbols(x), e)
     function = ca.Function("f", [x, e], [rows[name] for name in ("velocity_e", "q_eb", "accel_bias", "gyro_bias")])
-    state = model.state.pack({"q_eb": quaternion(C), "velocity_e": v})
+    state = model.state.pack({"q_eb": quaternion_of(C), "velocity_e": v})
     found = [part.full().ravel() for part in function(state, error[np.r_[VELOCITY, PHI, ACCEL, GYRO]])]
     _, true_v, true_C, _ = true_motion()
-    assert np.abs(found[0] - true_v).max() < 1e-9 and np.abs(matrix(found[1]) - true_C).max() < 5e-6
+    assert np.abs(found[0] - true_v).max() < 1e-9 and np.abs(matrix_of(found[1]) - true_C).max() < 5e-6
     assert np.allclose(found[2], error[ACCEL]) and np.allclose(found[3], error[GYRO])
 
 
@@ -109,13 +101,12 @@ def test_a_fix_after_a_long_outage_returns_the_position(id, height_m):
     model = get(id).model
     sigma = {"position_sigma": (1e6, 1e6, 1e6), "velocity_sigma": 10.0, "tilt_sigma": 0.01, "heading_sigma": 0.01}
     start = {"start_latitude": 0.9, "start_longitude": 0.3, "start_height": height_m, "start_velocity_n": np.zeros(3)}
-    runner = make_runner(model, start | sigma)
+    runner = make_runner(model, start | sigma, "interpreter")
     latitude, longitude, _ = geodesy.numeric.geodetic_from_ned_offset(np.array([7e4, 7e4, 0.0]), 0.9, 0.3, 0.0)
     fix = {"gnss_valid": 1.0, "gnss_latitude": latitude, "gnss_longitude": longitude, "gnss_height": 0.0}
     fix |= {"gnss_position_sigma": np.full(3, 0.01), "gnss_velocity_sigma": np.full(3, 0.1)}
     sample = {"delta_angle": np.zeros(3), "delta_velocity": np.array([0.0, 0.0, -0.0982]), "dt": 0.01}
-    inputs = {name: value for name, value in (sample | fix).items() if name in model.inputs}
-    runner.advance(inputs)
+    runner.advance({name: value for name, value in (sample | fix).items() if name in model.inputs})
     found = runner.outputs()
     place = found["latitude"], found["longitude"], found["height"]
     error = geodesy.numeric.position_error(*place, latitude, longitude, 0.0)
@@ -154,9 +145,6 @@ def test_scalar_measurements_one_after_another_are_the_joint_update():
             assert np.allclose(np.array(ca.DM(ca.evalf(found))), P - K @ H[used] @ P, rtol=1e-8, atol=1e-10)
 
 
-# --- additive quaternion error ------------------------------------------------------------------------
-
-
 @cache
 def fused():
     """`aqe.fused` with 15 measurements as a function of the state, innovations, sensitivities and variances."""
@@ -167,22 +155,12 @@ def fused():
     return model, ca.Function("fused", [x, z, H, variance], [model.state.assemble({**vars(named), **changed})])
 
 
-def tangent(q):
-    """Y(q): 2 Y^T dQ is a rotation in w, Y = (0, u) (x) q."""
-    w, x, y, z = q
-    return np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
-
-
 def directions(q):
     """16 x 15: rotation vector in w, biases, velocity, position, as errors of a state with attitude q."""
     into = np.zeros((16, 15))
     into[:4, :3] = tangent(q) / 2
     into[4:, 3:] = np.eye(12)
     return into
-
-
-def stored(P):
-    return np.array([P[i, j] for j in range(len(P)) for i in range(j + 1)])
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -192,14 +170,12 @@ def test_feedback_of_the_16_states_returns_to_the_truth(seed):
     r, v, C, C_ew = shifted(error)
     true = true_motion()
     w = true[3]
-    q, q_true = quaternion(C_ew.T @ C), quaternion(w.T @ true[2])
+    q, q_true = quaternion_of(C_ew.T @ C), quaternion_of(w.T @ true[2])
     q_true = q_true if q @ q_true > 0 else -q_true
     model, function = fused()
     D = directions(q)
-    state = rows_in_w(r, v, C, C_ew) | {
-        "q_wb": q,
-        "covariance": stored(D @ np.diag(np.repeat([1e-2, 1e-6, 1e-2, 1e2, 1e6], 3)) @ D.T),
-    }
+    P = D @ np.diag(np.repeat([1e-2, 1e-6, 1e-2, 1e2, 1e6], 3)) @ D.T
+    state = rows_in_w(r, v, C, C_ew) | {"q_wb": q, "covariance": stored(P)}
     H = np.linalg.pinv(D)
     dQ = q - q_true
     full = np.concatenate([dQ, error[GYRO], error[ACCEL], C_ew.T @ v - w.T @ true[1], w.T @ error[POSITION]])
@@ -213,7 +189,7 @@ def test_feedback_turns_the_covariance_with_the_estimate(seed):
     rng = np.random.default_rng(seed)
     model, function = fused()
     r, v, C, C_ew = true_motion()
-    q = quaternion(C_ew.T @ C)
+    q = quaternion_of(C_ew.T @ C)
     L = rng.normal(size=(15, 15)) * np.repeat([0.3, 1e-4, 1e-2, 1.0, 30.0], 3)[:, None]
     D = directions(q)
     P = D @ L @ L.T @ D.T
@@ -231,15 +207,12 @@ def test_feedback_turns_the_covariance_with_the_estimate(seed):
         """15 x 16: rotation, velocity and position in the axes of the body with attitude q."""
         into = np.linalg.pinv(directions(q))
         for part in (slice(0, 3), slice(9, 12), slice(12, 15)):
-            into[part] = matrix(q).T @ into[part]
+            into[part] = matrix_of(q).T @ into[part]
         return into
 
     one, other = in_body(after["q_wb"]) @ found @ in_body(after["q_wb"]).T, in_body(q) @ expected @ in_body(q).T
     scale = np.sqrt(np.diag(other))
     assert np.abs((one - other) / np.outer(scale, scale)).max() < 1e-6
-
-
-# --- outputs --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("id", ["loosely-coupled", "smoother", "aqe-ekf", "aqe-sukf"])
@@ -259,13 +232,10 @@ def test_outputs_are_turned_by_the_wander_angle(id):
     shown = model.outputs.unpack(np.array(model.kernels["output"].function(model.parameters.start_vector(), state)).ravel())
     C_en = earth_fixed.frame_n(r)
     assert np.allclose(shown["velocity_n"], C_en.T @ v, atol=1e-7)
-    assert np.allclose(matrix(shown["q_nb"]), C_en.T @ C, atol=1e-9)
+    assert np.allclose(matrix_of(shown["q_nb"]), C_en.T @ C, atol=1e-9)
     assert np.allclose([shown["latitude"], shown["longitude"], shown["height"]], earth_fixed.geodetic(r), rtol=0, atol=1e-6)
     for name, block in blocks.items():
         assert np.allclose(shown[f"{name}_sigma"], np.sqrt(np.diag(C_nw @ own[block, block] @ C_nw.T)), rtol=1e-9), name
-
-
-# --- fixes whose error varies slowly ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("id", ["loosely-coupled", "smoother", "aqe-ekf", "aqe-sukf"])

@@ -1,14 +1,11 @@
-"""The end of a lever arm some time ago on a vehicle whose rate changes; and the antenna of a late fix on a mast."""
+"""The end of a lever arm some time ago on a vehicle whose rate changes."""
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from insenv import geodesy
 from insenv.estimators.parts import lever_arm
-from insenv.runs.ensemble import ensemble
-from insenv.scenario import load
 
 
 def _functions():
@@ -19,7 +16,6 @@ def _functions():
     followed = lever_arm.followed(rows, rate, dt, first)["mean_rate"]
     return {
         "then": ca.Function("then", [rate, change, arm, age], list(lever_arm.then(rate, change, arm, age))),
-        "by_rate": ca.Function("by_rate", [rate, arm, age], list(lever_arm.by_rate(rate, arm, age))),
         "followed": ca.Function("followed", [x, rate, dt, first], [followed]),
         "acceleration": ca.Function("acceleration", [x, rate, dt], [lever_arm.angular_acceleration(rows, rate, dt)]),
     }
@@ -52,15 +48,6 @@ def test_the_arm_some_time_ago_against_rotations():
     assert errors[0][1] / errors[1][1] == pytest.approx(4, rel=0.1) and errors[1][1] < 1e-3
 
 
-def test_derivatives_with_respect_to_the_rate():
-    rng = np.random.default_rng(3)
-    rate, change, arm, age = rng.normal(size=3), rng.normal(size=3), rng.normal(size=3) * 5, 0.17
-    for derivative, place in zip(call("by_rate", rate, arm, age), (0, 1), strict=True):
-        for j, e in enumerate(np.eye(3) * 1e-6):
-            up, down = (call("then", rate + s * e, change, arm, age)[place] for s in (1, -1))
-            assert np.allclose(derivative[:, j], (up - down) / 2e-6, atol=1e-7)
-
-
 def test_the_rate_of_the_fix_on_a_ramp_and_on_a_sway():
     """w - age w' is the rate at the time of the fix: exact on a ramp, within 1 % of the change on a sway of 8 s."""
     dt, age = 0.005, 0.2
@@ -74,24 +61,3 @@ def test_the_rate_of_the_fix_on_a_ramp_and_on_a_sway():
         assert abs(end - age * change - rate(k * dt - age)) < bound
     # a lag is never shorter than four samples
     assert np.allclose(call("acceleration", np.zeros(4), np.ones(3), dt), 1 / (lever_arm.SHORTEST * dt))
-
-
-def mast(**gnss):
-    """A moored ship with a receiver on a mast of 15 m."""
-    base = load("ship-swaying").model_dump(mode="json", exclude_none=True)
-    kept = {name: base[name] for name in ("title", "start", "vehicle")}
-    return {**kept, "duration_s": 240.0, "rate_hz": 100.0, "knowledge": {"heading_sigma_deg": 1.0},
-            "imu": {"grade": "navigation"}, "gnss": {"grade": "rtk", "lever_arm_m": [0, 0, -15.0], **gnss}}  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("id", ["loosely-coupled", "aqe-sukf"])
-def test_a_late_fix_on_a_mast_is_as_good_as_stated(id):
-    """Fixes 0.2 s late on a mast of 15 m in sway, 8 seeds: position and velocity err as stated (2.3 times without w')."""
-    found = ensemble(mast(latency_s=0.2), [id], range(8), records=240)
-    late, o, t = found.time > 60.0, found.outputs[id], found.truth
-    places = [[v[name][:, late] for name in ("latitude", "longitude", "height")] for v in (o, t)]
-    position = geodesy.numeric.ned_offset(*places[0], *places[1]) / o["position_sigma"][:, late]
-    velocity = (o["velocity_n"] - t["velocity_n"])[:, late] / o["velocity_sigma"][:, late]
-    for error in (position, velocity):
-        assert (np.sqrt((error**2).mean(axis=(0, 1))) < 1.3).all()

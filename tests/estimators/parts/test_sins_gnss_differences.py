@@ -4,9 +4,8 @@ import casadi as ca
 import earth_fixed
 import numpy as np
 import pytest
-from earth_fixed import with_fixes
+from earth_fixed import matrix_of, with_fixes
 from scipy.integrate import solve_ivp
-from scipy.spatial.transform import Rotation
 
 from insenv.core.runner import make_runner
 from insenv.estimators import lssvm
@@ -39,7 +38,7 @@ def test_sins_and_gnss_tell_the_same_motion(ages):
     What is left: gravity at the place of the vehicle, which differs by 0.3 mm/s.
     """
     state = followed(AWAY, 4.5, ages)
-    C = Rotation.from_quat(state["q_n0i"], scalar_first=True).as_matrix()
+    C = matrix_of(state["q_n0i"])
     apart = C @ state["chain_sins"][:2].T - state["chain_gnss"][:2].T
     late = max(ages.values()) > 0.0  # acceleration is taken as constant over the age
     assert np.abs(apart[:, 0]).max() < (0.03 if late else 2e-3)

@@ -17,38 +17,28 @@ WINDOW = 200  # samples: one second
 
 
 def drive(seed, duration_s=260.0, **tuning):
-    """(largest speed, whether rest was detected) by windows of a second, and velocity errors by sample (n, 3)."""
+    """(largest speed, whether rest was detected) by windows of a second."""
     plant = build(load("car-city-drive"), seed=seed, duration_s=duration_s)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     tuned = {**plant.tunings["loosely-coupled"], **tuning}
     runner = make_runner(MODEL, {**get("loosely-coupled").parameters(plant.knowledge), **tuned})
     rows = input_rows(MODEL, columns, plant.samples)
-    found, outputs = np.zeros(plant.samples, bool), []
+    found = np.zeros(plant.samples, bool)
     for k in range(0, plant.samples, WINDOW):  # a window ends with its last sample, which tells
-        outputs.append(runner.run(WINDOW, rows[k : k + WINDOW], WINDOW))
+        runner.run(WINDOW, rows[k : k + WINDOW], 0)
         found[k + WINDOW - 1] = runner.x[FLAG] != 0
     speed = np.linalg.norm(columns["velocity_n"], axis=1).reshape(-1, WINDOW).max(axis=1)
-    velocity = MODEL.outputs.unpack(np.concatenate(outputs))["velocity_n"]
-    return speed, found.reshape(-1, WINDOW).any(axis=1), velocity - columns["velocity_n"][WINDOW - 1 :: WINDOW]
+    return speed, found.reshape(-1, WINDOW).any(axis=1)
 
 
 def test_stops_are_detected_and_motion_never_is():
     for seed in (0, 7):
-        speed, found, _ = drive(seed)
+        speed, found = drive(seed)
         at_rest = speed < 0.02
         assert at_rest.sum() > 40 and (~at_rest).sum() > 150
         assert found[at_rest].mean() > 0.9
         assert not found[speed > 0.05].any()
-
-
-def test_detected_rest_bounds_the_velocity():
-    speed, found, error = drive(3)
-    _, none, free = drive(3, standing_window=0.0)
-    assert found.any() and not none.any()
-    stops = found & (speed < 0.02)
-    assert np.abs(error[stops]).max() < 0.01
-    assert np.sqrt(np.mean(error[stops] ** 2)) < 0.3 * np.sqrt(np.mean(free[stops] ** 2))
 
 
 def still(count, dt, velocity_n=(0.0, 0.0, 0.0), vibration=0.0, **parameters):
@@ -99,11 +89,10 @@ def test_likelihood_is_that_of_its_formula_at_any_rate(dt):
     assert found == pytest.approx(expected, rel=1e-6) and found == pytest.approx(2.0, abs=0.15)
 
 
-@pytest.mark.parametrize("seed", [101, pytest.param(102, marks=pytest.mark.slow)])
-def test_a_filter_that_does_not_know_its_speed_takes_no_ride_for_rest(seed):
+def test_a_filter_that_does_not_know_its_speed_takes_no_ride_for_rest():
     """A poor unit in an outage of 60 s, where zero is within three sigma of any speed: it once ended 1.8 km wrong."""
     poor = {"gyro_bias_sigma": 0.017, "accel_bias_sigma": 0.5, "angle_random_walk": 3e-4, "velocity_random_walk": 4e-3}
     motion = {"rotation_error": 0.03, "thrust_error": 0.05, "gyro_correlation_time": 4e6, "accel_correlation_time": 1e4}
-    speed, found, _ = drive(seed, 600.0, **poor, **motion)
+    speed, found = drive(101, 600.0, **poor, **motion)
     assert not found[speed > 2.1].any()
     assert found[:30].any()
