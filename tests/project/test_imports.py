@@ -21,6 +21,13 @@ def test_the_package_registers_the_environments_and_loads_none_and_submodules_on
     assert "insenv.core" in core and command.isdisjoint(HEAVY)
 
 
+def test_a_process_that_is_the_command_registers_the_environments_when_it_needs_them():
+    command = "sys.argv = sys.orig_argv = ['insenv']; import insenv"
+    asked = "import insenv.envs, gymnasium; assert 'insenv/ShipAlignment-v0' in gymnasium.registry"
+    alone, _ = loaded_by(command, asked)
+    assert "gymnasium" not in alone
+
+
 def test_the_health_of_a_running_filter_loads_no_scipy():
     rows = f"dict(zip({FIX_HEALTH.names}, map(np.ones, {[row.shape for row in FIX_HEALTH.rows]})))"
     begun = "import numpy as np; from insenv.evaluation.live_health import LiveHealth; health = LiveHealth()"
