@@ -27,7 +27,7 @@ GROUPS = {
     "files that describe": ("#b8762a", "scenario logs extending tracks"),
     "joining and judging": ("#2a8f7a", "evaluation plant"),
     "equations": ("#b8485a", "estimators sensors vehicles instruments attitude geodesy"),
-    "engine": ("#5c6b7a", "core files plugins errors installing registration shipped starting style"),
+    "engine": ("#5c6b7a", "core files plugins errors installing registration shipped starting style version"),
 }
 """Colour and packages of each group of layers; every package of the contract is in one."""
 WIDTH, LEFT, BAND, GAP = 880, 190, 46, 8
