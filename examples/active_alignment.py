@@ -37,7 +37,7 @@ def drive(env, pattern, seed):
 
 
 def draw(path, found):
-    from insenv import style
+    from insenv.base import style
 
     time = np.arange(1, SECONDS + 1)
     path.mkdir(parents=True, exist_ok=True)

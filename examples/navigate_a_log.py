@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import insenv
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 LOG = Path(__file__).resolve().parent / "n380-car-position-only.toml"
 

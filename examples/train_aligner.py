@@ -12,8 +12,8 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.envs import agents
-from insenv.errors import InputError
 
 ID = "insenv/ShipAlignment-v0"
 EPISODE = {"samples_per_step": 1000, "initial_error": (20.0, 180.0)}  # 60 steps of 5 s
@@ -89,7 +89,7 @@ def main():
     for name, values in found.items():
         print(f"{name:10} {values.mean():7.2f} +- {values.std() / np.sqrt(SEEDS):.2f}")
     if arguments.out is not None:
-        from insenv import style
+        from insenv.base import style
 
         arguments.out.mkdir(parents=True, exist_ok=True)
         with style.page(7.5, 4.2) as figure:

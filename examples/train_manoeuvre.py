@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 
 import insenv
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 ID = "insenv/Manoeuvre-v0"
 HELD_OUT, SEARCH, TRAINING = 1_000_000, 500_000, 0  # first seeds of the comparison, the choice of a pattern, training
@@ -175,7 +175,7 @@ def main():
             gain = found["PPO"][0] - found[name][0]
             print(f"PPO minus the pattern {what}, seed by seed: {gain.mean():+.3f} +- {gain.std() / np.sqrt(len(gain)):.3f}")
     if given.out is not None and len(curve):
-        from insenv import style
+        from insenv.base import style
 
         given.out.mkdir(parents=True, exist_ok=True)
         with style.page(7.5, 4.2) as figure:

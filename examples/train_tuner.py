@@ -20,8 +20,8 @@ import gymnasium
 import numpy as np
 
 import insenv
-from insenv.errors import InputError
-from insenv.installing import need
+from insenv.base.errors import InputError
+from insenv.base.installing import need
 
 ID = "insenv/Tuning-v0"
 EPISODE = {"duration_s": 240.0, "gnss_outages_s": ((90.0, 120.0), (180.0, 210.0)), "samples_per_step": 2000}
@@ -61,7 +61,7 @@ def best_fixed(seeds, passes, **options):
 
 def best_by_cma_es(seeds, evaluations, **options):
     """Search all components at once, by CMA-ES, for the best mean reward over the seeds."""
-    from insenv.workbench.tune_search import search
+    from insenv.studies.tune_search import search
 
     def objective(logs):  # of the factors 10^(2 action)
         actions = np.repeat(logs / np.log(100.0), len(seeds), axis=0)
@@ -111,7 +111,7 @@ def train(steps, **options):
 
 def draw(path, found, curve):
     """Draw the learning curve, and the consistency over an episode by policy."""
-    from insenv import style
+    from insenv.base import style
 
     path.mkdir(parents=True, exist_ok=True)
     with style.page(9.0, 4.8) as figure:

@@ -57,8 +57,8 @@ Every random number is a pure function of (seed, stream, step): the same in ever
 
 Errors
 ------
-What a caller can mend raises `insenv.errors.InputError` with the name, the value, the unit and what is
-allowed; work that cannot be done raises `insenv.errors.InsenvError`.
+What a caller can mend raises `insenv.base.errors.InputError` with the name, the value, the unit and what is
+allowed; work that cannot be done raises `insenv.base.errors.InsenvError`.
 
 Public names
 ------------
@@ -75,24 +75,21 @@ from __future__ import annotations
 
 import sys as _sys
 
-from insenv import starting as _starting
+from insenv.base import starting as _starting
 
 _starting.prepare()  # before anything that takes long to import
 
 from typing import TYPE_CHECKING  # noqa: E402
 
-from insenv.registration import register as _register_environments  # noqa: E402
-from insenv.version import __version__ as __version__  # noqa: E402
+from insenv.base.registration import register as _register_environments  # noqa: E402
+from insenv.base.version import __version__ as __version__  # noqa: E402
 
 if TYPE_CHECKING:
     from insenv import testing
-    from insenv.campaigns import campaign
-    from insenv.campaigns.comparison import Comparison
-    from insenv.campaigns.summary import Summary
+    from insenv.base.errors import InputError, InsenvError
     from insenv.core.model import Model, Step
     from insenv.core.tables import Row, Table
     from insenv.envs import agents
-    from insenv.errors import InputError, InsenvError
     from insenv.estimators import Estimator, Knowledge
     from insenv.estimators.fusion import fusion
     from insenv.export import record, write
@@ -103,13 +100,16 @@ if TYPE_CHECKING:
     from insenv.runs.simulated import run
     from insenv.scenario import Scenario, limit, load
     from insenv.sensors import Sensor, SensorSection
+    from insenv.studies.allan import allan
+    from insenv.studies.budget import budget
+    from insenv.studies.budget_result import Budget
+    from insenv.studies.campaign import campaign
+    from insenv.studies.campaign.comparison import Comparison
+    from insenv.studies.campaign.summary import Summary
+    from insenv.studies.tune import tune
+    from insenv.studies.tune_result import Tuning
     from insenv.vehicles import StartSection, Vehicle, VehicleSection
     from insenv.web.page import page
-    from insenv.workbench.allan import allan
-    from insenv.workbench.budget import budget
-    from insenv.workbench.budget_result import Budget
-    from insenv.workbench.tune import tune
-    from insenv.workbench.tune_result import Tuning
 
 __all__ = [
     "Budget",
@@ -151,14 +151,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "insenv.campaigns": ("campaign",),
-    "insenv.campaigns.comparison": ("Comparison",),
-    "insenv.campaigns.summary": ("Summary",),
+    "insenv.studies.campaign": ("campaign",),
+    "insenv.studies.campaign.comparison": ("Comparison",),
+    "insenv.studies.campaign.summary": ("Summary",),
     "insenv.core.model": ("Model", "Step"),
     "insenv.core.tables": ("Row", "Table"),
     "insenv": ("testing",),
     "insenv.envs": ("agents",),
-    "insenv.errors": ("InputError", "InsenvError"),
+    "insenv.base.errors": ("InputError", "InsenvError"),
     "insenv.estimators": ("Estimator", "Knowledge"),
     "insenv.estimators.fusion": ("fusion",),
     "insenv.export": ("record", "write"),
@@ -170,11 +170,11 @@ _HOMES = {
     "insenv.scenario": ("Scenario", "limit", "load"),
     "insenv.sensors": ("Sensor", "SensorSection"),
     "insenv.vehicles": ("StartSection", "Vehicle", "VehicleSection"),
-    "insenv.workbench.allan": ("allan",),
-    "insenv.workbench.budget": ("budget",),
-    "insenv.workbench.budget_result": ("Budget",),
-    "insenv.workbench.tune": ("tune",),
-    "insenv.workbench.tune_result": ("Tuning",),
+    "insenv.studies.allan": ("allan",),
+    "insenv.studies.budget": ("budget",),
+    "insenv.studies.budget_result": ("Budget",),
+    "insenv.studies.tune": ("tune",),
+    "insenv.studies.tune_result": ("Tuning",),
     "insenv.web.page": ("page",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

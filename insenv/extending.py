@@ -15,9 +15,9 @@ from __future__ import annotations
 from typing import TypeVar
 
 from insenv import estimators
-from insenv.errors import InputError
+from insenv.base.errors import InputError
+from insenv.base.toml import shown
 from insenv.estimators import Estimator
-from insenv.files.toml import shown
 from insenv.sensors import SensorSection
 from insenv.sensors import registry as sensors
 from insenv.vehicles import VehicleSection

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 import insenv
-from insenv.campaigns.block import run_block
-from insenv.campaigns.plan import Plan, make_plan
 from insenv.evaluation.errors import CHANNELS
 from insenv.scenario import load, parse
+from insenv.studies.campaign.block import run_block
+from insenv.studies.campaign.plan import Plan, make_plan
 
 TABLE = Path(__file__).parents[1] / "tests" / "estimators" / "accuracy.json"
 FIRST_SEED, RUNS = 7000, 64

@@ -70,7 +70,7 @@ def log_rows() -> dict[str, dict[str, float]]:
 
 def published() -> dict[str, float]:
     """RMS errors that others published for the log, by channel."""
-    from insenv.files.toml import read_toml
+    from insenv.base.toml import read_toml
 
     ((_, rms),) = [(p["name"], p["rms"]) for p in read_toml(ROOT / "examples" / "n380-car.toml")["evaluation"]["published"]]
     return {channel: float(rms[channel]) for channel in CHANNELS}

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import estimators
-from insenv.campaigns.block import run_block
-from insenv.campaigns.model import measured_model
-from insenv.campaigns.plan import make_plan
 from insenv.reproduce.ecef import laboratory
 from insenv.scenario import Scenario, load
+from insenv.studies.campaign.block import run_block
+from insenv.studies.campaign.model import measured_model
+from insenv.studies.campaign.plan import make_plan
 
 Array = NDArray[np.float64]
 

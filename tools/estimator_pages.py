@@ -15,11 +15,11 @@ import numpy as np
 from insenv import estimators
 from insenv.core.tables import Row
 from insenv.estimators import lssvm
-from insenv.estimators.contract import Estimator, Knowledge, SensorNotes
+from insenv.estimators.contract import Estimator, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import available
+from insenv.estimators.settings import keys_by_row
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.evaluation.limits import ratio
-from insenv.scenario.tuning import keys_by_row
 
 Markdown = Callable[[Iterable[str], Iterable[Iterable[str]]], str]
 Part = Callable[[], str]
@@ -54,7 +54,7 @@ _KNOWN = Knowledge(0.5, 0.5, 10.0, 0.01)
 _OTHERWISE = Knowledge(
     -0.6, 0.7, 20.0, 0.02, np.full(3, 1.5), 0.11, 0.12, 0.13, np.full(3, 2.5), np.full(3, 0.7), 0.021, 0.22, np.full(3, 1e-6),
     np.full(3, 1e-3), 1e-6, 0.5, 1e-4, 1e-4, np.full(3, 0.5), 61.0, np.full(3, 1.0),
-    SensorNotes(1e-7, 2e-4, 2e-7, 2e-3, 7200.0, 7200.0),
+    ImuDataSheet(1e-7, 2e-4, 2e-7, 2e-3, 7200.0, 7200.0),
 )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import insenv
-from insenv import style
+from insenv.base import style
 from insenv.reproduce import PAPERS, figure
 
 ROOT = Path(__file__).parents[1]

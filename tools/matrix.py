@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 
 import insenv
 from insenv import estimators
-from insenv.campaigns.block import run_block
-from insenv.campaigns.plan import make_plan
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.evaluation.limits import ratio
 from insenv.scenario import build, load
 from insenv.scenario.files import names
+from insenv.studies.campaign.block import run_block
+from insenv.studies.campaign.plan import make_plan
 
 Array = NDArray[np.float64]
 

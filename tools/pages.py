@@ -20,10 +20,9 @@ from pydantic_core import PydanticUndefined
 
 import insenv
 from insenv import estimators
+from insenv.base.toml import plain, sections_in
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import shown_name
-from insenv.files.toml import plain, sections_in
-from insenv.instruments import GNSS_TOLD, INSTRUMENTS
 from insenv.logs.description import EvaluationSection, InitialSection, LogDescription, PublishedSection
 from insenv.logs.description import GnssSection as LogGnssSection
 from insenv.logs.description import ImuSection as LogImuSection
@@ -32,16 +31,17 @@ from insenv.logs.flight.description import FlightDescription
 from insenv.logs.instrument_sections import SECTIONS as LOG_INSTRUMENTS
 from insenv.scenario import description, json_schema
 from insenv.scenario.gravity_section import GravitySection
+from insenv.scenario.tracks.fmu_section import FmuSection, Outputs
+from insenv.scenario.tracks.readers import Columns
+from insenv.scenario.tracks.section import RecordedSection
+from insenv.scenario.tracks.waypoints import Waypoint, WaypointsSection
 from insenv.sensors import GnssSection, ImuSection
 from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
 from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
 from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
+from insenv.sensors.instruments import GNSS_TOLD, INSTRUMENTS
 from insenv.sensors.registry import registered
-from insenv.tracks.fmu_section import FmuSection, Outputs
-from insenv.tracks.readers import Columns
-from insenv.tracks.section import RecordedSection
-from insenv.tracks.waypoints import Waypoint, WaypointsSection
 from insenv.vehicles import aircraft_section as aircraft
 from insenv.vehicles import car_section as car
 from insenv.vehicles import multirotor_section as multirotor

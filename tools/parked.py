@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 
 import insenv
-from insenv.campaigns.summary import Summary
 from insenv.scenario import load
+from insenv.studies.campaign.summary import Summary
 
 GRADES = ("navigation", "tactical", "consumer", "industrial")
 CHANNELS = ("vn_mps", "heading_deg")

@@ -22,12 +22,12 @@ else:
 ROOT = Path(__file__).resolve().parents[1]
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 GROUPS = {
-    "commands and studies": ("#3b6fb5", "cli bench reproduce learning testing campaigns workbench runs web export report"),
+    "commands and studies": ("#3b6fb5", "cli bench reproduce testing studies runs web export report"),
     "interfaces": ("#8a5bb0", "mavlink fmu envs"),
-    "files that describe": ("#b8762a", "scenario logs extending tracks"),
-    "joining and judging": ("#2a8f7a", "evaluation plant"),
-    "equations": ("#b8485a", "estimators sensors vehicles instruments attitude geodesy"),
-    "engine": ("#5c6b7a", "core files plugins errors installing registration shipped starting style version"),
+    "files that describe": ("#b8762a", "scenario extending"),
+    "joining and judging": ("#2a8f7a", "logs evaluation"),
+    "equations": ("#b8485a", "estimators sensors vehicles attitude geodesy"),
+    "engine": ("#5c6b7a", "core base"),
 }
 """Colour and packages of each group of layers; every package of the contract is in one."""
 WIDTH, LEFT, BAND, GAP = 880, 190, 46, 8

@@ -10,7 +10,7 @@ from pages import ROOT, markdown, rows_table
 from insenv import estimators
 from insenv.core.tables import Table
 from insenv.estimators import Estimator
-from insenv.scenario.tuning import keys_by_row
+from insenv.estimators.settings import keys_by_row
 
 DOCS = ROOT / "docs"
 Pages = dict[str, str]

@@ -28,7 +28,7 @@ SITE = "build/docs/html"
 BIN = Path(sys.executable).parent
 PYTHON = sys.executable
 SIDE_BY_SIDE = ("-n", "2", "--dist", "worksteal")
-NAMED = ("tests/fmu", "tests/web", "tests/mavlink", "tests/project", "tests/learning", "tests/envs/test_sb3.py")
+NAMED = ("tests/fmu", "tests/web", "tests/mavlink", "tests/project", "tests/studies/learning", "tests/envs/test_sb3.py")
 """Tests whose slow part is a target of its own."""
 
 
@@ -63,7 +63,7 @@ TARGETS = (
     Target("mavlink", "streams: MAVProxy, tshark, floods", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/mavlink")),
     Target("web", "pages in Chromium and Node, TypeScript", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/web")),
     Target("pages", "every command of the pages, examples, the wheel", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/project")),
-    Target("learning", "training", pytest=("-m", "slow", "tests/learning", "tests/envs/test_sb3.py")),
+    Target("learning", "training", pytest=("-m", "slow", "tests/studies/learning", "tests/envs/test_sb3.py")),
     Target(
         "site",
         "the documentation site, opened page by page",

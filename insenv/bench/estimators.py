@@ -9,16 +9,16 @@ from collections.abc import Callable
 import numpy as np
 
 from insenv.bench.figure import EMPTY, Figure, empty_loop, median_time
-from insenv.campaigns import make_plan, run_campaign
-from insenv.campaigns.executors import cores
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, get
-from insenv.plant.feeding import chunks, input_rows, recording_interval
 from insenv.reproduce import update_time
 from insenv.runs.simulated import run
 from insenv.runs.smoothed import Smoother
 from insenv.scenario import build, load
+from insenv.scenario.chunks import chunks, input_rows, recording_interval
+from insenv.studies.campaign import make_plan, run_campaign
+from insenv.studies.campaign.executors import cores
 
 REPETITIONS = 5
 DURATION_S = 120.0

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
+from insenv.base.errors import InputError
+from insenv.base.installing import is_installed
 from insenv.bench.figure import Figure
-from insenv.errors import InputError
-from insenv.installing import is_installed
 
 
 def figures(only: str | None = None) -> Iterator[Figure]:

@@ -25,21 +25,21 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InsenvError
+from insenv.base.installing import install_extra
+from insenv.base.resources import fmu_folder
 from insenv.bench.figure import Figure
 from insenv.core.codegen import native_source
 from insenv.core.compile import Compiler, compile_library, find_compiler, pointer
 from insenv.core.compile import load as load_library
 from insenv.core.runner import make_runner
-from insenv.errors import InsenvError
-from insenv.files.resources import fmu_folder
 from insenv.fmu import export_fmu, export_ssp, run_ssp
 from insenv.fmu.instance import Instance
 from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.series import flattened
 from insenv.fmu.subject import Subject, subject
-from insenv.installing import install_extra
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 Array = NDArray[np.float64]
 

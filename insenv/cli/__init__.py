@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from insenv import starting
+from insenv.base import starting
 from insenv.cli.interruptions import BROKEN_PIPE, DONE, FAILED, INTERRUPTED, WRONG, Interruptions, ignore_from_now_on
 from insenv.cli.streams import drop_unwritten, prepare
 
@@ -60,7 +60,7 @@ def _report(error: BaseException, arguments: Sequence[str], number: int) -> int:
 
     arguments: of the command line.  number: the signal behind an interruption.
     """
-    from insenv.errors import InputError, InsenvError
+    from insenv.base.errors import InputError, InsenvError
 
     kind, status, hint = type(error).__name__, FAILED, ""
     if isinstance(error, KeyboardInterrupt) or kind == "Abort":
@@ -82,7 +82,7 @@ def _report(error: BaseException, arguments: Sequence[str], number: int) -> int:
     try:
         print(f"insenv: {message}{hint}", file=sys.stderr, flush=True)
         if "--json" in arguments:
-            from insenv.files.json_text import to_json
+            from insenv.base.json_text import to_json
 
             print(to_json({"error": {"type": kind, "message": message}}), flush=True)
     except OSError:

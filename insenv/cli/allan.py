@@ -32,8 +32,8 @@ def allan(
     """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
     from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
-    from insenv.workbench.allan import allan as measure
-    from insenv.workbench.allan_report import assumed, check_grade, document, tables, write_files, write_grade
+    from insenv.studies.allan import allan as measure
+    from insenv.studies.allan_report import assumed, check_grade, document, tables, write_files, write_grade
 
     check_grade(grade)
     folder = None if out is None else OutputFolder(out)

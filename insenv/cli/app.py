@@ -47,7 +47,7 @@ def root(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
 ) -> None:
     if version:
-        from insenv.version import __version__
+        from insenv.base.version import __version__
 
         print(f"insenv {__version__}")
         raise typer.Exit(0)

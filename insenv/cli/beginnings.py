@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from insenv.base.errors import InputError
 from insenv.cli.options import Json, deferred, given_path
-from insenv.errors import InputError
 
 
 class Kind(str, Enum):
@@ -27,7 +27,7 @@ def examples(
     as_json: Json = False,
 ) -> None:
     """Copy the examples to a folder: scripts, a scenario, recorded logs."""
-    from insenv.files.resources import examples_folder
+    from insenv.base.resources import examples_folder
 
     source = examples_folder()
     texts = {
@@ -56,7 +56,7 @@ def new(
     as_json: Json = False,
 ) -> None:
     """Write a commented file to start from, which runs as it is: a scenario, or a description of a log with its CSV files."""
-    from insenv.files.resources import examples_folder
+    from insenv.base.resources import examples_folder
 
     if file.suffix != ".toml":
         raise InputError(f"FILE = {str(file)!r}: allowed is a name that ends in .toml")
@@ -94,7 +94,7 @@ def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
 
     Raises `InputError` if one exists with another content or the folder cannot be written to.
     """
-    from insenv.files.output import staged
+    from insenv.base.output import staged
 
     try:
         equal = [name for name, text in texts.items() if (folder / name).is_file() and (folder / name).read_bytes() == text]

@@ -24,12 +24,12 @@ def budget(
 ) -> None:
     """Say which source of error dominates: each alone, and all but it, on the same seeds."""
     from insenv.cli.output import print_result, working
+    from insenv.estimators.settings import parsed_settings
     from insenv.report import OutputFolder
     from insenv.report.tables import runs_of
     from insenv.scenario import load
-    from insenv.scenario.tuning import parsed_settings
-    from insenv.workbench.budget import budget as share_out
-    from insenv.workbench.budget_presentation import budget_document, budget_tables, write_budget
+    from insenv.studies.budget import budget as share_out
+    from insenv.studies.budget_presentation import budget_document, budget_tables, write_budget
 
     id, given = one(estimator) or "", parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
+from insenv.base.errors import InputError
 from insenv.cli.options import Duration, FirstSeed, Json, NoFigure, Out, Scenario, Settings, deferred
-from insenv.errors import InputError
 
 if TYPE_CHECKING:
-    from insenv.campaigns.executors import Workers
+    from insenv.studies.campaign.executors import Workers
 
 
 @deferred
@@ -46,14 +46,14 @@ def campaign(
     as_json: Json = False,
 ) -> None:
     """Run a scenario many times (Monte Carlo); print the statistics of the errors beside their theoretical limit."""
-    from insenv.campaigns import compare, make_plans, parse_variation, run_campaigns, stores_of
-    from insenv.campaigns.comparison import comparison_document, comparison_tables, write_comparison
-    from insenv.campaigns.presentation import campaign_document, campaign_tables, write_campaign
-    from insenv.campaigns.tables import check_format
     from insenv.cli.output import print_result, working
+    from insenv.estimators.settings import parsed_settings
     from insenv.report import OutputFolder
     from insenv.report.tables import runs_of
-    from insenv.scenario.tuning import parsed_settings
+    from insenv.studies.campaign import compare, make_plans, parse_variation, run_campaigns, stores_of
+    from insenv.studies.campaign.comparison import comparison_document, comparison_tables, write_comparison
+    from insenv.studies.campaign.presentation import campaign_document, campaign_tables, write_campaign
+    from insenv.studies.campaign.tables import check_format
 
     if resume and out is None:
         raise InputError("--resume continues from a folder: name it with --out DIR")
@@ -90,7 +90,7 @@ def campaign(
 
 
 def _workers(workers: int | None, scheduler: str | None) -> Workers | None:
-    from insenv.campaigns import cluster, processes
+    from insenv.studies.campaign import cluster, processes
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers and --scheduler: allowed is one of them")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.export.formats import Files

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
+from insenv.base.errors import InputError
 from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred, given_path, one
-from insenv.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.fmu.running import Outputs
@@ -74,9 +74,9 @@ def export_fmu(
 ) -> None:
     """Write an estimator, a scenario's plant, or both in one, as an FMU for Co-Simulation."""
     from insenv.cli.output import print_json, print_line, working
+    from insenv.estimators.settings import FILE
     from insenv.fmu import export_fmu as write
     from insenv.fmu.exporter import summary
-    from insenv.scenario.tuning import FILE
 
     names, settings, behind = _platforms(platform), _settings(set_, texts=(FILE,)), one(estimator)
     with working(f"exporting {subject}"):
@@ -154,8 +154,8 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run an FMU over sampled inputs, or the FMUs of an SSP file; print or write the outputs."""
+    from insenv.base.output import check_output_file
     from insenv.cli.output import print_json, print_line, working
-    from insenv.files.output import check_output_file
     from insenv.fmu.master import run_ssp
     from insenv.fmu.reading import switched_inputs
     from insenv.fmu.running import run, some

@@ -9,7 +9,7 @@ from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import Any
 
-from insenv.starting import SIGNALS, end
+from insenv.base.starting import SIGNALS, end
 
 DONE, FAILED, WRONG, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 """Exit statuses of the command."""
@@ -57,7 +57,7 @@ class Interruptions:
 
 
 def ignore_from_now_on() -> None:
-    """Ignore the signals that `insenv.starting` took: the work is done, and the process is about to exit."""
+    """Ignore the signals that `insenv.base.starting` took: the work is done, and the process is about to exit."""
     with suppress(ValueError):  # not in the main thread
         for number in SIGNALS:
             if signal.getsignal(number) is end:

@@ -58,9 +58,9 @@ def list_all(
 def _known(what: What) -> dict[str, Rows]:
     """What there is, by the key of the JSON document."""
     from insenv import estimators
+    from insenv.base.registration import titles
+    from insenv.base.toml import summary
     from insenv.estimators.fusion.available import AIDS, STATES
-    from insenv.files.toml import summary
-    from insenv.registration import titles
     from insenv.scenario import summaries
     from insenv.sensors import GNSS_GRADES, IMU_GRADES
     from insenv.sensors import registry as sensors
@@ -138,10 +138,10 @@ _TITLES_ONLY = ("states", *_WITH_SENSOR)
 
 def _names() -> Iterator[tuple[str, list[str]]]:
     """All names but those of papers' simulations and printed forms, by what they name; what insenv ships is not imported."""
-    from insenv.files.resources import scenario_titles
-    from insenv.registration import IDS
+    from insenv.base.registration import IDS
+    from insenv.base.resources import scenario_titles
+    from insenv.base.shipped import ESTIMATORS, SENSORS, VEHICLES
     from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
-    from insenv.shipped import ESTIMATORS, SENSORS, VEHICLES
 
     yield "scenarios", [name for name, title in scenario_titles().items() if "paper" not in title.lower()]
     yield "estimators", [id for id in _with_installed("estimators", ESTIMATORS) if not id.endswith("-printed")]

@@ -10,7 +10,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.mavlink import Vehicle

@@ -10,7 +10,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 Work = Callable[[], "int | None"]
 """Returns the exit status; None: done."""

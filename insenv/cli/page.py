@@ -25,8 +25,8 @@ def page(
 ) -> None:
     """Write a scenario and estimators as one HTML file that simulates in a browser; without -o, open it."""
     from insenv.cli.output import print_json, print_line, working
+    from insenv.estimators.settings import parsed_settings
     from insenv.scenario import load
-    from insenv.scenario.tuning import parsed_settings
     from insenv.web.page import page as write
 
     given, loaded = parsed_settings(settings or []), load(scenario)

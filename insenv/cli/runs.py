@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from insenv.base.errors import InputError
 from insenv.cli.exports import check_asked, exported, with_formats
 from insenv.cli.interruptions import DONE, FAILED
 from insenv.cli.options import (
@@ -25,7 +26,6 @@ from insenv.cli.options import (
     deferred,
     given_path,
 )  # fmt: skip
-from insenv.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.export.formats import Files
@@ -61,10 +61,10 @@ def run(
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
     from insenv.cli.output import working
     from insenv.estimators import get_all
+    from insenv.estimators.settings import parsed_settings
     from insenv.report import OutputFolder
     from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
-    from insenv.scenario.tuning import parsed_settings
 
     chosen, given = get_all(estimators) if estimators else None, parsed_settings(settings or [])
     asked = check_asked(out, formats)
@@ -114,10 +114,10 @@ def replay(
     """Run estimators on a recorded log; print their errors against its reference."""
     from insenv.cli.output import working
     from insenv.estimators import get_all
+    from insenv.estimators.settings import parsed_settings
     from insenv.logs import load
     from insenv.report import OutputFolder
     from insenv.runs.replayed import replay as follow
-    from insenv.scenario.tuning import parsed_settings
 
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")

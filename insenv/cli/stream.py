@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -53,9 +53,9 @@ def stream(
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
     from insenv.mavlink.score import Score
+    from insenv.mavlink.score_report import report_of
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
     from insenv.report import OutputFolder, document, write_files
-    from insenv.runs.scored import report_of
     from insenv.scenario import load
 
     loaded = load(scenario)

@@ -8,8 +8,8 @@ from typing import Annotated, Optional
 
 import typer
 
+from insenv.base.errors import InputError
 from insenv.cli.options import Json, Scenario, Seed, deferred, given_path, one
-from insenv.errors import InputError
 
 
 class Lockstep(str, Enum):

@@ -9,9 +9,9 @@ from typing import Annotated, Optional
 
 import typer
 
+from insenv.base.errors import InputError, nearest
+from insenv.base.output import check_output_file
 from insenv.cli.options import Duration, Json, deferred, given_path
-from insenv.errors import InputError, nearest
-from insenv.files.output import check_output_file
 
 LEARNERS = ("lssvm",)
 MOST_SEEDS = 10_000
@@ -38,8 +38,8 @@ def train(
 ) -> None:
     """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""
     from insenv.cli.output import print_json, print_line, print_table, working
-    from insenv.learning.training import PRINTED, Choice, need_packages
-    from insenv.learning.training import train as learn
+    from insenv.studies.learning.training import PRINTED, Choice, need_packages
+    from insenv.studies.learning.training import train as learn
 
     if estimator not in LEARNERS:
         raise InputError(f"estimator {estimator!r} cannot be trained{nearest(estimator, LEARNERS)}")

@@ -36,10 +36,10 @@ def tune(
 ) -> None:
     """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
     from insenv.cli.output import print_result, working
+    from insenv.estimators.settings import parsed_settings
     from insenv.report import OutputFolder
-    from insenv.scenario.tuning import parsed_settings
-    from insenv.workbench.tune import tune as search
-    from insenv.workbench.tune_result import tuning_document, tuning_tables, write_tuning
+    from insenv.studies.tune import tune as search
+    from insenv.studies.tune_result import tuning_document, tuning_tables, write_tuning
 
     id, given = one(estimator) or "", parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
 from insenv.core.compile import batch_library_path, load, pointer
 from insenv.core.model import Model
 from insenv.core.runner import InterpreterRunner, check_inputs, cycle_size, made, watched_spans
 from insenv.core.tables import Vector
-from insenv.errors import InputError
 
 
 def make_batch(

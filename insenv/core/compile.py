@@ -27,12 +27,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from insenv.base.errors import InputError, InsenvError
+from insenv.base.lock import LockedError, exclusive
 from insenv.core.cache import cache_folder, is_lasting, is_private, process_folder
 from insenv.core.codegen import WRITER, batch_source, native_source
 from insenv.core.model import Model
 from insenv.core.tables import Vector
-from insenv.errors import InputError, InsenvError
-from insenv.files.lock import LockedError, exclusive
 
 # compilers for other processors may not support it, and gain little from it
 _OWN = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()

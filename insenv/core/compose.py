@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
+from insenv.base.errors import InputError
 from insenv.core.model import Model, Step, Values
 from insenv.core.naming import check_mapping
 from insenv.core.tables import Table
-from insenv.errors import InputError
 
 EMPTY = Table()
 

@@ -21,9 +21,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from insenv.base.starting import BEGUN
 from insenv.core.cache import source_digest
 from insenv.core.tables import Row
-from insenv.starting import BEGUN
 
 _PACKAGE = "insenv"
 _PLAIN = (str, bytes, int, float, complex, bool, type(None), type(Ellipsis), slice, range)

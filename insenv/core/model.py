@@ -22,10 +22,10 @@ from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
+from insenv.base.errors import InputError
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Row, Table
 from insenv.core.traces import Kernel, Traced
-from insenv.errors import InputError
 
 Values = SimpleNamespace
 """Symbols by row name, as passed to a step function: ``x.velocity_n`` is a 3x1 CasADi expression."""

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
+from insenv.base.errors import InputError, InsenvError, nearest
 from insenv.core.tables import Table
-from insenv.errors import InputError, InsenvError, nearest
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 Progress = Callable[[int, int], None]
 """Callback with the numbers of samples done and in all."""

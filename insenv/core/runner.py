@@ -17,12 +17,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError, nearest
+from insenv.base.installing import install_extra
 from insenv.core import noise
 from insenv.core.compile import NoRoomError, begin_libraries, find_compiler, library_path, load, pointer
 from insenv.core.model import Model
 from insenv.core.tables import Vector
-from insenv.errors import InputError, nearest
-from insenv.installing import install_extra
 
 BACKENDS = ("native", "interpreter")
 LONG_CYCLE = 50

@@ -17,8 +17,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from insenv.base.output import atomic
 from insenv.core.cache import is_private, usable_folder
-from insenv.files.output import atomic
 
 Spans = tuple[slice, ...]
 FOLDER = "equations"

@@ -9,10 +9,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from insenv.base.installing import need
 from insenv.core.codegen import module_source
 from insenv.core.compile import Compiler, compile_library
 from insenv.core.model import Model
-from insenv.installing import need
 
 _FLAGS = ("-target", "wasm32-wasi", "-std=gnu99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-w", "-c")
 _LINK = ("--no-entry", "--strip-all", "-z", "stack-size=262144", "--export=__heap_base")

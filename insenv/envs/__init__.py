@@ -6,6 +6,7 @@
 The ids are `IDS`.  An observation contains what a navigator knows and measures; only the info contains the truth.
 """
 
+from insenv.base.registration import IDS, register
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
 from insenv.envs.estimation_task import estimate_action
 from insenv.envs.interface import Snapshot
@@ -15,7 +16,6 @@ from insenv.envs.single import InertialEnv
 from insenv.envs.task import Task
 from insenv.envs.tuning import TuningEnv, TuningVectorEnv
 from insenv.envs.vector import InertialVectorEnv
-from insenv.registration import IDS, register
 
 __all__ = [
     "IDS",

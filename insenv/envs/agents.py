@@ -18,6 +18,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
 from insenv import estimators, geodesy
+from insenv.base.errors import InputError
 from insenv.core.batch import make_batch
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
@@ -25,10 +26,9 @@ from insenv.envs.checks import check_number, check_whole
 from insenv.envs.estimation_task import estimate_action
 from insenv.envs.knowledge import knowledge_of
 from insenv.envs.setup import Setup
-from insenv.errors import InputError
 from insenv.estimators import Estimator
-from insenv.plant.feeding import bridge_lost
 from insenv.scenario import build
+from insenv.scenario.chunks import bridge_lost
 
 Array = NDArray[np.float64]
 

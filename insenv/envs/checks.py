@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
 
 Array = NDArray[np.float64]
 

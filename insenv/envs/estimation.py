@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from gymnasium.vector import AutoresetMode
 
+from insenv.base.errors import InputError
 from insenv.envs.checks import check_choice, check_number
 from insenv.envs.estimation_task import estimation_task
 from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import Range, Ranges
 from insenv.envs.vector import InertialVectorEnv
-from insenv.errors import InputError
 from insenv.scenario import plant_of
 
 INITIAL_ERROR = (30.0, 180.0)

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError
 from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, maximum, minimum, select
 from insenv.core.model import Model, Step
@@ -32,7 +33,6 @@ from insenv.envs.checks import as_numbers, refused
 from insenv.envs.gravity import CORRECTION
 from insenv.envs.knowledge import KNOWN
 from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TRUTH, Task, finite_action, from_reference, truth
-from insenv.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -15,18 +15,17 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, estimators, geodesy
+from insenv.base.errors import InputError
 from insenv.core import elementary, symmetric
 from insenv.core.elementary import maximum, select
 from insenv.core.model import Model, Values
 from insenv.core.tables import Row, Table
 from insenv.envs.knowledge import KNOWN
 from insenv.envs.task import DECISION_LIMIT
-from insenv.errors import InputError
 from insenv.estimators import Estimator
 from insenv.evaluation.consistency import nees
-from insenv.plant import loop_model
-from insenv.plant.loop import PREFIX
-from insenv.plant.scaled import SCALE, scaled_model
+from insenv.scenario.loop import PREFIX, loop_model
+from insenv.scenario.scaled import SCALE, scaled_model
 
 LN10 = log(10.0)
 SMALLEST = 1e-15

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.core.model import Model
 from insenv.core.tables import Row, Table
-from insenv.estimators.contract import Knowledge, SensorNotes
+from insenv.estimators.contract import ImuDataSheet, Knowledge
 from insenv.geodesy.rows import bounded_place_rows
 from insenv.scenario import Scenario, reported_attitude, start_errors
-from insenv.scenario.sensor_notes import motion_errors
+from insenv.sensors.data_sheet import motion_errors
 from insenv.sensors.imu_tables import HUGE
 
 Array = NDArray[np.float64]
-_FIELDS = {field.name for field in fields(SensorNotes)}
+_FIELDS = {field.name for field in fields(ImuDataSheet)}
 
 KNOWN = Table((
     Row("known_sample_interval", "Time between inertial samples", "s", lower=0.0, upper=1.0),
@@ -57,7 +57,7 @@ def known_rows(scenario: Scenario, model: Model, p: Array, x: Array, sheets: Map
     """Return the values of `KNOWN` for k episodes at their start, (k, KNOWN.size).
 
     model: of a plant.  p (k, parameters), x (k, state): its vectors.  sheets: the data sheets of the episodes, (k,) or (1,)
-    by field of `SensorNotes`.  The initial errors are those that `insenv.scenario.build` draws for the same seeds.
+    by field of `ImuDataSheet`.  The initial errors are those that `insenv.scenario.build` draws for the same seeds.
     """
     section = scenario.knowledge
     told = [name for name in ("seed", "sample_interval", "antenna_lever_arm_b") if name in model.parameters]
@@ -94,7 +94,7 @@ def knowledge_of(known: Mapping[str, Any], same: Knowledge | None = None) -> Kno
     """
     told = fields_known(known).items()
     values: dict[str, Any] = {name: np.array(value) if np.ndim(value) else float(value) for name, value in told}
-    values["sensors"] = SensorNotes(**{name: values.pop(name) for name in _SHEET})
+    values["sensors"] = ImuDataSheet(**{name: values.pop(name) for name in _SHEET})
     return Knowledge(**values) if same is None else replace(same, **values)
 
 
@@ -107,7 +107,7 @@ def fields_known(known: Mapping[str, Any]) -> dict[str, Any]:
 
 
 _SHEET = tuple(row.name.removeprefix("known_") for row in KNOWN if row.name.removeprefix("known_") in _FIELDS)
-"""Fields of `SensorNotes`, in the order of `KNOWN`."""
+"""Fields of `ImuDataSheet`, in the order of `KNOWN`."""
 
 KNOWN_FIELDS = frozenset(fields_known(KNOWN.unpack(np.zeros(KNOWN.size))))
-"""Fields of `Knowledge` and `SensorNotes` that `KNOWN` tells."""
+"""Fields of `Knowledge` and `ImuDataSheet` that `KNOWN` tells."""

@@ -17,6 +17,7 @@ import casadi as ca
 from gymnasium.vector import AutoresetMode
 
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError
 from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, select, wrap_angle
 from insenv.core.model import Model, Step
@@ -30,9 +31,8 @@ from insenv.envs.starts import InnerStarts, Range, Ranges
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
 from insenv.envs.window import SHOWN, begun, shown, window_part
-from insenv.errors import InputError
-from insenv.plant import plant_model
 from insenv.scenario import Scenario, plant_of
+from insenv.scenario.assembly import plant_model
 from insenv.vehicles import Vehicle
 from insenv.vehicles.turntable import on_turntable
 

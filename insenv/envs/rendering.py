@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import attitude, style
+from insenv import attitude
+from insenv.base import style
 from insenv.envs.setup import Setup
 
 Array = NDArray[np.float64]

@@ -17,9 +17,9 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
+from insenv.base.errors import InputError
+from insenv.base.installing import need
 from insenv.envs.interface import Interface
-from insenv.errors import InputError
-from insenv.installing import need
 
 need("insenv.envs.sb3", "stable_baselines3", package="Stable-Baselines3", extra="rl")
 from stable_baselines3.common.vec_env import VecEnv  # type: ignore[import-not-found,unused-ignore]  # noqa: E402

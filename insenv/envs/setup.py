@@ -11,11 +11,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
 from insenv.core.tables import Table
 from insenv.envs.checks import check_choice, check_type, check_whole, is_number, refused
 from insenv.envs.starts import Ranges, Starts
 from insenv.envs.task import HUGE_ACTION, Task
-from insenv.errors import InputError
 from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.commands import DRIVEN
 from insenv.scenario.description import MAX_DURATION_S

@@ -9,12 +9,12 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
 from insenv.envs.checks import check_choice, check_type
 from insenv.envs.interface import Interface, Snapshot, places_of
 from insenv.envs.rendering import draw, write
 from insenv.envs.setup import Setup, checked_action
-from insenv.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError, nearest
 from insenv.core.seeding import first_uniforms
 from insenv.core.tables import Table
 from insenv.envs.checks import as_numbers, check_number, check_range, check_type, is_number, refused
@@ -17,12 +18,11 @@ from insenv.envs.episode_limits import between, episode_limits
 from insenv.envs.filter_inside import Inner
 from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
-from insenv.errors import InputError, nearest
-from insenv.plant.loop import PREFIX
 from insenv.scenario import Scenario, plant_of
 from insenv.scenario.build import build, check_speed_of_sinusoids
 from insenv.scenario.description import MAX_SEED
-from insenv.scenario.sensor_notes import data_sheets, sensor_notes
+from insenv.scenario.loop import PREFIX
+from insenv.sensors.data_sheet import data_sheets, imu_data_sheet
 from insenv.sensors.figures import window_rows
 from insenv.sensors.grade_file import grade_of
 from insenv.sensors.imu_tables import IMU_PARAMETERS
@@ -216,7 +216,7 @@ class Starts:
                 )
             return
         better, worse = (
-            sensor_notes(self._plant.parameters.unpack(base), self.scenario.vehicle.in_place) for base in self._base
+            imu_data_sheet(self._plant.parameters.unpack(base), self.scenario.vehicle.in_place) for base in self._base
         )
         if sum(np.log(getattr(worse, name) / getattr(better, name)) for name in _FIGURES) < 0.0:
             raise refused("imu_range", ranges.grades, "two grades of the catalogue, the better one first")

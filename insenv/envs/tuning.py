@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 from gymnasium.vector import AutoresetMode
 
+from insenv.base.errors import InputError
 from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Model, Step
@@ -25,7 +26,6 @@ from insenv.envs.starts import InnerStarts, Range, Ranges
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
 from insenv.envs.window import SHOWN, begun, shown, window_part
-from insenv.errors import InputError
 from insenv.scenario import plant_of
 
 TUNED = (

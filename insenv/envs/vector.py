@@ -15,11 +15,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
 from insenv.core.batch import Batch, make_batch
 from insenv.envs.checks import check_type, check_whole, is_whole, refused
 from insenv.envs.interface import Interface, Snapshot, places_of
 from insenv.envs.setup import Setup, checked_action
-from insenv.errors import InputError
 
 Array = NDArray[np.float64]
 Infos = dict[str, Any]

@@ -11,7 +11,7 @@ from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.envs.filter_inside import log10
-from insenv.plant.loop import PREFIX
+from insenv.scenario.loop import PREFIX
 
 LARGEST_RATIO = 100.0
 """Bound on the magnitude of a test ratio."""

@@ -1,6 +1,6 @@
 """Estimators: one file an id, each an `Estimator` around a `Model`; `parts/` holds the equations that several share."""
 
-from insenv.estimators.contract import Drive, Estimator, Knowledge, SensorNotes
+from insenv.estimators.contract import Drive, Estimator, ImuDataSheet, Knowledge
 from insenv.estimators.parts.finding import Finding
 from insenv.estimators.registry import EstimatorsLike, get, get_all, register, registered
 
@@ -9,8 +9,8 @@ __all__ = [
     "Estimator",
     "EstimatorsLike",
     "Finding",
+    "ImuDataSheet",
     "Knowledge",
-    "SensorNotes",
     "get",
     "get_all",
     "register",

@@ -15,45 +15,19 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
+from insenv.base.plugins import check_id
 from insenv.core.model import Model, Values
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
-from insenv.errors import InputError
 from insenv.estimators.parts import motion_errors
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.finding import RATIO, Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
-from insenv.instruments import TOLD
-from insenv.plugins import check_id
+from insenv.sensors.data_sheet import ImuDataSheet
+from insenv.sensors.instruments import TOLD
 
 _ZERO = np.zeros(3)
-
-
-@dataclass(frozen=True)
-class SensorNotes:
-    """Data sheet of the inertial unit, SI: the numbers that estimators are tuned by.
-
-    angle_random_walk rad/s^0.5, velocity_random_walk m/s^1.5; gyro_bias_sigma rad/s, accel_bias_sigma m/s^2; correlation
-    times s.  These biases contain what gravity makes of the g-sensitivity, and of the scale factor and the misalignment of the
-    accelerometers.  bare_*: the same without, for a filter that estimates those; 0: not stated.
-    *_scale_sigma, *_misalignment_sigma: 1; gyro_g_sensitivity_sigma rad s/m; 0: none, or not stated.
-    """
-
-    angle_random_walk: float = 1e-6
-    velocity_random_walk: float = 1e-4
-    gyro_bias_sigma: float = 1e-7
-    accel_bias_sigma: float = 1e-3
-    gyro_correlation_time: float = 3600.0
-    accel_correlation_time: float = 3600.0
-    bare_gyro_bias_sigma: float = 0.0
-    bare_accel_bias_sigma: float = 0.0
-    bare_gyro_correlation_time: float = 3600.0
-    bare_accel_correlation_time: float = 3600.0
-    gyro_scale_sigma: float = 0.0
-    accel_scale_sigma: float = 0.0
-    gyro_misalignment_sigma: float = 0.0
-    accel_misalignment_sigma: float = 0.0
-    gyro_g_sensitivity_sigma: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -68,8 +42,8 @@ class Knowledge:
     rotation_error, thrust_error: scale factor and misalignment of gyros and accelerometers, 1 sigma, 1; 0: not stated.
     fix_wander_sigma (3, m, n), fix_wander_time (s): the part of a fix's position error that changes slowly; 0: not stated.
     antenna_lever_arm: IMU to antenna, b, m.
-    instruments: what is told of the aiding instruments, by row name of `insenv.instruments.TOLD`; a row that is missing has its
-    start value there, which means "no such error".
+    instruments: stated errors of the aiding instruments, by row name of `sensors.instruments.TOLD`; a row that is missing has
+    its start value there, which means "no such error".
     """
 
     latitude: float
@@ -93,7 +67,7 @@ class Knowledge:
     fix_wander_sigma: Vector = field(default_factory=lambda: _ZERO)
     fix_wander_time: float = 60.0
     antenna_lever_arm: Vector = field(default_factory=lambda: _ZERO)
-    sensors: SensorNotes = SensorNotes()
+    sensors: ImuDataSheet = field(default_factory=ImuDataSheet)
     instruments: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -118,7 +92,7 @@ class Knowledge:
         own = {f.name for f in fields(Knowledge)} - {"sensors", "instruments"}
         if row in TOLD:
             return ""
-        if row in own or row in {f.name for f in fields(SensorNotes)}:
+        if row in own or row in {f.name for f in fields(ImuDataSheet)}:
             return row
         field = row.removeprefix("start_")
         return field if field in own else ""
@@ -173,7 +147,7 @@ class Estimator:
     moving_row: parameter row that, set to 1, lets an alignment in place work on a moving vehicle with GNSS, or empty.
     fix_velocity: whether, on a vehicle that moves, it needs fixes of GNSS with a velocity.
     prepare: its parameters by row name from what is known.  None: every parameter row that is named like a field of
-        `Knowledge` or `SensorNotes`, or ``start_`` and such a name, has its value.
+        `Knowledge` or `ImuDataSheet`, or ``start_`` and such a name, has its value.
     needs: ``(parameters by row name) -> s`` of data before which its errors have not settled and are not compared with a
         limit.  None: 0.
     applicability: ``(parameters by row name, duration in s) -> sentences`` about where its estimate may not be trusted.
@@ -372,7 +346,7 @@ class Estimator:
         return given
 
     def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:
-        """The fields of `Knowledge` and `SensorNotes` that `parameters` copies, by row name; None if `prepare` computes.
+        """The fields of `Knowledge` and `ImuDataSheet` that `parameters` copies, by row name; None if `prepare` computes.
 
         Many starts can then be had by copying columns.
         """

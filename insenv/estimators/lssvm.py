@@ -12,7 +12,7 @@ fix it reduces any misalignment to zero in some steps, because the remainder app
 differences.
 
 The exponential of the kernel is a Taylor polynomial at 1/64 of the argument, squared six times: exactly rounded
-operations, and `insenv.learning` trains with the same function.
+operations, and `insenv.studies.learning` trains with the same function.
 
 File of a trained machine: JSON, with the version of the format and the conditions of the training.
 
@@ -43,15 +43,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import geodesy
+from insenv.base.errors import InputError, InsenvError
+from insenv.base.output import atomic
 from insenv.core.elementary import minimum, polynomial, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError, InsenvError
 from insenv.estimators.contract import Estimator, Knowledge
 from insenv.estimators.parts import frozen_frame, rows
 from insenv.estimators.parts import sins_gnss_differences as differences
 from insenv.estimators.parts.sins_gnss_differences import FEATURES, READY
-from insenv.files.output import atomic
 
 Array = NDArray[np.float64]
 

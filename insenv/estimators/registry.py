@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
+from insenv.base.plugins import Plugins
+from insenv.base.resources import scenario_folder
+from insenv.base.shipped import ESTIMATORS
+from insenv.base.toml import shown
 from insenv.estimators.contract import Estimator
-from insenv.files.resources import scenario_folder
-from insenv.files.toml import shown
-from insenv.plugins import Plugins
-from insenv.shipped import ESTIMATORS
 
 
 def _id(thing: Estimator) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
 
 Array = NDArray[np.float64]
 

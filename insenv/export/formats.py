@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
+from insenv.base.installing import need
 from insenv.export import gpx, kml, nmea, rerun_recording, ros, text_log
 from insenv.export.log_tables import csv_text
 from insenv.export.tracks import columns_of
-from insenv.installing import need
 from insenv.logs import RecordedLog
 from insenv.report.files import OutputFolder, file_name, write_contents
 from insenv.report.run_data import RunData

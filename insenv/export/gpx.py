@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.export.tracks import date_of, tracks_of
 from insenv.report.run_data import RunData
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.export.tracks import NamedTrack, date_of, tracks_of
 from insenv.report.run_data import RunData
 

@@ -13,7 +13,7 @@ from math import atan2, degrees, hypot
 
 import numpy as np
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.export.tracks import date_of
 from insenv.logs import GnssFixes, RecordedLog
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Track
 from insenv.export.tracks import EPOCH, NamedTrack, tracks_of
 from insenv.logs import GnssFixes, RecordedLog, Reference

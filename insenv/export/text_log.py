@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.export import log_tables
 from insenv.export.toml_text import toml_text
 from insenv.logs import LogDescription, RecordedLog

@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.version import __version__
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.fmu import units
@@ -17,8 +18,7 @@ from insenv.fmu.sources import OVERRIDE, TOKEN, main_source
 from insenv.fmu.subject import Subject
 from insenv.fmu.units import Quantity
 from insenv.fmu.variables import Kind, Variable
-from insenv.instruments import INSTRUMENTS
-from insenv.version import __version__
+from insenv.sensors.instruments import INSTRUMENTS
 
 _CAUSALITY = {  # of numbers; Booleans cannot be continuous
     Kind.TIME: ("independent", "continuous", None),

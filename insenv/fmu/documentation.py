@@ -7,10 +7,10 @@ from html import escape
 
 import numpy as np
 
+from insenv.base.version import __version__
 from insenv.fmu import units
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import Kind, Variable
-from insenv.version import __version__
 
 _HEADINGS = {
     Kind.PARAMETER: "Parameters",

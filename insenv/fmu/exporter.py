@@ -8,10 +8,10 @@ from typing import Any
 from xml.etree import ElementTree
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
+from insenv.base.output import as_path, atomic, check_output_file
+from insenv.base.resources import fmu_folder
 from insenv.estimators import Estimator
-from insenv.files.output import as_path, atomic, check_output_file
-from insenv.files.resources import fmu_folder
 from insenv.fmu import description
 from insenv.fmu.documentation import page
 from insenv.fmu.platforms import FLAGS, build, chosen

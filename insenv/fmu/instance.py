@@ -21,8 +21,8 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError, InsenvError, nearest
 from insenv.core.progress import Progress
-from insenv.errors import InputError, InsenvError, nearest
 from insenv.fmu.ports import Group, Ports, Step
 from insenv.fmu.reading import KINDS, KINDS_3, Array, Variable, read_description, read_variable
 

@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.progress import Progress, check_progress
-from insenv.errors import InputError
 from insenv.fmu.instance import Instance
 from insenv.fmu.running import Outputs, steps_between
 from insenv.fmu.stepping import DOING, STEP, Plan, make_steps, prepared

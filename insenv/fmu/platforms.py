@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from insenv.base.errors import InputError, InsenvError, nearest
+from insenv.base.installing import install_extra, need
 from insenv.core.cache import cache_folder
 from insenv.core.compile import Compiler, compile_library, find_compiler
-from insenv.errors import InputError, InsenvError, nearest
-from insenv.installing import install_extra, need
 
 FLAGS = (
     "-std=gnu99",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 Row = NDArray[Any]
 

@@ -15,7 +15,7 @@ from insenv.core.runner import make_runner
 from insenv.fmu.description import number, to_text
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import Kind, Variable
-from insenv.plant.feeding import bridge_lost, input_rows
+from insenv.scenario.chunks import bridge_lost, input_rows
 
 Array = NDArray[np.float64]
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref/"

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.progress import Progress, check_progress
-from insenv.errors import InputError
 from insenv.fmu.instance import Instance
 from insenv.fmu.reading import Array, Variable
 from insenv.fmu.series import Series, chosen, flattened, uniform

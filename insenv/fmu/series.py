@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from insenv.errors import InputError, InsenvError
-from insenv.files.output import atomic
+from insenv.base.errors import InputError, InsenvError
+from insenv.base.output import atomic
 from insenv.fmu.reading import Array, element_names
 from insenv.logs.readers import check_finite, read_table
 

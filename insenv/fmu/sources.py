@@ -7,9 +7,9 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
+from insenv.base.resources import fmu_folder
 from insenv.core.codegen import embedded_source
 from insenv.core.tables import Row
-from insenv.files.resources import fmu_folder
 from insenv.fmu.reading import flag_of
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import STEP_IS_ONE_INCREMENT, Kind, Variable

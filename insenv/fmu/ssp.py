@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
+from insenv.base.output import as_path, check_output_file
 from insenv.estimators import Estimator, get
-from insenv.files.output import as_path, check_output_file
 from insenv.fmu.exporter import export_fmu, write_archive
 from insenv.fmu.subject import identifier
 from insenv.scenario import ScenarioLike, build, load

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.resources import fmu_folder
 from insenv.core.compile import CompileError, compile_library, find_compiler
 from insenv.core.progress import Progress
 from insenv.core.runner import resolve_backend
-from insenv.files.resources import fmu_folder
 from insenv.fmu.ports import Group, Move, Ports, append
 from insenv.fmu.reading import Array
 

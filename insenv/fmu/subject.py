@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.errors import LISTED, InputError, nearest
 from insenv.core.model import Model
 from insenv.core.tables import Table, Vector
-from insenv.errors import LISTED, InputError, nearest
 from insenv.estimators import Estimator, get, registry
-from insenv.plant.loop import PREFIX, loop_model
-from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, names, tuning
+from insenv.estimators.settings import tuning
+from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, names
+from insenv.scenario.loop import PREFIX, loop_model
 
 SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
 """Scenario from which the start values of an estimator come, by its kind."""

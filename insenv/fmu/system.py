@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 _SSP = "http://ssp-standard.org/SSP1/SystemStructure"
 _SSD, _SSV = f"{{{_SSP}Description}}", f"{{{_SSP}ParameterValues}}"

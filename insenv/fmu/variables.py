@@ -10,7 +10,7 @@ import numpy as np
 from insenv.core.tables import Row, Vector
 from insenv.fmu.reading import element_names
 from insenv.fmu.subject import Subject
-from insenv.plant.loop import PREFIX as LOOP_PREFIX
+from insenv.scenario.loop import PREFIX as LOOP_PREFIX
 
 PREFIX = "parameters."
 """Prefix of parameters, because an output may have the same name (`velocity_sigma`)."""

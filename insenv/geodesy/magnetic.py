@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
 from insenv.core.elementary import Scalar, sin_cos, wrap_angle
-from insenv.errors import InputError
 from insenv.geodesy.wgs84 import radii
 
 Array = NDArray[np.float64]

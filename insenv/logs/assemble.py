@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
 from insenv.logs.columns import FileSection, MeasurementSection, window_words
 from insenv.logs.description import PositionSection
 from insenv.logs.faults import all_of

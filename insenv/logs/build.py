@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.instruments import INSTRUMENTS
 from insenv.logs import instruments, kf_gins
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.course import fixes_from_course
@@ -31,6 +30,7 @@ from insenv.logs.sampling import covered_steps, sampling
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 from insenv.sensors import units
 from insenv.sensors.contract import Place
+from insenv.sensors.instruments import INSTRUMENTS
 from insenv.sensors.thermal import without_thermal_errors
 
 COLDEST, HOTTEST = -100.0, 200.0

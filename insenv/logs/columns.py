@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Strict
 
-from insenv.files.toml import Number, Positive, Section, check_three, key
+from insenv.base.toml import Number, Positive, Section, check_three, key
 
 
 def _check_column(value: object) -> object:

@@ -8,11 +8,11 @@ import numpy as np
 from pydantic import AfterValidator, ValidationInfo, field_validator, model_validator
 
 from insenv import attitude
-from insenv.errors import nearest
-from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, key
-from insenv.files.values import NotNegative as PerAxis
-from insenv.files.values import PerAxis as Signed
-from insenv.files.values import Rotation, within
+from insenv.base.errors import nearest
+from insenv.base.toml import Number, Parameter, Positive, Section, Vector3, key
+from insenv.base.values import NotNegative as PerAxis
+from insenv.base.values import PerAxis as Signed
+from insenv.base.values import Rotation, within
 from insenv.logs import kf_gins
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, Sigma3
 from insenv.logs.instrument_sections import (
@@ -245,7 +245,7 @@ class GnssSection(PositionSection, MeasurementSection):
     wander_time_s: Positive = key(60.0, "correlation time of that part", "s", le=1e9)
 
     def told(self) -> dict[str, Any]:
-        """What estimators are told of the receiver beside the fields of `Knowledge`: rows of `insenv.instruments.GNSS_TOLD`."""
+        """Stated errors of the receiver beside the fields of `Knowledge`: rows of `sensors.instruments.GNSS_TOLD`."""
         rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s}
         return {name: value for name, value in rows.items() if np.asarray(value).any()}
 

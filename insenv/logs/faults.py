@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

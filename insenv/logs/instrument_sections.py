@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ValidationInfo, field_validator
 
-from insenv.files.toml import Number, Positive, Vector3, key
+from insenv.base.toml import Number, Positive, Vector3, key
 from insenv.logs.columns import AngleUnit, Column, Columns3, MeasurementSection
 from insenv.logs.units import axes_matrix
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer

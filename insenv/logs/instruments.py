@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.errors import InputError
-from insenv.instruments import INSTRUMENTS
+from insenv.base.errors import InputError
 from insenv.logs.assemble import LogReader
 from insenv.logs.readers import TextTable
 from insenv.logs.readings import Readings, delivered
@@ -16,6 +15,7 @@ from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, axes_matrix, wrap
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
 from insenv.sensors.contract import Place
 from insenv.sensors.figures import FiguresSection
+from insenv.sensors.instruments import INSTRUMENTS
 from insenv.sensors.magnetometer import field_rows
 from insenv.sensors.sampled import Sampled
 from insenv.sensors.units import deg_to_rad
@@ -81,7 +81,7 @@ def _values(id: str, section: Any, table: TextTable) -> tuple[Array, tuple[str, 
 
 
 def told(id: str, section: FiguresSection | None, place: Place | None) -> dict[str, Any]:
-    """What is told of an instrument (rows of `insenv.instruments.TOLD`) by its section; None: by the default grade.
+    """What is told of an instrument (rows of `sensors.instruments.TOLD`) by its section; None: by the default grade.
 
     place: where the log is, for the field of the Earth.  Raises `InputError` where a magnetometer has none.
     """

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs.readers import TextTable
 from insenv.logs.units import Array
 

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from insenv.errors import InputError
-from insenv.files.content import BINARY, GPX, KML, NMEA, OTHER, TABLE
-from insenv.files.toml import read_toml, validated
+from insenv.base.content import BINARY, GPX, KML, NMEA, OTHER, TABLE, is_log, is_scenario
+from insenv.base.errors import InputError
+from insenv.base.resources import scenario_names
+from insenv.base.toml import read_toml, validated
+from insenv.estimators.settings import tuning
 from insenv.logs.assemble import check_columns
 from insenv.logs.build import build
 from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection, columns_of
@@ -16,9 +18,6 @@ from insenv.logs.faults import Faults
 from insenv.logs.flight import FlightDescription, build_flight, is_flight_log
 from insenv.logs.flight.formats import SUFFIXES
 from insenv.logs.recorded import RecordedLog
-from insenv.scenario import tuning
-from insenv.scenario.files import names
-from insenv.scenario.kinds import is_log, is_scenario
 from insenv.sensors.grade_file import beside
 
 _TRACK = (
@@ -41,7 +40,7 @@ def load(path: str | Path) -> RecordedLog:
     description, its files included.
     """
     path = Path(path)
-    if str(path) in names() and not path.exists():
+    if str(path) in scenario_names() and not path.exists():
         raise InputError(f"{path}: a scenario, not a recorded log: `insenv run {path}` simulates it")
     folder = path.resolve().parent
     if is_flight_log(path):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
 from insenv.logs.faults import all_of
 from insenv.logs.units import Array
 

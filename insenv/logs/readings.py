@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from insenv.instruments import INSTRUMENTS
 from insenv.logs.units import Array
+from insenv.sensors.instruments import INSTRUMENTS
 
 
 @dataclass(frozen=True)
 class Readings:
     """Measurements of one instrument: its id, the name of the series, time of validity (m,) s, and values (m, k).
 
-    The columns of `values` are the measured rows `rows` of `insenv.instruments`, one after the other; other rows keep their
+    The columns of `values` are the measured rows `rows` of `sensors.instruments`, one after the other; other rows keep their
     start value.  arrival, age (m,) s: when each measurement arrived, and its age then; None: at its time of validity.
     """
 

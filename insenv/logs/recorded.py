@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from insenv.errors import InputError
-from insenv.estimators import SensorNotes
+from insenv.base.errors import InputError
+from insenv.estimators import ImuDataSheet
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.readings import Readings
 from insenv.logs.units import Array
-from insenv.scenario.sensor_notes import motion_errors, sensor_notes
+from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.grade_file import grade_of
 
 
@@ -96,7 +96,7 @@ class RecordedLog(InertialSamples):
     gnss, reference: None where the log has none; lever_arm_b (3,) m FRD: from IMU to antenna; sources: the files read;
     notes: remarks for the user; description: of the log, from its TOML file or made for a flight log; unit: parameter rows
     (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; told: what estimators
-    are told of these, by row of `insenv.instruments.TOLD`; settings: parameter rows (SI) by estimator id that the log states,
+    are told of these, by row of `sensors.instruments.TOLD`; settings: parameter rows (SI) by estimator id that the log states,
     over which those of the description go.
     """
 
@@ -141,9 +141,9 @@ class RecordedLog(InertialSamples):
             return None
         return assumed_unit(self, self.rest)
 
-    def sensors(self, in_place: bool) -> SensorNotes:
+    def sensors(self, in_place: bool) -> ImuDataSheet:
         """What estimators are tuned by: the grade of the description, the unit's own rows, or what is assumed of it."""
-        return sensor_notes(self._unit_rows, in_place)
+        return imu_data_sheet(self._unit_rows, in_place)
 
     def motion_errors(self) -> dict[str, Any]:
         """Scale factor and misalignment of the unit, 1 sigma, as the fields of `Knowledge` of that name."""

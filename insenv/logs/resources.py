@@ -10,8 +10,8 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
-from insenv.errors import InputError
-from insenv.installing import install_package
+from insenv.base.errors import InputError
+from insenv.base.installing import install_package
 
 PACKAGE = "package:"
 MAX_BYTES = 4 * 1024**3

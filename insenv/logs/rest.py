@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.estimators import SensorNotes
+from insenv.estimators import ImuDataSheet
 from insenv.logs.recorded import RecordedLog
 from insenv.logs.units import Array
 
@@ -54,7 +54,7 @@ class Rest:
         x, y, z = self.force
         return float(np.arctan2(-y, -z)), float(np.arctan2(x, np.hypot(y, z)))
 
-    def tilt_sigma(self, sensors: SensorNotes) -> float:
+    def tilt_sigma(self, sensors: ImuDataSheet) -> float:
         """Standard deviation of roll and pitch (rad); sensors: of a unit in place."""
         return float(np.hypot(sensors.accel_bias_sigma / np.linalg.norm(self.force), self.rocking))
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs.units import Array
 
 OFF = 0.25

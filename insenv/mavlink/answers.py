@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.commands import execute, set_mode
 from insenv.mavlink.filetransfer import replies
 from insenv.mavlink.messages.fields import Message

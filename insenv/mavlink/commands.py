@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import isfinite
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Message
 from insenv.mavlink.messages.schedule import MAX_HZ
 from insenv.mavlink.messages.status import available_modes

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from insenv import geodesy
+from insenv.base.errors import InputError
 from insenv.core import noise
 from insenv.core.tables import Vector
-from insenv.errors import InputError
 from insenv.mavlink.surroundings import NOISE_STREAM
 
 KINDS = ("none", "jamming", "spoofing", "drift", "satellites lost")

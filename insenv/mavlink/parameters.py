@@ -16,9 +16,9 @@ from math import isfinite
 
 import numpy as np
 
+from insenv.base.errors import InputError, nearest
 from insenv.core.model import Model
 from insenv.core.tables import Row
-from insenv.errors import InputError, nearest
 from insenv.mavlink.simulation import Simulation
 from insenv.sensors.gnss import GNSS_PARAMETERS
 from insenv.sensors.imu_tables import IMU_PARAMETERS

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.outside import Array, checked_estimate
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude
+from insenv.base.errors import InputError
 from insenv.core.tables import Vector
-from insenv.errors import InputError
 from insenv.evaluation.errors import Track, errors, track_of
 from insenv.evaluation.limits import Limit
 from insenv.mavlink.messages.fields import DEG_E7, Message

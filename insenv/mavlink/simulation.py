@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
-from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.live_health import LiveHealth
 from insenv.mavlink.interference import Interference

@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.estimators import Estimator
 from insenv.mavlink.interference import interference
 from insenv.mavlink.manual import LOST_AFTER_S, Sticks

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from insenv import style
+from insenv.base import style
+from insenv.base.style import COLOURS
 from insenv.evaluation.errors import ATTITUDE, Track
 from insenv.report.run_data import RunData
 from insenv.report.tables import label
-from insenv.style import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

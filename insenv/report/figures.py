@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import style
+from insenv.base import style
+from insenv.base.style import COLOURS, DASHED, LIMIT, PALE, STATISTICS
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.health import APART, course
 from insenv.report import attitudes, tracks
@@ -16,7 +17,6 @@ from insenv.report.outages import has_fixes, without_fixes
 from insenv.report.run_data import RunData
 from insenv.report.scales import set_scale
 from insenv.report.tables import label
-from insenv.style import COLOURS, DASHED, LIMIT, PALE, STATISTICS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError, InsenvError
+from insenv.base.installing import advice, is_installed
+from insenv.base.json_text import to_json
+from insenv.base.output import as_path, staged
+from insenv.base.style import save
 from insenv.core.tables import Row
-from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import Result
-from insenv.files.json_text import to_json
-from insenv.files.output import as_path, staged
-from insenv.installing import advice, is_installed
 from insenv.report.document import document
 from insenv.report.figures import draw, drawable
 from insenv.report.page import run_page
 from insenv.report.run_data import RunData
-from insenv.style import save
 
 FORMAT = "insenv-results"
 VERSION = 1
@@ -68,7 +68,7 @@ class OutputFolder:
 
     @contextmanager
     def staged(self) -> Iterator[Callable[[str], Path]]:
-        """Write all files of the block or none; see `insenv.files.output.staged`. Raises `InsenvError` if writing fails.
+        """Write all files of the block or none; see `insenv.base.output.staged`. Raises `InsenvError` if writing fails.
 
         A name may have folders in it, which are made.
         """

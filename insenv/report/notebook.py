@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.installing import is_installed, need
-from insenv.style import save
+from insenv.base.installing import is_installed, need
+from insenv.base.style import save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

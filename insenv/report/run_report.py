@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from insenv.errors import InputError, InsenvError, nearest
+from insenv.base.errors import InputError, InsenvError, nearest
 from insenv.report.figures import draw, drawable
 from insenv.report.files import NOTHING_TO_DRAW, FilesWritten, OutputFolder, write_files
 from insenv.report.notebook import HtmlTable, data_frame, html_document, require_matplotlib

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import geodesy
+from insenv.base.style import COLOURS, TRUTH
 from insenv.evaluation.errors import Result, Track
 from insenv.report.run_data import RunData
-from insenv.style import COLOURS, TRUTH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

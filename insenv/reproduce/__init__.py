@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
 
 PAPERS = {
     "ecef": "ECEF fine alignment, 12-state Kalman filter",

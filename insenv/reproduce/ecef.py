@@ -162,7 +162,7 @@ def figure(path_stem: Path) -> list[Path]:
 
 def _figure(found: Ensemble, id: str, path_stem: Path) -> list[Path]:
     """Misalignment in e as fed back by the filter, and attitude, with white noise."""
-    from insenv import style
+    from insenv.base import style
 
     outputs, errors, time = found.outputs[id], found.attitude_errors_deg(id)[0], found.time
     sigma = np.degrees(outputs["attitude_sigma"][0])

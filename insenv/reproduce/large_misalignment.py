@@ -171,8 +171,8 @@ def figure(path_stem: Path) -> list[Path]:
 
 def _figure(runs: Callable[[str], Ensemble], methods: dict[str, int], path_stem: Path) -> list[Path]:
     """Roll, pitch and heading errors of some methods, with the numbers of their colours; PNG and SVG."""
-    from insenv import style
-    from insenv.style import COLOURS, LIMIT
+    from insenv.base import style
+    from insenv.base.style import COLOURS, LIMIT
 
     with style.page(9.0, 7.0) as page:
         grid = page.subplots(3, 2, sharex=True, sharey="row")

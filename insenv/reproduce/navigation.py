@@ -188,8 +188,8 @@ def figure(path_stem: Path) -> list[Path]:
 
 def _drift_and_outages(path_stem: Path) -> list[Path]:
     """Like figures 4 and 6 of the paper: distance error over ten minutes, and smoothed errors over four outages."""
-    from insenv import style
-    from insenv.style import COLOURS, DASHED, LIMIT, PALE, TRUTH
+    from insenv.base import style
+    from insenv.base.style import COLOURS, DASHED, LIMIT, PALE, TRUTH
 
     minutes = np.arange(11)
     found = drift("in-run")

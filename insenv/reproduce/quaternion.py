@@ -183,8 +183,8 @@ def figure(path_stem: Path) -> list[Path]:
 
 def _printed(path_stem: Path) -> list[Path]:
     """The heading errors of figures 1 to 4, of one run each."""
-    from insenv import style
-    from insenv.style import COLOURS
+    from insenv.base import style
+    from insenv.base.style import COLOURS
 
     colours = dict(zip(IDS, COLOURS, strict=False))
     with style.page(9.0, 6.5) as page:
@@ -211,8 +211,8 @@ def _printed(path_stem: Path) -> list[Path]:
 
 def _own(path_stem: Path) -> list[Path]:
     """qakf with four noise levels; all methods with 200 ug: rms over the seeds, and one run."""
-    from insenv import style
-    from insenv.style import COLOURS, LIMIT
+    from insenv.base import style
+    from insenv.base.style import COLOURS, LIMIT
 
     with style.page(9.0, 8.0) as page:
         top, middle, bottom = page.subplots(3, 1)

@@ -180,8 +180,8 @@ def attenuation(frequency: Array) -> Array:
 
 
 def _attenuation(path_stem: Path) -> list[Path]:
-    from insenv import style
-    from insenv.style import COLOURS, DASHED, LIMIT
+    from insenv.base import style
+    from insenv.base.style import COLOURS, DASHED, LIMIT
 
     frequency = np.geomspace(1e-4, 5.0, 4000)
     with style.page(7.5, 4.0) as page:
@@ -199,8 +199,8 @@ def _attenuation(path_stem: Path) -> list[Path]:
 
 def _courses(path_stem: Path) -> list[Path]:
     """Like figure 5 of the paper: gyrocompass; inertial-frame alignment from -150 deg; its levelling.  PNG and SVG."""
-    from insenv import style
-    from insenv.style import COLOURS, LIMIT
+    from insenv.base import style
+    from insenv.base.style import COLOURS, LIMIT
 
     both, wrong = _both("boat"), _wrong_fir()
     with style.page(7.5, 7.5) as page:

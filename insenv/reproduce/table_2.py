@@ -22,9 +22,9 @@ from insenv import geodesy
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.plant.feeding import chunks, input_rows
 from insenv.reproduce import Quantity, rms
 from insenv.scenario import Scenario, build, load
+from insenv.scenario.chunks import chunks, input_rows
 from insenv.sensors import units
 
 Array = NDArray[np.float64]
@@ -178,8 +178,8 @@ def quantities() -> list[Quantity]:
 
 def figure(path_stem: Path) -> list[Path]:
     """Like figures 3 and 4 of the paper: the published errors, and each reading fitted to them.  PNG and SVG."""
-    from insenv import style
-    from insenv.style import COLOURS, TRUTH
+    from insenv.base import style
+    from insenv.base.style import COLOURS, TRUTH
 
     minutes = np.arange(1, MINUTES + 1)
     with style.page(9.0, 6.5) as page:

@@ -12,8 +12,8 @@ import numpy as np
 from insenv.core.model import Model, Step
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 REPETITIONS = 5
 UPDATES = 50_000

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.base.errors import InsenvError
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
 from insenv.core.progress import Progress, check_progress
-from insenv.errors import InsenvError
 from insenv.estimators import EstimatorsLike, get_all
 from insenv.evaluation.errors import wrapped_deg
-from insenv.plant.feeding import chunks, input_rows, recording_interval
 from insenv.scenario import Plant, ScenarioLike, build, load
+from insenv.scenario.chunks import chunks, input_rows, recording_interval
 from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]

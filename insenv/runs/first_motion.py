@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError, InsenvError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError, InsenvError
-from insenv.estimators import SensorNotes, get
+from insenv.estimators import ImuDataSheet, get
 from insenv.logs import GnssFixes, RecordedLog
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def heading_by_course(log: RecordedLog, first: int, level: tuple[float, float], 
 
 
 def heading_by_force(
-    log: RecordedLog, first: int, level: tuple[float, float], rest_rate: Array, sensors: SensorNotes, tilt_sigma: float
+    log: RecordedLog, first: int, level: tuple[float, float], rest_rate: Array, sensors: ImuDataSheet, tilt_sigma: float
 ) -> tuple[float, float]:
     """Heading (rad) where sample `first` begins, by the specific force since the vehicle stood, and its standard deviation.
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InsenvError
 from insenv.core.runner import Runner, make_runner
-from insenv.errors import InsenvError
 from insenv.estimators import Estimator
 from insenv.evaluation.health import Health, health, models_slow_errors, no_fix
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 Array = NDArray[np.float64]
 

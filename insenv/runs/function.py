@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError, InsenvError, nearest
+from insenv.base.errors import InputError, InsenvError, nearest
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.health import Health
 from insenv.evaluation.outside import checked_estimate

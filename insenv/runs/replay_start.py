@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.description import InitialSection

@@ -11,27 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.base.errors import InputError
+from insenv.base.output import as_path
 from insenv.core.progress import Progress, check_progress
-from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
+from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
 from insenv.evaluation.contradiction import contradiction_notes
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
 from insenv.evaluation.sideways import sideways_notes
 from insenv.evaluation.unit_errors import unit_errors
-from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
 from insenv.logs.description import EvaluationSection
 from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
 from insenv.logs.readings import delivered
-from insenv.plant.feeding import RECORDS, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of, members
 from insenv.runs.told_latitude import OtherHemisphere, at_rest, named
 from insenv.runs.untold_rest import lost_rest
-from insenv.scenario import tuning
-from insenv.scenario.tuning import Settings, choices_in, own_settings, setting_rows
+from insenv.scenario.chunks import RECORDS, chunks, recording_interval
 
 Array = NDArray[np.float64]
 

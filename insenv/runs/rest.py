@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.estimators import SensorNotes
+from insenv.estimators import ImuDataSheet
 from insenv.logs.rest import Rest
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class RestStart:
     conflict: float = 0.0
 
 
-def gyrocompass_sigma(rest: Rest, latitude: float, sensors: SensorNotes, tilt_sigma: float) -> float:
+def gyrocompass_sigma(rest: Rest, latitude: float, sensors: ImuDataSheet, tilt_sigma: float) -> float:
     """Standard deviation (rad) of the heading that the mean rate alone gives."""
     earth = geodesy.numeric.earth_rate_n(latitude)
     return float(_rate_sigma(rest, sensors, tilt_sigma * earth[2]) / max(earth[0], 1e-9 * geodesy.OMEGA_IE))
@@ -50,7 +50,7 @@ def start_at_rest(
     latitude: float,
     heading: float,
     sigma: float,
-    sensors: SensorNotes,
+    sensors: ImuDataSheet,
     tilt_sigma: float,
 ) -> RestStart:
     """Heading and gyro bias of greatest posterior probability.
@@ -96,12 +96,12 @@ def start_at_rest(
     )
 
 
-def _rate_sigma(rest: Rest, sensors: SensorNotes, by_tilt: float) -> float:
+def _rate_sigma(rest: Rest, sensors: ImuDataSheet, by_tilt: float) -> float:
     """Standard deviation (rad/s) of the mean rate as a measurement of the Earth's, with what a tilt adds."""
     return float(np.sqrt(sensors.gyro_bias_sigma**2 + _drifted(rest, sensors) ** 2 + by_tilt**2))
 
 
-def _drifted(rest: Rest, sensors: SensorNotes) -> float:
+def _drifted(rest: Rest, sensors: ImuDataSheet) -> float:
     """Standard deviation (rad/s) of the mean rate as a measurement of the bias at the start, which drifts meanwhile."""
     drive = 2 * sensors.gyro_bias_sigma**2 / sensors.gyro_correlation_time
     white = sensors.angle_random_walk**2 / rest.duration

@@ -8,22 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
 from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import make_runner, prepare
-from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all
+from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
 from insenv.evaluation.health import Health
 from insenv.evaluation.limits import Limit
 from insenv.evaluation.unit_errors import UnitError, unit_errors
-from insenv.plant.feeding import bridge_lost, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.function import Called, EstimateFunction, FunctionFollower, parted, sample_names
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
 from insenv.scenario.choice import named_estimators
-from insenv.scenario.tuning import Settings, setting_rows
+from insenv.scenario.chunks import bridge_lost, chunks, recording_interval
 from insenv.sensors import IMU
 from insenv.sensors.unit_errors import true_unit_errors
 

@@ -20,9 +20,9 @@ from insenv.estimators import Estimator, smoother
 from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
-from insenv.plant.feeding import input_rows
 from insenv.runs.follower import Follower, diverged
 from insenv.runs.smoother_record import Record
+from insenv.scenario.chunks import input_rows
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.errors import InsenvError
+from insenv.base.errors import InsenvError
 from insenv.estimators import Estimator, Knowledge
 from insenv.estimators.parts.rows import aid_health, reported_aids
 from insenv.estimators.velocity_integration.log import finds_north

@@ -9,7 +9,6 @@ from insenv.scenario.description import Scenario
 from insenv.scenario.files import ScenarioLike, json_schema, load, names, parse, summaries, with_settings
 from insenv.scenario.limits import limit, limit_along, limit_of, no_limit, prior_of
 from insenv.scenario.plant import Plant
-from insenv.scenario.tuning import tuning
 
 __all__ = [
     "KNOWLEDGE_STREAM",
@@ -31,6 +30,5 @@ __all__ = [
     "reseeded",
     "start_errors",
     "summaries",
-    "tuning",
     "with_settings",
 ]

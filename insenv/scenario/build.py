@@ -12,21 +12,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError
 from insenv.core import noise
 from insenv.core.model import Model
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
-from insenv.errors import InputError
 from insenv.estimators import Knowledge
-from insenv.instruments import TOLD
-from insenv.plant import plant_model
+from insenv.scenario.assembly import plant_model
 from insenv.scenario.commands import DRIVEN, commanded
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
 from insenv.scenario.plant import Plant
 from insenv.scenario.poles import check_course
-from insenv.scenario.sensor_notes import motion_errors, sensor_notes
 from insenv.sensors import IMU, Sensor
 from insenv.sensors.contract import Place
+from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
+from insenv.sensors.instruments import TOLD
 from insenv.vehicles import Vehicle
 from insenv.vehicles.ship import ANGLES
 
@@ -180,7 +180,7 @@ def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
 def _knowledge(
     scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], told_rows: Mapping[str, Any], seed: int
 ) -> Knowledge:
-    known, sheet = scenario.knowledge, sensor_notes(parameters, scenario.vehicle.in_place)
+    known, sheet = scenario.knowledge, imu_data_sheet(parameters, scenario.vehicle.in_place)
     error = start_errors(known, seed)
     roll, pitch, heading = reported_attitude(np.array(attitude.numeric.to_euler(true["q_nb"])), error[0:3])
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
@@ -209,7 +209,7 @@ def _knowledge(
 
 
 def told(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """What the sensors of a scenario with these parameter rows (SI) tell of their errors: rows of `insenv.instruments.TOLD`."""
+    """Stated errors of a scenario's sensors with these parameter rows (SI): rows of `sensors.instruments.TOLD`."""
     rows: dict[str, Any] = {}
     for id, section in scenario.sensors.items():
         if section.sensor.told is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.estimators import registered
 from insenv.scenario.description import Scenario
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from insenv.base.errors import InputError, nearest
 from insenv.core.model import Model
 from insenv.core.tables import Vector
-from insenv.errors import InputError, nearest
 
 TIME = "at_s"
 PREFIX, VALID = "command_", "command_valid"

@@ -8,11 +8,11 @@ from typing import Annotated, Any, Union
 
 from pydantic import Field, PrivateAttr, Strict, ValidationError, create_model, model_validator
 
+from insenv.base.toml import Number, Parameter, Section, Vector3, key, summary
+from insenv.base.values import Sigmas, within
 from insenv.estimators import Drive, Estimator, get
-from insenv.files.toml import Number, Parameter, Section, Vector3, key, summary
-from insenv.files.values import Sigmas, within
+from insenv.estimators.settings import choices_in, tuning
 from insenv.scenario.gravity_section import GravitySection
-from insenv.scenario.tuning import choices_in, tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
 from insenv.sensors.imu_figures import FIGURES

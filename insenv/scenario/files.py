@@ -6,21 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from insenv.errors import LISTED, InputError, nearest
+from insenv.base.content import is_log, is_scenario
+from insenv.base.errors import LISTED, InputError, nearest
+from insenv.base.resources import scenario_folder
+from insenv.base.resources import scenario_names as names
+from insenv.base.toml import read_toml, shown, validated
 from insenv.estimators import Estimator, registry
-from insenv.files.resources import scenario_folder
-from insenv.files.toml import read_toml, shown, validated
+from insenv.estimators.settings import Settings, setting_rows
 from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
-from insenv.scenario.kinds import is_log, is_scenario
-from insenv.scenario.tuning import Settings, setting_rows
 from insenv.sensors.grade_file import beside
-
-
-def names() -> list[str]:
-    """Names of the scenarios that insenv contains."""
-    return sorted(path.stem for path in scenario_folder().glob("*.toml"))
-
 
 ScenarioLike = str | Path | Scenario | Mapping[str, Any]
 """A name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.sensors import gnss_grade, imu_grade
 from insenv.sensors.figures import FiguresSection
 from insenv.sensors.registry import registered

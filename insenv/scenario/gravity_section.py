@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.files.toml import Number, Section, key
+from insenv.base.toml import Number, Section, key
 from insenv.geodesy import numeric
 from insenv.sensors import units
 from insenv.vehicles import StartSection

@@ -11,19 +11,19 @@ from pathlib import Path
 
 import numpy as np
 
+from insenv.base.errors import InputError
+from insenv.base.output import atomic
 from insenv.core.cache import cache_folder, source_digest
 from insenv.core.model import Model
 from insenv.core.progress import Progress, check_progress
 from insenv.core.tables import Vector
-from insenv.errors import InputError
 from insenv.evaluation import limits
 from insenv.evaluation.limits import Limit, Prior
-from insenv.files.output import atomic
-from insenv.instruments import INSTRUMENTS
 from insenv.scenario.build import build
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.files import ScenarioLike, load
 from insenv.scenario.plant import Plant
+from insenv.sensors.instruments import INSTRUMENTS
 
 TRAJECTORY_SEED = 1
 """Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""

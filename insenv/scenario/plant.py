@@ -10,9 +10,9 @@ from typing import Any
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.estimators import Estimator, Knowledge, get
+from insenv.estimators.settings import Settings, choices_in, own_settings
 from insenv.scenario.commands import Commanded, input_rows
 from insenv.scenario.description import Scenario
-from insenv.scenario.tuning import Settings, choices_in, own_settings
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.geodesy import POLAR_RADIUS
-from insenv.plant.feeding import chunks
+from insenv.scenario.chunks import chunks
 from insenv.scenario.commands import PREFIX
 from insenv.scenario.description import Scenario
 from insenv.scenario.plant import Plant

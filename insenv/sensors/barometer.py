@@ -18,17 +18,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 
+from insenv.base.toml import Number, key
 from insenv.core.elementary import exp
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.files.toml import Number, key
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.instruments import BAROMETER
 from insenv.sensors import units
 from insenv.sensors.contract import ErrorSource, Sensor
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
+from insenv.sensors.instruments import BAROMETER
 from insenv.sensors.sampled import QUANTUM_SIGMA, Motion, Sampled, gauss_markov, root_sum, rounded
 
 PARAMETERS = Table((

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from insenv.errors import LISTED, InputError, nearest
+from insenv.base.errors import LISTED, InputError, nearest
 from insenv.sensors.grades import GnssGrade, ImuGrade
 from insenv.sensors.units import m_s2_to_ug, one_sigma_from_cep, one_sigma_from_r50
 

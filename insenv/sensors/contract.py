@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from insenv.base.toml import Section
 from insenv.core.compose import Part
 from insenv.core.model import Values
 from insenv.core.tables import Table
-from insenv.files.toml import Section
 
 Instant = Callable[[Values, Values], tuple[Any, Any, Any]]
 """(parameters, state) -> true omega_eb^b (3, rad/s), its time derivative (3, rad/s^2) and d(velocity_n)/dt (3, m/s^2) at
@@ -51,7 +51,7 @@ class Sensor:
     outputs: state rows that are outputs of the plant, and inputs of the same names of estimators.
     derived, derive: further outputs of the plant, and ``(parameters, state) -> {row: value}`` that computes them.
     truth: state rows that are outputs of the plant to compare estimates with; no estimator and no agent gets them.
-    told: ``(parameter rows by name) -> {row of insenv.instruments.TOLD: value}``, what an estimator is told of its errors.
+    told: ``(parameter rows by name) -> {row of sensors.instruments.TOLD: value}``, what an estimator is told of its errors.
     errors: the sources of its errors, for error budgets.  None: they are not known.
     stated: what its measurements state of their accuracy; None: nothing that depends on the parameters of its errors.
     """

@@ -19,16 +19,16 @@ import casadi as ca
 import numpy as np
 
 from insenv.attitude import from_rotation_vector, rotate_inverse
+from insenv.base.toml import key
+from insenv.base.values import LeverArm
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.files.toml import key
-from insenv.files.values import LeverArm
-from insenv.instruments import DVL
 from insenv.sensors import units
 from insenv.sensors.contract import ErrorSource, Sensor
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
+from insenv.sensors.instruments import DVL
 from insenv.sensors.sampled import Motion, Sampled, gauss_markov, root_sum
 
 PARAMETERS = Table((

@@ -14,10 +14,10 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import create_model, field_validator
 
+from insenv.base.errors import nearest
+from insenv.base.toml import Number, Section, key
+from insenv.base.values import PerAxis, Window, one_of, within
 from insenv.core.tables import Table
-from insenv.errors import nearest
-from insenv.files.toml import Number, Section, key
-from insenv.files.values import PerAxis, Window, one_of, within
 from insenv.sensors.bounds import largest
 from insenv.sensors.contract import SensorSection
 from insenv.sensors.sampled import OUTAGES, check_times

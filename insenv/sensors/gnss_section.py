@@ -7,9 +7,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import field_validator
 
-from insenv.errors import InputError
-from insenv.files.toml import Number, key
-from insenv.files.values import LeverArm, NotNegative, one_of
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, key
+from insenv.base.values import LeverArm, NotNegative, one_of
 from insenv.sensors.catalogue import GNSS_GRADES, gnss_grade
 from insenv.sensors.contract import Sensor
 from insenv.sensors.figures import TimedSection

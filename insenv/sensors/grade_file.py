@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema, create_model, model_validator
 
-from insenv.errors import InputError
-from insenv.files.toml import Number, Section, key, read_toml, validated
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, Section, key, read_toml, validated
 from insenv.sensors.catalogue import IMU_GRADES, imu_grade
 from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_figures import FIGURES, WAYS, WHITE, figure_key

@@ -21,18 +21,18 @@ import casadi as ca
 import numpy as np
 
 from insenv.attitude import rotate
+from insenv.base.errors import InputError
+from insenv.base.toml import Vector3, key
+from insenv.base.values import within
 from insenv.core.elementary import PI, atan2, maximum, minimum
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError
-from insenv.files.toml import Vector3, key
-from insenv.files.values import within
-from insenv.instruments import HEADING
 from insenv.sensors.contract import ErrorSource, Sensor, Stated
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.gnss import direction
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
+from insenv.sensors.instruments import HEADING
 from insenv.sensors.sampled import LOST, Motion, Sampled, gauss_markov, root_sum
 
 SHORTEST = 1e-3

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Annotated, Any
 
-from insenv.files.toml import Number, key
-from insenv.files.values import PerAxis, within
+from insenv.base.toml import Number, key
+from insenv.base.values import PerAxis, within
 from insenv.sensors.bounds import largest
 from insenv.sensors.grades import CONVERSIONS, ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS

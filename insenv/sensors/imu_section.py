@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import create_model
 
 from insenv import attitude
-from insenv.errors import InputError
-from insenv.files.toml import Number, key
-from insenv.files.values import LeverArm, Rotation
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, key
+from insenv.base.values import LeverArm, Rotation
 from insenv.sensors import units
 from insenv.sensors.contract import Sensor, SensorSection
 from insenv.sensors.grade_file import GradeValue, grade_of

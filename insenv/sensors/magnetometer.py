@@ -20,18 +20,18 @@ import casadi as ca
 import numpy as np
 
 from insenv.attitude import rotate_inverse
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, Vector3, key
+from insenv.base.values import within
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError
-from insenv.files.toml import Number, Vector3, key
-from insenv.files.values import within
 from insenv.geodesy.magnetic import magnetic_field, world_magnetic_model
-from insenv.instruments import MAGNETOMETER
 from insenv.sensors import units
 from insenv.sensors.contract import ErrorSource, Place, Sensor
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
+from insenv.sensors.instruments import MAGNETOMETER
 from insenv.sensors.sampled import QUANTUM_SIGMA, Motion, Sampled, gauss_markov, root_sum, rounded
 
 PARAMETERS = Table((

@@ -19,15 +19,15 @@ import casadi as ca
 import numpy as np
 
 from insenv.attitude import from_rotation_vector, multiply, rotate, rotate_inverse
+from insenv.base.toml import Number, key
+from insenv.base.values import LeverArm, Rotation
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.files.toml import Number, key
-from insenv.files.values import LeverArm, Rotation
-from insenv.instruments import ODOMETER
 from insenv.sensors import units
 from insenv.sensors.contract import ErrorSource, Sensor
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.imu import normals
+from insenv.sensors.instruments import ODOMETER
 from insenv.sensors.sampled import QUANTUM_SIGMA, Motion, Sampled, root_sum, rounded
 
 PARAMETERS = Table((

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from insenv.errors import InputError
-from insenv.files.toml import shown
-from insenv.plugins import Plugins, check_section_name, overrides
+from insenv.base.errors import InputError
+from insenv.base.plugins import Plugins, check_section_name, overrides
+from insenv.base.shipped import SENSORS
+from insenv.base.toml import shown
 from insenv.sensors.contract import Sensor, SensorSection
-from insenv.shipped import SENSORS
 
 TAKEN = frozenset(dir(SensorSection)) | {
     "title", "description", "duration_s", "rate_hz", "seed", "estimators", "start", "vehicle", "imu", "gnss", "knowledge",

@@ -14,14 +14,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.compose import Part
 from insenv.core.elementary import exp, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError
-from insenv.instruments import Instrument
 from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.imu_tables import HUGE
+from insenv.sensors.instruments import Instrument
 
 OUTAGES = 16
 """Number of outage windows in the parameters."""

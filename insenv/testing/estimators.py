@@ -8,8 +8,8 @@ import numpy as np
 
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, get
-from insenv.plant.feeding import input_rows
 from insenv.scenario import Plant, ScenarioLike, build, load, names
+from insenv.scenario.chunks import input_rows
 from insenv.testing.models import check_backends, check_inputs, check_snapshots, check_tables
 
 DURATION_S = 2.0

@@ -8,12 +8,12 @@ from functools import partial
 
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.batch import make_batch
 from insenv.core.compile import find_compiler
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table, Vector
-from insenv.errors import InputError
 
 UNITS = frozenset(["m", "s", "rad", "deg", "Hz", "K", "Pa", "T", "SI", "sqrt"])
 """What units are made of; "SI" stands where a matrix mixes them, and a list such as "m, m/s" names those of the elements."""

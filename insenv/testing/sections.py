@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
+from insenv.base.errors import InputError
+from insenv.base.toml import Section
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
-from insenv.files.toml import Section
-from insenv.instruments import TOLD
 from insenv.runs.simulated import run
 from insenv.scenario import Plant, build, load
 from insenv.sensors import SensorSection
+from insenv.sensors.instruments import TOLD
 from insenv.testing.models import check_backends, check_snapshots, check_tables
 from insenv.vehicles import VehicleSection
 
@@ -76,7 +76,7 @@ def check_sensor(section: type[SensorSection], *, compiled: bool = True, **value
     table = plants[0].model.parameters
     if sensor.told is not None:
         unknown = set(sensor.told(table.unpack(table.pack(plants[0].parameters)))) - set(TOLD.names)
-        assert not unknown, f"{this} tells estimators {sorted(unknown)}, which are no rows of insenv.instruments.TOLD"
+        assert not unknown, f"{this} tells estimators {sorted(unknown)}, which are no rows of insenv.sensors.instruments.TOLD"
     runs = [make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples) for plant in plants]
     shown = [plant.model.outputs.unpack(found) for plant, found in zip(plants, runs, strict=True)]
     assert runs[0].tobytes() == runs[1].tobytes(), f"{this}: a seed gives two different runs"

@@ -9,8 +9,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Strict
 
-from insenv.errors import InputError
-from insenv.files.toml import Number, Section, key
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, Section, key
 from insenv.vehicles.aircraft import AIRCRAFT_TRAITS, aircraft
 from insenv.vehicles.routes import flight_plan, survey_pattern
 from insenv.vehicles.section import MAX_LEGS, GustsSection, StartSection, dumped, fastest, in_legs

@@ -6,7 +6,7 @@ from functools import lru_cache
 from math import radians
 from typing import Any, ClassVar, Literal
 
-from insenv.files.toml import Number, Section, key
+from insenv.base.toml import Number, Section, key
 from insenv.vehicles.car import CAR_TRAITS, car
 from insenv.vehicles.routes import car_route
 from insenv.vehicles.section import (

@@ -7,8 +7,8 @@ from functools import lru_cache
 from math import radians
 from typing import Any, ClassVar, Literal
 
-from insenv.errors import InputError
-from insenv.files.toml import Number, Section, key
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, Section, key
 from insenv.vehicles.multirotor import MULTIROTOR_TRAITS, SCRIPT, multirotor
 from insenv.vehicles.section import MAX_LEGS, Engine, GustsSection, StartSection, fastest, in_legs
 from insenv.vehicles.traits import VehicleTraits

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import get_args
 
-from insenv.errors import InputError
-from insenv.files.toml import shown
-from insenv.plugins import Plugins, check_section_name, overrides
-from insenv.shipped import VEHICLES
+from insenv.base.errors import InputError
+from insenv.base.plugins import Plugins, check_section_name, overrides
+from insenv.base.shipped import VEHICLES
+from insenv.base.toml import shown
 from insenv.vehicles.section import VehicleSection
 
 

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.aircraft import BANK, SLOW
 from insenv.vehicles.aircraft import PARAMETERS as AIRCRAFT_PARAMETERS

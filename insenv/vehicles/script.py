@@ -15,10 +15,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError, nearest
 from insenv.core.elementary import select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError, nearest
 
 N_SEGMENTS = 64
 """Number of rows of the table of segments."""

@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
-from insenv.errors import InputError
-from insenv.files.toml import Number, Section, key
-from insenv.files.values import PerAxis, within
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, Section, key
+from insenv.base.values import PerAxis, within
 from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import Vehicle
 

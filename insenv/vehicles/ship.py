@@ -13,10 +13,10 @@ from typing import Any
 
 import casadi as ca
 
+from insenv.base.errors import InputError, nearest
 from insenv.core.elementary import maximum
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError, nearest
 from insenv.vehicles import surroundings
 from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.phasors import Phasors, total, total_rate

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Strict, model_validator
 
-from insenv.files.toml import Number, Section, key
+from insenv.base.toml import Number, Section, key
 from insenv.vehicles import surroundings
 from insenv.vehicles.routes import ship_course
 from insenv.vehicles.section import MARGIN_MPS, MAX_LEGS, MAX_WAVES, StartSection, VehicleSection, dumped, fastest, in_legs

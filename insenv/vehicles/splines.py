@@ -19,7 +19,7 @@ from math import comb, factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -17,12 +17,12 @@ from typing import Any
 
 import casadi as ca
 
+from insenv.base.errors import InputError
 from insenv.core.compose import Part
 from insenv.core.elementary import polynomial, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError
 from insenv.geodesy import E2, OMEGA_IE, A, normal_gravity_about_axis, radii
 from insenv.geodesy.rows import bounded_place_rows, place_rows
 from insenv.vehicles.nodes import END_WEIGHT, PLACES, WEIGHTS

@@ -8,8 +8,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError
-from insenv.files.toml import Number, Section, key
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, Section, key
 from insenv.vehicles.section import MAX_LEGS, StartSection, VehicleSection, in_legs
 from insenv.vehicles.three_axis_table import ANGLES, SCRIPT, three_axis_table, turning_time
 from insenv.vehicles.truth import Vehicle

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]

@@ -12,25 +12,25 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.errors import InputError
+from insenv.base.toml import validated
 from insenv.core.model import Model
 from insenv.core.progress import Progress
 from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
-from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
+from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import CHANNELS
-from insenv.files.toml import validated
-from insenv.plant.feeding import recording_interval
 from insenv.report.page.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
 from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas
 from insenv.scenario.choice import named_estimators
+from insenv.scenario.chunks import recording_interval
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
-from insenv.scenario.tuning import Settings, setting_rows
-from insenv.tracks.fmu_section import FmuSection
-from insenv.tracks.section import RecordedSection
+from insenv.scenario.tracks.fmu_section import FmuSection
+from insenv.scenario.tracks.section import RecordedSection
 from insenv.web.controls import Control, Option, with_values
 from insenv.web.judging import findings, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model

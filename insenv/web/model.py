@@ -15,7 +15,7 @@ from insenv.core.model import Model, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator
 from insenv.evaluation.symbols import DEGREES, channels_of, error_of, sigma_of, stated_of
-from insenv.plant import loop_model
+from insenv.scenario.loop import loop_model
 
 _ANGLES = "Roll, pitch and heading"
 _OFFSET = "Offset from the start, north, east and down"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from insenv.base.output import as_path, atomic, check_output_file
 from insenv.core.progress import Progress, check_progress
 from insenv.estimators import EstimatorsLike
-from insenv.files.output import as_path, atomic, check_output_file
+from insenv.estimators.settings import Settings
 from insenv.report.page import assembled, check_size
 from insenv.scenario import ScenarioLike
-from insenv.scenario.tuning import Settings
 from insenv.web.live import live, live_document
 
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.tables import Vector
-from insenv.errors import InputError
 from insenv.scenario import Scenario
 from insenv.web.choices import Choice, choices
 from insenv.web.controls import FORMS, Control, Option, Setting, Target, setting_of, with_values

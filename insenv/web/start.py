@@ -16,9 +16,9 @@ import casadi as ca
 import numpy as np
 
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError
 from insenv.core.codegen import function_source
 from insenv.core.tables import Table, Vector
-from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.scenario import Plant
 from insenv.web.model import PageModel

@@ -4,7 +4,7 @@ import pytest
 from command_line import call, refused, strict
 from places import ROOT
 
-from insenv.files.toml import read_toml
+from insenv.base.toml import read_toml
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,8 @@ import warnings
 import pytest
 from command_line import SHORT, call, strict
 
-from insenv import errors, run
+from insenv import run
+from insenv.base import errors
 from insenv.cli import main
 from insenv.evaluation.errors import ATTITUDE
 

@@ -11,7 +11,7 @@ import pytest
 from command_line import SHORT
 from places import ROOT
 
-from insenv import starting
+from insenv.base import starting
 from insenv.cli.interruptions import Interruptions, ignore_from_now_on
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -15,8 +15,6 @@ from exactness import inexact_operations
 
 import insenv
 from insenv.bench.page_machine import PageMachine
-from insenv.campaigns import make_plan
-from insenv.campaigns.block import run_block
 from insenv.core.batch import make_batch
 from insenv.core.model import Model
 from insenv.core.runner import InterpreterRunner, NativeRunner
@@ -27,8 +25,10 @@ from insenv.evaluation.errors import CHANNELS
 from insenv.fmu import export_fmu
 from insenv.fmu.running import run
 from insenv.fmu.subject import subject
-from insenv.plant.feeding import input_rows
 from insenv.scenario import Plant, build, load
+from insenv.scenario.chunks import input_rows
+from insenv.studies.campaign import make_plan
+from insenv.studies.campaign.block import run_block
 from insenv.web.live import live
 
 FUSED = "fusion", "fusion-smoother"

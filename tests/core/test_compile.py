@@ -15,12 +15,12 @@ from pathlib import Path
 
 import pytest
 
+from insenv.base.errors import InputError
 from insenv.core import codegen, functions
 from insenv.core import compile as compiling
 from insenv.core.codegen import native_source
 from insenv.core.compile import CompileError, Compiler, NoRoomError, compile_library, find_compiler
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from insenv.base.errors import InputError
 from insenv.core import runner as runner_module
 from insenv.core.runner import BACKENDS, make_runner, resolve_backend
-from insenv.errors import InputError
 
 HELD = np.array([0.1, -0.2, 0.3, 0.0])
 backends = pytest.mark.parametrize("backend", BACKENDS)

@@ -4,8 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from insenv.base.errors import InputError
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError
 
 TABLE = Table(
     (

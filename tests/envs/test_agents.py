@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from insenv import attitude, estimators, geodesy, run
+from insenv.base.errors import InputError
 from insenv.envs import agents
-from insenv.errors import InputError
 from insenv.scenario import load
 
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"

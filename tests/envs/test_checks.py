@@ -6,6 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from insenv.base.errors import InputError
+from insenv.base.resources import scenario_folder
+from insenv.base.toml import read_toml
 from insenv.envs import (
     AlignmentEnv,
     AlignmentVectorEnv,
@@ -17,9 +20,6 @@ from insenv.envs import (
     TuningVectorEnv,
     estimate_action,
 )
-from insenv.errors import InputError
-from insenv.files.resources import scenario_folder
-from insenv.files.toml import read_toml
 
 SHIP = read_toml(scenario_folder() / "ship-swaying.toml")
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}

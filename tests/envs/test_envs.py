@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 
+from insenv.base.errors import InputError
 from insenv.envs import IDS, testing
-from insenv.errors import InputError
-from insenv.instruments import INSTRUMENTS
+from insenv.sensors.instruments import INSTRUMENTS
 
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from insenv import attitude
+from insenv.base.resources import scenario_folder
+from insenv.base.toml import read_toml
 from insenv.core.runner import make_runner
 from insenv.envs import ManoeuvreEnv, testing
-from insenv.files.resources import scenario_folder
-from insenv.files.toml import read_toml
 from insenv.scenario import build, parse
 
 ID = "insenv/Manoeuvre-v0"

@@ -11,7 +11,7 @@ import peers
 import pytest
 from places import ROOT
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 SHIP, TUNING = "insenv/ShipAlignment-v0", "insenv/Tuning-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}

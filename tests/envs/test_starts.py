@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from insenv import attitude
+from insenv.base.errors import InputError
 from insenv.envs import ManoeuvreEnv, TuningEnv, knowledge_of
 from insenv.envs.knowledge import KNOWN
 from insenv.envs.starts import InnerStarts
-from insenv.errors import InputError
 from insenv.scenario import build
-from insenv.scenario.sensor_notes import data_sheets, sensor_notes
+from insenv.sensors.data_sheet import data_sheets, imu_data_sheet
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 IDS = ("insenv/Tuning-v0", "insenv/Manoeuvre-v0")
@@ -129,6 +129,6 @@ def test_data_sheets_of_many_units_are_those_of_each(in_place):
     rows = {row.name: np.abs(draw.normal(size=(9, *row.shape))) for row in IMU_PARAMETERS}
     sheets = data_sheets(rows, in_place)
     for i in range(9):
-        assert vars(sensor_notes({name: values[i] for name, values in rows.items()}, in_place)) == {
+        assert vars(imu_data_sheet({name: values[i] for name, values in rows.items()}, in_place)) == {
             name: values[i] for name, values in sheets.items()
         }

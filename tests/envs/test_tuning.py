@@ -8,9 +8,9 @@ from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.envs import TuningEnv, testing
 from insenv.envs.tuning import TUNED
-from insenv.plant import loop_model
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
+from insenv.scenario.loop import loop_model
 
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 SECOND = {"samples_per_step": 200, "duration_s": 8.0}

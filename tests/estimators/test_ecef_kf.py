@@ -13,8 +13,8 @@ from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import ecef_kf, get
 from insenv.estimators.parts import two_sample
-from insenv.plant.feeding import input_rows
 from insenv.scenario import load
+from insenv.scenario.chunks import input_rows
 
 EARTH = np.array([0, 0, geodesy.OMEGA_IE])
 

@@ -11,8 +11,8 @@ from insenv.core.runner import make_runner
 from insenv.estimators import get, registered
 from insenv.estimators.parts import quaternion_error
 from insenv.evaluation.limits import closed_forms
-from insenv.plant.feeding import input_rows
 from insenv.scenario import load
+from insenv.scenario.chunks import input_rows
 
 NEAR = {  # scenario, duration (s), largest sigma of roll and pitch and of heading at its end, in units of the smallest possible
     "analytic": ("static-ecef", 300.0, 1.1, 1.1),

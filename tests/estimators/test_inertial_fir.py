@@ -13,7 +13,7 @@ from insenv.estimators import get, inertial_fir
 from insenv.estimators.parts.fir import BLOCK_S, CASCADE
 from insenv.evaluation.limits import closed_forms as limits
 from insenv.geodesy import OMEGA_IE
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 G, LATITUDE, LEVEL = 9.8, 0.6, np.array([1.0, 0.0, 0.0, 0.0])
 QUIET = dict.fromkeys(("accel_bias_sigma", "gyro_bias_sigma", "angle_random_walk", "velocity_random_walk"), 0.0)

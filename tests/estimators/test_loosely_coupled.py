@@ -10,8 +10,8 @@ from insenv import attitude, geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 RTK = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
 SCALE = np.repeat([1.0, 1e-2, 1e-5, 1e-6, 1e-4], 3)  # sizes of the error state's groups for differences

@@ -9,14 +9,15 @@ import pytest
 from resting import samples
 
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError, InsenvError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError, InsenvError
 from insenv.estimators import get, lssvm
 from insenv.estimators.lssvm import TrainedMachine
-from insenv.learning.training import digest
-from insenv.plant.feeding import input_rows
+from insenv.estimators.settings import tuning
 from insenv.reproduce import large_misalignment
-from insenv.scenario import build, load, tuning
+from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
+from insenv.studies.learning.training import digest
 
 MODEL = lssvm.MODEL
 EMPTY = {row.name: np.zeros(row.shape) for row in lssvm.MACHINE}

@@ -9,17 +9,17 @@ from scipy.spatial.transform import Rotation
 from simulated_log import simulated_log
 
 from insenv import attitude, geodesy, replay, run
-from insenv.campaigns.block import run_block
-from insenv.campaigns.plan import make_plan
+from insenv.base.errors import InputError
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.estimators.parts.rows import MOTION_ERRORS, NOISES
 from insenv.estimators.velocity_integration import estimator as velocity_integration
 from insenv.estimators.velocity_integration.estimator import BY_FIXES, BY_LOG
 from insenv.estimators.velocity_integration.source import ALPHA, DRIFT, OF_SCALAR, OF_VECTOR
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
+from insenv.studies.campaign.block import run_block
+from insenv.studies.campaign.plan import make_plan
 
 ID = "velocity-integration"
 CAR, SHIP = "car-unknown-heading", "ship-log-alignment"

@@ -10,7 +10,7 @@ from insenv.bench.truth import drift_ned
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.parts import vertical_channel
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 
 def test_the_plain_form_is_of_first_order(monkeypatch):

@@ -6,12 +6,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from insenv import run
-from insenv.campaigns.block import run_block
-from insenv.campaigns.plan import make_plan
 from insenv.estimators.parts import applicability
 from insenv.evaluation.errors import ATTITUDE, stated_sigma, wrapped_deg
 from insenv.evaluation.symbols import sigma_of
 from insenv.scenario import load
+from insenv.studies.campaign.block import run_block
+from insenv.studies.campaign.plan import make_plan
 
 IN_PLACE = ("q-method", "qakf", "qakf-improved", "inertial-fir", "ecef-kf", "gyrocompass", "analytic")
 SCENARIOS = ("ship-swaying", "car-parked", "turntable-quaternion")

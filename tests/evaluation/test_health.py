@@ -11,8 +11,8 @@ from written_logs import written_log
 
 import insenv
 from insenv import estimators, run
+from insenv.base.errors import InputError
 from insenv.core.tables import Table
-from insenv.errors import InputError
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation.health import BLOCKS, course, health
 from insenv.runs.ensemble import ensemble

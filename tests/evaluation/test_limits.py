@@ -12,8 +12,8 @@ from scipy.stats import chi2
 
 import insenv
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import Limit, Prior, bound, closed_forms, ratio, ratio_bounds
 from insenv.evaluation.limits.bound import bound_of_unit, limit_of

@@ -11,7 +11,7 @@ import pytest
 from command_line import call, refused
 
 import insenv
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.export import to_dataframes
 from insenv.export.nmea import nmea_text
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import insenv
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs import load
 
 highlevel, rosbag2 = pytest.importorskip("rosbags.highlevel"), pytest.importorskip("rosbags.rosbag2")

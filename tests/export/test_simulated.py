@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import insenv
-from insenv.errors import InputError
+from insenv.base.errors import InputError
+from insenv.base.resources import examples_folder
 from insenv.estimators import get
-from insenv.files.resources import examples_folder
 from insenv.logs import load
 from insenv.runs.replay_start import initial_knowledge
 from insenv.runs.replayed import sample_columns

@@ -6,7 +6,7 @@ import pytest
 from command_line import call, refused, strict
 from fmu_tools import exported
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.fmu import export_fmu, exporter
 from insenv.fmu.reading import read_description
 

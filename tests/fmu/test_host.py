@@ -12,8 +12,8 @@ from fmu_host import hosted, input_csv, started
 from fmu_tools import INTERVAL, c_compiler, columns_for, in_process, scratch, unzipped
 from places import ROOT
 
+from insenv.base.resources import fmu_folder
 from insenv.estimators import registered
-from insenv.files.resources import fmu_folder
 from insenv.scenario import build, load, names
 
 ID, SAMPLES, LONG = "qakf-improved", 300, 60_000

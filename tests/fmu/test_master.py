@@ -9,7 +9,7 @@ from command_line import call, refused, strict
 from fmu_tools import scratch
 
 from insenv import run
-from insenv.errors import InputError, InsenvError
+from insenv.base.errors import InputError, InsenvError
 from insenv.fmu import export_ssp, master, run_ssp, stepping
 from insenv.fmu.instance import Instance
 from insenv.fmu.ports import Ports, Step

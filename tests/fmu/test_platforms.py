@@ -12,8 +12,8 @@ from fmu_host import hosted, input_csv, zig_host
 from fmu_tools import columns_for, in_process, scratch, unzipped
 from peers import lacking, program
 
-from insenv.errors import InsenvError
-from insenv.files.resources import fmu_folder
+from insenv.base.errors import InsenvError
+from insenv.base.resources import fmu_folder
 from insenv.fmu import export_fmu, platforms
 
 ID, SAMPLES = "qakf-improved", 500

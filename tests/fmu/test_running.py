@@ -15,13 +15,13 @@ from fmpy import simulate_fmu
 from fmu_host import table
 from fmu_tools import INTERVAL, LOOP, exported, in_process, subject_of
 
+from insenv.base.errors import InputError, InsenvError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError, InsenvError
 from insenv.fmu import run
 from insenv.fmu.reading import read_variable
 from insenv.fmu.reference import signals
 from insenv.fmu.series import read_csv, write_csv
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 ID, PLANT = "qakf-improved", "ship-swaying"
 MODEL = subject_of(ID)

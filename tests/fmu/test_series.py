@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 
 

@@ -5,7 +5,7 @@ import subprocess
 import pytest
 from fmu_tools import LOOP, c_compiler, scratch, subject_of, unzipped
 
-from insenv.files.resources import fmu_folder
+from insenv.base.resources import fmu_folder
 
 ID, WARNINGS = "qakf-improved", ["-Wall", "-Wextra", "-pedantic", "-Werror"]
 

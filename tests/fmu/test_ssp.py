@@ -12,7 +12,7 @@ from fmu_tools import in_process, plant_outputs, scratch
 from lxml import etree
 
 from insenv import estimators
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.fmu.reading import element_names
 from insenv.fmu.ssp import export_ssp, structure
 from insenv.scenario import build, load

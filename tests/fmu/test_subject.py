@@ -6,8 +6,8 @@ from command_line import call, refused
 from fmu_tools import exported
 
 from insenv import run
+from insenv.base.errors import InputError
 from insenv.cli.fmu import _settings
-from insenv.errors import InputError
 from insenv.fmu import export_fmu
 from insenv.fmu import run as run_fmu
 from insenv.fmu.reading import read_description

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pygeomag import GeoMag
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.geodesy.magnetic import magnetic_field, world_magnetic_model
 
 MODEL = GeoMag()

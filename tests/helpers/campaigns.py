@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from insenv.campaigns import make_plan, parse_variation
-from insenv.campaigns.presentation import campaign_arrays
 from insenv.scenario import load
+from insenv.studies.campaign import make_plan, parse_variation
+from insenv.studies.campaign.presentation import campaign_arrays
 
 
 def slow_ship(**imu):

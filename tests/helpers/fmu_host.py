@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from fmu_tools import INTERVAL, host_binary, scratch
 
-from insenv.files.resources import fmu_folder
+from insenv.base.resources import fmu_folder
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from insenv import estimators
+from insenv.base.resources import fmu_folder
 from insenv.core.runner import make_runner
-from insenv.files.resources import fmu_folder
 from insenv.fmu import export_fmu
 from insenv.fmu.subject import SCENARIOS, Subject, subject
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 INTERVAL = 0.005
 """Sample interval of the scenarios used here, s."""

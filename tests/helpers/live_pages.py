@@ -8,7 +8,7 @@ from pathlib import Path
 
 from peers import program
 
-from insenv.files.resources import web_folder
+from insenv.base.resources import web_folder
 from insenv.report.page import assembled
 from insenv.report.page.html import joined
 from insenv.web.live import Live, live, live_document

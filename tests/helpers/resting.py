@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 ATTITUDES = [
     *np.eye(4),

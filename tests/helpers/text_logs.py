@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs import RecordedLog, load
 
 N = 100

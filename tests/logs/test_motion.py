@@ -5,7 +5,7 @@ import pytest
 from text_logs import TOML
 
 from insenv import geodesy, replay
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs import load
 
 DRIVE = (

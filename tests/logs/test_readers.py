@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from text_logs import N, as_text, imu_rows
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs.readers import read_table
 
 

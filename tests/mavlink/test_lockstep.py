@@ -12,7 +12,7 @@ from autopilots import Px4StandIn, exchange, servo_frame
 from pymavlink.dialects.v20 import common as m
 from streamed_vehicle import Clock, wait_for
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink import Vehicle
 from insenv.mavlink.answers import answers
 from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_messages, px4_rates, steering

@@ -7,7 +7,7 @@ import pytest
 from streamed_vehicle import answered, quiet, sent, set_parameter, steps, texts
 
 from insenv import estimators
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.parameters import NEVER, NEXT_ALIGNMENT, NOW
 from insenv.scenario import build, load
 from insenv.sensors.short_names import LONGEST_NAME, elements

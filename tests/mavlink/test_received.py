@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from streamed_vehicle import estimate
 
 from insenv import geodesy
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.received import Origin, estimate_of
 
 NAN = float("nan")

@@ -10,7 +10,7 @@ from insenv import geodesy
 from insenv.mavlink import Vehicle
 from insenv.mavlink.answers import answers
 from insenv.mavlink.score import Score
-from insenv.runs.scored import report_of
+from insenv.mavlink.score_report import report_of
 from insenv.scenario import build, limit_of, load
 
 HEADING_ERROR, NORTH_ERROR, VELOCITY_ERROR = 1.5, 2.0, 0.3  # deg, m, m/s forward

@@ -5,7 +5,7 @@ import pytest
 from streamed_vehicle import ACCEPTED, command, quiet, steps
 
 from insenv import attitude, run
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink import Simulation
 from insenv.scenario import load
 

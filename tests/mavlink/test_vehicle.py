@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common
 from streamed_vehicle import ACCEPTED, SILENT, answered, command, quiet, sent, steps
 
 from insenv import attitude
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink import Vehicle
 from insenv.mavlink.messages.fields import DEG_E7
 from insenv.scenario import load

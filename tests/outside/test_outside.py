@@ -13,8 +13,8 @@ from places import ROOT
 
 import insenv
 from insenv import testing
+from insenv.base.errors import InputError
 from insenv.envs import AlignmentEnv, AlignmentVectorEnv, agents
-from insenv.errors import InputError
 from insenv.estimators import registered
 
 PACKAGE = ROOT / "tests" / "outside" / "rail"

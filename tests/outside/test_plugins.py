@@ -14,14 +14,14 @@ from places import ROOT
 
 import insenv
 from insenv import Estimator, InputError, InsenvError, Row, Sensor, SensorSection, Step, Table
+from insenv.base.plugins import Plugins
+from insenv.base.shipped import ESTIMATORS
 from insenv.core.compose import Part
 from insenv.estimators import registry as estimators
-from insenv.instruments import INSTRUMENTS
-from insenv.plant import plant_model
-from insenv.plugins import Plugins
 from insenv.scenario import Scenario, build
+from insenv.scenario.assembly import plant_model
 from insenv.sensors import registry as sensors
-from insenv.shipped import ESTIMATORS
+from insenv.sensors.instruments import INSTRUMENTS
 from insenv.vehicles import registry as vehicles
 
 START = {"title": "t", "duration_s": 1, "start": {"latitude_deg": 50, "longitude_deg": 8}}

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from made_up_reports import PLACE, TIME, of_health, report, result, track
 
-from insenv import style
+from insenv.base import style
+from insenv.base.style import save
 from insenv.evaluation.errors import ATTITUDE, Track
 from insenv.evaluation.health import course
 from insenv.report import OutputFolder, write_files
 from insenv.report.figures import draw
 from insenv.report.outages import outages
-from insenv.style import save
 
 
 def test_it_shows_every_channel_and_leaves_matplotlib_as_it_was():

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from made_up_reports import PLACE, report, result
 
-from insenv.errors import InputError, InsenvError
+from insenv.base.errors import InputError, InsenvError
+from insenv.base.installing import install_extra
 from insenv.evaluation.errors import ATTITUDE
-from insenv.installing import install_extra
 from insenv.report import OutputFolder, document, to_json, write_files
 from insenv.report.files import file_name
 

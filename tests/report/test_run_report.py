@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up_reports import PLACE, TIME, of_health, report, result
 
-from insenv.errors import InputError, InsenvError
+from insenv.base.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE
 
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import insenv
+from insenv.base.errors import InputError, InsenvError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError, InsenvError
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 
 def stepped(scenario: str, id: str, seed: int) -> Any:

@@ -8,7 +8,7 @@ from simulated_log import simulated_log
 from standing_car import HEADING, WANDER, beyond, car, car_log, started
 
 from insenv import record, replay, write
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.estimators import get
 from insenv.logs.description import InitialSection
 from insenv.report import document

@@ -10,7 +10,7 @@ from places import ROOT
 from simulated_log import simulated_log
 
 from insenv import attitude, replay
-from insenv.errors import InsenvError
+from insenv.base.errors import InsenvError
 from insenv.logs import load as load_log
 from insenv.scenario import load as scenario_of
 

@@ -6,13 +6,13 @@ from standing_car import car_log
 
 from insenv import attitude, geodesy, replay
 from insenv.core import symmetric
-from insenv.estimators import Knowledge, SensorNotes, get
+from insenv.estimators import ImuDataSheet, Knowledge, get
 from insenv.logs.rest import Rest
 from insenv.runs.rest import start_at_rest
 
 LATITUDE = np.radians(47.07)
-POOR = SensorNotes(1e-6, 1e-4, np.radians(100.0) / 3600, 1e-2, 1e9, 1e9)
-GOOD = SensorNotes(1e-9, 1e-4, np.radians(0.01) / 3600, 1e-2, 1e9, 1e9)
+POOR = ImuDataSheet(1e-6, 1e-4, np.radians(100.0) / 3600, 1e-2, 1e9, 1e9)
+GOOD = ImuDataSheet(1e-9, 1e-4, np.radians(0.01) / 3600, 1e-2, 1e9, 1e9)
 
 
 def rest(heading, bias, roll=0.02, pitch=-0.05, rate_sigma=1e-9):

@@ -7,7 +7,7 @@ import pytest
 from places import ROOT
 
 import insenv
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 SHIP = "ship-swaying"
 ANALYTIC = insenv.Estimator(replace(insenv.estimators.get("analytic").model), kind="alignment")

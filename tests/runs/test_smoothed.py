@@ -10,20 +10,20 @@ from smoothers import Pass, Scalars, rts
 
 import insenv
 from insenv import geodesy
+from insenv.base.errors import InputError
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.estimators import get
 from insenv.estimators.parts.error_model import ACCEL, GYRO, TILT, Interval, navigation_transition
 from insenv.estimators.parts.error_model import VELOCITY as DV
 from insenv.estimators.smoother import SMOOTHING
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY, errors
-from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
 from insenv.runs.ensemble import ensemble
 from insenv.runs.simulated import track_of
 from insenv.runs.smoothed import Smoother, smooth, smoother_outputs
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 PLACE = ("latitude", "longitude", "height")
 

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import insenv
+from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.estimators import get
 from insenv.geodesy import POLAR_RADIUS
 from insenv.mavlink.simulation import Simulation
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 
 def ship(latitude_deg=89.995, heading_deg=0.0, duration_s=100.0, speed=6.0, **more):

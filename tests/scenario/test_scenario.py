@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from peers import package
 from places import ROOT
 
+from insenv.base.errors import InputError
+from insenv.base.resources import scenario_folder
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.estimators import registry
-from insenv.files.resources import scenario_folder
 from insenv.scenario import build, json_schema, load, names, parse
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.gravity_section import GravitySection

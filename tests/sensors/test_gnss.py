@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 from sensor_plant import CHANCE, LEVEL, assert_gauss_markov, assert_mean, assert_variance, simulate, starts
 
+from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.scenario import build, load
 
 

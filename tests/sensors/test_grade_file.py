@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import insenv
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.sensors import IMU_GRADES
 from insenv.sensors.grade_file import grade_of, toml_text
 

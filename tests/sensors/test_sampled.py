@@ -5,7 +5,7 @@ import pytest
 from exactness import inexact_operations
 from sensor_plant import MODULES, plant, simulate
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.scenario import load
 from insenv.sensors.registry import registered
 

@@ -8,8 +8,8 @@ from sensor_plant import MODULES
 
 from insenv.core.runner import make_runner
 from insenv.geodesy.magnetic import world_magnetic_model
-from insenv.instruments import INSTRUMENTS
 from insenv.scenario import build, load
+from insenv.sensors.instruments import INSTRUMENTS
 
 LEGS = [{"accelerate_to_mps": 15.0}, {"turn_deg": 90.0, "radius_m": 40}, {"drive_s": 60}]
 

@@ -8,11 +8,11 @@ from places import ROOT
 
 import insenv
 from insenv import testing
+from insenv.base.shipped import ESTIMATORS, SENSORS
+from insenv.base.toml import Number, Section, key
 from insenv.core.tables import Row, Table
 from insenv.estimators import get
-from insenv.files.toml import Number, Section, key
 from insenv.sensors import registry as sensors
-from insenv.shipped import ESTIMATORS, SENSORS
 from insenv.vehicles import registry as vehicles
 
 PAGES = ROOT / "docs" / "estimators"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.vehicles import Hull, car_route, flight_plan, irregular_sea, regular_sway
 from insenv.vehicles.car import SCRIPT
 from insenv.vehicles.multirotor import SCRIPT as FLIGHT

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.geodesy.numeric import earth_rate_n
 from insenv.scenario import build, load, parse
 from insenv.vehicles.three_axis_table import SETTLED, turning_time

@@ -9,7 +9,7 @@ from live_pages import in_node
 from peers import program
 from places import ROOT
 
-from insenv.errors import InsenvError
+from insenv.base.errors import InsenvError
 from insenv.report.page.html import assembled, joined
 
 WEB = ROOT / "web"

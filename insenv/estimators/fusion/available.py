@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
 from insenv.estimators.fusion import barometer, dvl, gnss, heading, in_place, inertial, magnetometer, odometer, zero_velocity
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition

@@ -21,7 +21,7 @@ from insenv.estimators.fusion.error_state import constant, drifting
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts.gauss_markov import correlated_again
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.instruments import BAROMETER
+from insenv.sensors.instruments import BAROMETER
 
 _TOLD = BAROMETER.told
 BIAS = constant("barometer_bias", "constant height error of the barometer", "m", 1, _TOLD["barometer_bias_sigma"])

@@ -16,11 +16,11 @@ from typing import Any
 import casadi as ca
 
 from insenv import geodesy
+from insenv.base.errors import InputError
 from insenv.core import symmetric
 from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.aid import Aid, repeated
 from insenv.estimators.fusion.error_state import ErrorState

@@ -17,7 +17,7 @@ from insenv.estimators.fusion.aid import Aid, Spread, beyond_linear, gate_row, n
 from insenv.estimators.fusion.error_state import constant, drifting
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts.error_model import TILT, VELOCITY
-from insenv.instruments import DVL
+from insenv.sensors.instruments import DVL
 
 TAKEN = 100.0
 """m/s: a larger standard deviation is that of a filter that starts from this measurement."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import history, unknown_start
 from insenv.estimators.fusion.aid import Aid

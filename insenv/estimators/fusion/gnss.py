@@ -19,7 +19,7 @@ from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import gnss_fix, rows
 from insenv.geodesy import NOMINAL_GRAVITY
-from insenv.instruments import TOLD
+from insenv.sensors.instruments import TOLD
 
 LEVER_ARM = ErrorState(
     Row("gnss_lever_arm", "Estimated lever arm of the antenna", "m", (3,), "b"),

@@ -19,7 +19,7 @@ from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.gauss_markov import correlated_again
-from insenv.instruments import HEADING
+from insenv.sensors.instruments import HEADING
 
 _TOLD = HEADING.told
 FLATTEST = 0.3

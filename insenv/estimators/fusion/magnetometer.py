@@ -17,7 +17,7 @@ from insenv.estimators.fusion.aid import Aid, gate_row, noise_variance
 from insenv.estimators.fusion.error_state import constant, drifting
 from insenv.estimators.fusion.inertial import coupled
 from insenv.estimators.fusion.navigation import Navigation
-from insenv.instruments import MAGNETOMETER
+from insenv.sensors.instruments import MAGNETOMETER
 
 _TOLD = MAGNETOMETER.told
 HARD_IRON = constant(

@@ -26,7 +26,7 @@ from insenv.estimators.fusion.aid import Aid, Spread, beyond_linear, gate_row, n
 from insenv.estimators.fusion.error_state import constant, sigma_row
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts.gauss_markov import correlated_again
-from insenv.instruments import ODOMETER
+from insenv.sensors.instruments import ODOMETER
 
 _TOLD = ODOMETER.told
 _AXES = Table((_TOLD["odometer_lever_arm_b"], _TOLD["odometer_mounting"]))

@@ -11,7 +11,7 @@ import numpy as np
 from insenv.core.tables import Table
 from insenv.estimators.contract import Knowledge
 from insenv.estimators.fusion.odometer import UNTOLD_ARM
-from insenv.instruments import TOLD
+from insenv.sensors.instruments import TOLD
 
 
 def untold_mounting(known: Knowledge) -> bool:

@@ -19,7 +19,7 @@ from insenv.estimators.velocity_integration.source import (
     earth_turn,
     pull_rate,
 )
-from insenv.instruments import GNSS_TOLD
+from insenv.sensors.instruments import GNSS_TOLD
 
 LONGEST_GAP = 20.0
 """s: beta is then wrong by g a T^3 / (12 R) and by the Coriolis term of what a turn adds: for an aircraft by 0.05 m/s."""

@@ -30,7 +30,7 @@ from insenv.estimators.velocity_integration.source import (
     earth_turn,
     pull_rate,
 )
-from insenv.instruments import DVL
+from insenv.sensors.instruments import DVL
 
 LARGEST_HEADING = 0.12
 """rad: standard deviation of a heading that may be wrong by atan(b_east / (Omega cos L + b_north)), which a bias b of the gyros

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
 from insenv.core.model import Model
-from insenv.errors import InputError
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, STEEP, VELOCITY
 from insenv.evaluation.limits.aids import aids_of

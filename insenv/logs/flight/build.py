@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from insenv.errors import InputError, nearest
-from insenv.files.toml import validated
+from insenv.base.errors import InputError, nearest
+from insenv.base.toml import validated
 from insenv.logs.columns import window_words
 from insenv.logs.description import LogDescription
 from insenv.logs.flight import rosbag

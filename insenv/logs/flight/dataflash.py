@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.series import (
     FIX_3D,

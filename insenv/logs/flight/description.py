@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import model_validator
 
-from insenv.files.toml import Number, Vector3, key
+from insenv.base.toml import Number, Vector3, key
 from insenv.logs.description import AnyLog, Grade, Sigma3
 from insenv.logs.flight.formats import SUFFIXES
 

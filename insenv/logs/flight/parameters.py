@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from insenv.core.tables import Table
-from insenv.estimators import Knowledge, SensorNotes, registered
+from insenv.estimators import ImuDataSheet, Knowledge, registered
 from insenv.logs.units import Array
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 from insenv.sensors.short_names import SHOWN, elements
@@ -60,7 +60,7 @@ def settings(values: Mapping[str, float]) -> dict[str, dict[str, Any]]:
 
     Left out: what a start knows, and the data sheet, both of which a replay finds anew.
     """
-    known = {each.name for kind in (Knowledge, SensorNotes) for each in fields(kind)} - NOT_IN_A_LOG
+    known = {each.name for kind in (Knowledge, ImuDataSheet) for each in fields(kind)} - NOT_IN_A_LOG
     told = {name for name in values if name.startswith("E_")}
     found = {}
     for id, estimator in registered().items() if told else ():

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
-from insenv.installing import need
+from insenv.base.errors import InputError
+from insenv.base.installing import need
 from insenv.logs.flight.series import (
     FixSeries,
     Flight,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.records import TelemetryLog, messages

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
-from insenv.installing import need
+from insenv.base.errors import InputError
+from insenv.base.installing import need
 from insenv.logs.flight.series import (
     AZIMUTH_SIGMA,
     FIX_3D,

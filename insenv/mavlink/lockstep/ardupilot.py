@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, Motion, Move, Stop, ignore
 from insenv.mavlink.pacing import Pacer
 from insenv.mavlink.wire.address import Address, parse_address, resolve

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from copy import copy
 from typing import TYPE_CHECKING, Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.lockstep.cadence import Cadence
 from insenv.mavlink.lockstep.contract import Act, Answer, Controls, Lockstep, Messages, Stop, ignore, no_answer
 from insenv.mavlink.messages import DEFAULT_HZ

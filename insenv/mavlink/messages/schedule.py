@@ -10,7 +10,7 @@ import heapq
 from collections.abc import Mapping
 from math import ceil
 
-from insenv.errors import InputError, nearest
+from insenv.base.errors import InputError, nearest
 
 MAX_HZ = 1000.0
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from hashlib import blake2b
 from math import nan
 
+from insenv.base.version import __version__
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.view import View, by_name
-from insenv.version import __version__
 
 _MAV_AUTOPILOT_GENERIC, _MAVLINK_VERSION = 0, 3
 _BOOT, _STANDBY, _ACTIVE, _CRITICAL = 1, 3, 4, 5  # MAV_STATE

@@ -7,7 +7,7 @@ import socket
 from dataclasses import dataclass
 from typing import Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 
 KINDS = {
     "udpout": "udpout:HOST:PORT",

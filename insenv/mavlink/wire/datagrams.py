@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.wire.address import endpoint, resolve
 from insenv.mavlink.wire.link import Link
 from insenv.mavlink.wire.peers import DatagramPeer, Peer

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.wire.address import Address
 from insenv.mavlink.wire.frames import Statistics, dialect, resequenced, sender
 from insenv.mavlink.wire.peers import Peer

@@ -32,8 +32,8 @@ from contextlib import suppress
 from enum import Enum
 from pathlib import Path
 
-from insenv.errors import InputError
-from insenv.files.output import atomic
+from insenv.base.errors import InputError
+from insenv.base.output import atomic
 from insenv.mavlink.wire.frames import SIGNATURE, is_signed, sender
 
 KEY_BYTES = 32

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from insenv.errors import InputError
-from insenv.installing import need
+from insenv.base.errors import InputError
+from insenv.base.installing import need
 from insenv.mavlink.wire.address import endpoint, resolve
 from insenv.mavlink.wire.link import Link
 from insenv.mavlink.wire.peers import Peer, StreamPeer

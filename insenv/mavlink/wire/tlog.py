@@ -11,8 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
-from insenv.errors import InputError
-from insenv.files.output import check_output_file
+from insenv.base.errors import InputError
+from insenv.base.output import check_output_file
 
 _LINK_BITS = 0b11
 

@@ -15,9 +15,9 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from insenv.errors import InsenvError
-from insenv.files.json_text import to_json
-from insenv.files.resources import web_folder
+from insenv.base.errors import InsenvError
+from insenv.base.json_text import to_json
+from insenv.base.resources import web_folder
 
 LIMIT = 2_000_000
 """Bytes that a page may have."""

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.json_text import to_json
+from insenv.base.version import __version__
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
-from insenv.files.json_text import to_json
 from insenv.report import tracks
 from insenv.report.outages import has_fixes, without_fixes
 from insenv.report.page.arrays import BYTES, Array, Pool, kept_records
@@ -29,7 +30,6 @@ from insenv.report.tables import (
     within,
 )
 from insenv.sensors import units
-from insenv.version import __version__
 
 NAMES = {
     "roll_deg": "Roll", "pitch_deg": "Pitch", "heading_deg": "Heading", "north_m": "North", "east_m": "East", "down_m": "Down",

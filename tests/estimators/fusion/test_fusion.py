@@ -9,13 +9,13 @@ from places import ROOT
 import insenv
 from insenv import InputError
 from insenv.core.runner import make_runner
-from insenv.estimators.contract import Drive, Knowledge, SensorNotes
+from insenv.estimators.contract import Drive, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.odometer import UNTOLD_ARM
 from insenv.estimators.fusion.prepared import prepared
 from insenv.estimators.fusion.presets import aids_of
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load, parse
+from insenv.scenario.chunks import input_rows
 
 N380 = ROOT / "examples" / "n380-car-position-only.toml"
 WHEELED = ["gnss", "zero_velocity", "non_holonomic"]
@@ -53,7 +53,7 @@ def test_the_same_filter_is_the_same_object():
 
 
 def test_what_a_state_stands_for_is_not_counted_twice():
-    sheet = SensorNotes(
+    sheet = ImuDataSheet(
         gyro_scale_sigma=3e-4, gyro_misalignment_sigma=4e-4, accel_scale_sigma=1e-3, accel_bias_sigma=0.01,
         bare_accel_bias_sigma=2e-3,
     )  # fmt: skip

@@ -8,11 +8,11 @@ from places import ROOT
 from simulated_log import simulated_log
 
 from insenv import geodesy, replay, run
-from insenv.campaigns.plan import make_plan
-from insenv.campaigns.variation import parse_variation
 from insenv.estimators import get, registered
 from insenv.estimators.parts import applicability
 from insenv.scenario import build, load
+from insenv.studies.campaign.plan import make_plan
+from insenv.studies.campaign.variation import parse_variation
 
 ALIGNMENTS = [id for id, e in registered().items() if e.kind == "alignment" and not e.aided and not id.endswith("-printed")]
 

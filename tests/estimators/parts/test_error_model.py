@@ -18,7 +18,7 @@ from insenv.estimators import get
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.available import STATES
 from insenv.estimators.fusion.inertial import COUPLINGS
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 FLIGHT, DURATION, DT = Motion(), 100.0, 0.025
 STRAIGHT = Motion(

@@ -9,7 +9,7 @@ from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 DT = 0.05
 LEVEL = np.array([0.0, 0.0, -9.8])

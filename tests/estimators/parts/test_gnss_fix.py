@@ -6,11 +6,11 @@ import pytest
 from earth_fixed import with_fixes
 
 import insenv
+from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
 from insenv.estimators import get
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 ARM, MAST = np.array([2.0, -1.0, -3.0]), np.array([0.0, 0.0, -15.0])
 FLIGHT = earth_fixed.Motion()

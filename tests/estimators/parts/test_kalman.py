@@ -16,7 +16,7 @@ from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import aqe, ecef_kf, get
 from insenv.estimators.parts import kalman
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 MOTION, WANDER = earth_fixed.Motion(latitude=-0.7, speed=180.0), 0.8
 

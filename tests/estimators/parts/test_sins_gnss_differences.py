@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from insenv.core.runner import make_runner
 from insenv.estimators import lssvm
 from insenv.estimators.parts import sins_gnss_differences as differences
-from insenv.plant.feeding import input_rows
+from insenv.scenario.chunks import input_rows
 
 ARM = np.array([2.0, -1.0, -3.0])
 MODEL = lssvm.MODEL

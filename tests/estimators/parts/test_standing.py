@@ -8,8 +8,8 @@ from insenv import geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.parts import standing
-from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
+from insenv.scenario.chunks import input_rows
 
 MODEL = get("loosely-coupled").model
 FLAG = MODEL.state.slice("standing_now").start

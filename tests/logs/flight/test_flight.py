@@ -10,7 +10,7 @@ import pytest
 from flight_drive import UNDULATION, WRITERS, described, drive, telemetry, ulog
 
 from insenv import attitude, geodesy, replay
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs import GnssFixes, load
 
 FIX = ("time", "latitude", "longitude", "height", "position_sigma", "velocity_n", "velocity_sigma")

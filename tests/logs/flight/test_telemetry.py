@@ -7,7 +7,7 @@ import pytest
 from flight_drive import START_UNIX, described, drive, telemetry
 
 from insenv import replay, run
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.logs import load
 from insenv.logs.flight.records import TelemetryLog
 from insenv.mavlink import Stream, Vehicle

@@ -13,7 +13,7 @@ from peers import package
 from pymavlink.dialects.v20 import common as m
 from streamed_vehicle import Clock, decoded, frame_of, heartbeat, ping, until
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.wire import Statistics, open_link, parse_address
 from insenv.mavlink.wire.datagrams import EXPIRY_S, LARGEST, MOST_PEERS, MOST_STRANGERS
 from insenv.mavlink.wire.frames import LONGEST, split

@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import common as m
 from streamed_vehicle import Clock, heartbeat, until
 
-from insenv.errors import InputError
+from insenv.base.errors import InputError
 from insenv.mavlink.wire import Signing
 from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, LEAD_TICKS, TICKS_PER_S, Verdict, read_key
 

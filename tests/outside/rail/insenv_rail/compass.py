@@ -4,9 +4,9 @@ from math import radians
 from typing import ClassVar
 
 from insenv import Row, Sensor, SensorSection, Step, Table, attitude
+from insenv.base.toml import Number, key
 from insenv.core.compose import Part
 from insenv.core.elementary import normal_pair
-from insenv.files.toml import Number, key
 
 
 def _count(p, x, u):

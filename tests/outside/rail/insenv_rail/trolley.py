@@ -7,7 +7,7 @@ from typing import Literal
 import casadi as ca
 
 from insenv import Row, Table, Vehicle, VehicleSection
-from insenv.files.toml import Number, key
+from insenv.base.toml import Number, key
 from insenv.vehicles.nodes import PLACES
 
 

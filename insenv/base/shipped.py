@@ -1,0 +1,55 @@
+"""What insenv ships, by name: where each estimator, kind of vehicle and sensor is defined, in the order of listings.
+
+As the entry points of an outside package, a place is ``"module:attribute"``, imported when the thing is asked for
+(`insenv.base.plugins`), so that a command imports only what it uses.
+"""
+
+from __future__ import annotations
+
+ESTIMATORS = {
+    "analytic": "insenv.estimators.analytic:ESTIMATOR",
+    "ecef-kf": "insenv.estimators.ecef_kf:ESTIMATOR",
+    "ecef-kf-printed": "insenv.estimators.ecef_kf_printed:ESTIMATOR",
+    "q-method": "insenv.estimators.q_method:ESTIMATOR",
+    "velocity-integration": "insenv.estimators.velocity_integration:ESTIMATOR",
+    "inertial-fir": "insenv.estimators.inertial_fir:ESTIMATOR",
+    "gyrocompass": "insenv.estimators.gyrocompass:ESTIMATOR",
+    "qakf": "insenv.estimators.qakf:ESTIMATORS",
+    "qakf-improved": "insenv.estimators.qakf:ESTIMATORS",
+    "qakf-printed": "insenv.estimators.qakf_printed:ESTIMATORS",
+    "qakf-improved-printed": "insenv.estimators.qakf_printed:ESTIMATORS",
+    "wander-sins": "insenv.estimators.wander_sins:ESTIMATORS",
+    "wander-sins-plain": "insenv.estimators.wander_sins:ESTIMATORS",
+    "loosely-coupled": "insenv.estimators.loosely_coupled:ESTIMATOR",
+    "aqe-ekf": "insenv.estimators.aqe:ESTIMATORS",
+    "aqe-sukf": "insenv.estimators.aqe:ESTIMATORS",
+    "aqe-sukf-printed": "insenv.estimators.aqe_printed:ESTIMATOR",
+    "lssvm": "insenv.estimators.lssvm:ESTIMATOR",
+    "smoother": "insenv.estimators.smoother:ESTIMATOR",
+    "fusion": "insenv.estimators.fusion:ESTIMATORS",
+    "fusion-smoother": "insenv.estimators.fusion:ESTIMATORS",
+}
+"""Estimators by id; an attribute may hold several."""
+
+VEHICLES = {
+    "ship": "insenv.vehicles.ship_section:ShipSection",
+    "car": "insenv.vehicles.car_section:CarSection",
+    "aircraft": "insenv.vehicles.aircraft_section:AircraftSection",
+    "multirotor": "insenv.vehicles.multirotor_section:MultirotorSection",
+    "turntable": "insenv.vehicles.turntable_section:TurntableSection",
+    "recorded": "insenv.scenario.tracks.section:RecordedSection",
+    "waypoints": "insenv.scenario.tracks.waypoints:WaypointsSection",
+    "fmu": "insenv.scenario.tracks.fmu_section:FmuSection",
+}
+"""Kinds of vehicle; the last three read logs or FMUs."""
+
+# the order of the sensors of a plant: a new one comes last, and changes no random number of those before it
+SENSORS = {
+    "gnss": "insenv.sensors.gnss_section:GnssSection",
+    "barometer": "insenv.sensors.barometer:BarometerSection",
+    "magnetometer": "insenv.sensors.magnetometer:MagnetometerSection",
+    "odometer": "insenv.sensors.odometer:OdometerSection",
+    "dvl": "insenv.sensors.dvl:DvlSection",
+    "heading": "insenv.sensors.heading:HeadingSection",
+}
+"""Sensors beside the inertial unit by id."""

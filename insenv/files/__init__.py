@@ -1,1 +1,0 @@
-"""Files: TOML checked by pydantic, atomic output, packaged data."""

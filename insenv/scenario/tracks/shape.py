@@ -1,0 +1,111 @@
+"""From the points of a track to the splines of its position and attitude.
+
+Where a file has no attitude, heading is the course over ground, pitch the angle of climb, and roll the bank of a coordinated
+turn, atan(v dcourse/dt / g).  At rest and at walking pace the course of a receiver is noise: a vehicle keeps its heading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.base.errors import InputError
+from insenv.geodesy import STANDARD_GRAVITY
+from insenv.geodesy.numeric import radii
+from insenv.scenario.tracks.points import Points
+from insenv.vehicles.splines import Spline, smoothed
+
+Array = NDArray[np.float64]
+
+SLOW = 1.0
+"""Speed (m/s) at which the course is trusted half."""
+LEVEL = "level"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The splines of a track: points (n, 6) of the channels of `insenv.vehicles.track`, latitude, longitude (rad), height (m)
+    less those of the origin; interval s; origin: latitude, longitude rad, height m; duration_s; notes: those of the points."""
+
+    points: Array
+    interval: float
+    origin: tuple[float, float, float]
+    duration_s: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def spline(self) -> Spline:
+        """The spline of all channels."""
+        return Spline(self.points, self.interval, 0.0)
+
+
+def shaped(points: Points, interval: float, noise_m: float | None, bank: str) -> Shape:
+    """The splines of checked points.  noise_m: standard deviation of their positions, None: found."""
+    origin = float(points.latitude[0]), float(points.longitude[0]), float(points.height[0])
+    R_M, R_N = radii(np.sin(origin[0]))
+    scale = np.array([R_M + origin[2], (R_N + origin[2]) * np.cos(origin[0]), 1.0])  # m per unit of each channel
+    place = np.column_stack([points.latitude - origin[0], points.longitude - origin[1], points.height - origin[2]])
+    rates = None if points.velocity is None else scale * points.velocity / _per_rate(points.latitude, points.height)
+    position = smoothed(points.time, place * scale, interval, sigma=noise_m, rates=rates)
+    if points.attitude is None:
+        attitude = _along_course(position, points.time, interval, bank)
+    else:
+        angles = np.unwrap(points.attitude, axis=0)
+        attitude = smoothed(points.time, angles, interval).points
+    together = np.hstack([position.points / scale, attitude])
+    return Shape(together, interval, origin, float(points.time[-1] - points.time[0]), points.notes)
+
+
+def _per_rate(latitude: Array, height: Array) -> Array:
+    """Velocity (n, 3) north, east, down, m/s, per rate of latitude, longitude, height (Groves 2013, eq. 2.111)."""
+    R_M, R_N = radii(np.sin(latitude))
+    return np.column_stack([R_M + height, (R_N + height) * np.cos(latitude), -np.ones_like(height)])
+
+
+def motion(points: Points, shape: Shape, derivative: int) -> Array:
+    """Velocity (derivative 1) or acceleration (2) of the track at its points (n, 3): north, east, down, m and s."""
+    return shape.spline.at(points.time, derivative)[:, :3] * _per_rate(points.latitude, points.height)
+
+
+def check_velocity(points: Points, shape: Shape, largest: float) -> None:
+    """Raise `InputError` where the velocities of the points are not those of the track; largest: difference allowed, m/s."""
+    assert points.velocity is not None
+    own = motion(points, shape, 1)
+    apart = np.abs(own - points.velocity)
+    at, axis = np.unravel_index(int(np.argmax(apart)), apart.shape)
+    if apart[at, axis] > largest:
+        raise InputError(
+            f"{points.label}: velocity {('north', 'east', 'down')[axis]} is {points.velocity[at, axis]:.6g} m/s at "
+            f"{points.time[at]:.6g} s, and {own[at, axis]:.6g} m/s by the positions: allowed is a difference of "
+            f"max_contradiction_mps = {largest:g} m/s; check the order north, east, down, the unit and the Earth model; a "
+            "step_s too long for the motion does this too"
+        )
+
+
+def _along_course(position: Spline, time: Array, interval: float, bank: str) -> Array:
+    """Control points (n, 3) of roll, pitch, heading from the track itself."""
+    fine = np.linspace(time[0], time[-1], 2 * len(position.points))
+    velocity = position.at(fine, 1)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    trust = speed**2 / (speed**2 + SLOW**2)
+    moving = speed > SLOW
+    course = np.zeros(len(fine))
+    if moving.any():
+        known = np.unwrap(np.arctan2(velocity[moving, 1], velocity[moving, 0]))
+        course = np.interp(fine, fine[moving], known)  # held through stops
+    weight = np.maximum(trust**2, 1e-3)
+    heading = smoothed(fine, course[:, None], interval, weight)
+    rate = heading.at(fine, 1)[:, 0]
+    climb = trust * np.arctan2(velocity[:, 2], np.maximum(speed, SLOW))
+    roll = np.zeros(len(fine)) if bank == LEVEL else np.arctan(speed * rate / STANDARD_GRAVITY)
+    others = smoothed(fine, np.column_stack([roll, climb]), interval)
+    return np.hstack([others.points, heading.points])
+
+
+def start_of(shape: Shape) -> tuple[float, float, float]:
+    """Latitude, longitude (rad) and height (m) of the spline at time 0."""
+    offset = shape.spline.at(np.zeros(1))[0, :3]
+    latitude, longitude, height = (origin + float(part) for origin, part in zip(shape.origin, offset, strict=True))
+    return latitude, float(np.arctan2(np.sin(longitude), np.cos(longitude))), height

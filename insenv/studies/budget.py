@@ -1,0 +1,263 @@
+"""The error budget: what each source of error contributes to the errors of an estimator.
+
+The runs of every seed are repeated with no source of error, with each source alone, with all but it, and with all.  Plant,
+estimator and statistics are one compiled model, and each of these variants is a row of its batch: sources are switched off by
+parameter values.  Random numbers are those of the seed in every variant, and the estimator keeps its tuning.  Errors can
+therefore be compared run by run:
+
+    e = m + sum of c_i + x,    c_i = e_i - m
+
+e is the error with all sources, m that with none (of the method itself), e_i that with source i alone, and x what the sources
+do together: 0 for a linear estimator.  Gelb 1974, section 7.2, calls the root mean squares of c_i an error budget.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.base.errors import InputError
+from insenv.core.batch import make_batch
+from insenv.core.progress import Progress, check_progress
+from insenv.estimators import Estimator, get
+from insenv.estimators.settings import Settings, setting_rows
+from insenv.evaluation.errors import ATTITUDE, statistics_from, wrapped_deg
+from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit, reseeded
+from insenv.scenario.chunks import recording_interval
+from insenv.scenario.error_sources import Source, sensors_of, sources_of, start_without, unknown_errors
+from insenv.studies.budget_result import Budget
+from insenv.studies.campaign.executors import cores
+from insenv.studies.campaign.model import Measured, measured_model
+from insenv.studies.campaign.pieces import Begun, in_pieces
+from insenv.studies.switches import packed, switch_off, switchable
+
+Array = NDArray[np.float64]
+
+RECORDS = 240
+"""Approximate upper bound of the number of times at which errors are compared."""
+ROWS_AT_ONCE = 1024
+"""Approximate number of rows of a batch."""
+MOST_VALUES = 250_000_000
+"""Largest number of values of all errors: 2 GB."""
+MAX_RUNS = 100_000
+SEEDS_LOOKED_AT = 16
+"""Seeds in which an initial error may differ from 0; of one that is drawn, it does in all."""
+
+
+def budget(
+    scenario: ScenarioLike,
+    estimator: str | Estimator,
+    runs: int = 64,
+    *,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+) -> Budget:
+    """Which source of error dominates: the errors of an estimator with each source alone, and with all but it.
+
+    Parameters
+    ----------
+    scenario: a name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file.
+    estimator: an id or an `Estimator`.
+    runs: number of seeds; run i has the seed `seed` + i (None: the scenario's).
+    duration_s: instead of the scenario's, s.
+    settings: parameters by estimator id, as of `insenv.run`.
+    progress: called with the numbers of inertial samples done and in all; for the limit, once more from the first.
+
+    Raises `InputError` for what is unknown, wrong, or cannot run, and for a scenario without a source of error.
+    """
+    check_progress(progress)
+    case = _case(scenario, estimator, runs, seed, duration_s, settings)
+    errors = _errors(case, progress)
+    refusal = no_limit(case.plant)
+    limit = None if refusal else limit_of(case.plant, progress)
+    return _budget(case, errors, {} if limit is None else limit.at(case.times), refusal)
+
+
+@dataclass(frozen=True)
+class _Case:
+    """What a budget is of.  plants: one for each seed, with all sources."""
+
+    plant: Plant
+    estimator: Estimator
+    rows: dict[str, object]
+    sources: tuple[Source, ...]
+    plants: tuple[Plant, ...]
+
+    @property
+    def every(self) -> int:
+        return recording_interval(self.plant.samples, RECORDS)
+
+    @property
+    def times(self) -> Array:
+        """Times at which errors are compared (records,), s."""
+        count = self.plant.samples // self.every
+        return np.arange(1.0, count + 1.0) * (self.every * self.plant.sample_interval)
+
+    @cached_property
+    def measured(self) -> Measured:
+        return measured_model(switchable(self.plant.model, sensors_of(self.plant.scenario)), self.estimator)
+
+    @property
+    def variants(self) -> list[frozenset[int]]:
+        """The sources that are on: all, none, each alone, all but each."""
+        every = frozenset(range(len(self.sources)))
+        return [every, frozenset(), *(frozenset({k}) for k in sorted(every)), *(every - {k} for k in sorted(every))]
+
+
+def _case(
+    scenario: ScenarioLike,
+    estimator: str | Estimator,
+    runs: int,
+    seed: int | None,
+    duration_s: float | None,
+    settings: Settings | None,
+) -> _Case:
+    if isinstance(runs, bool) or not isinstance(runs, (int, np.integer)) or not 1 <= runs <= MAX_RUNS:
+        raise InputError(f"runs = {runs!r}: allowed is a whole number from 1 to {MAX_RUNS}")
+    loaded = load(scenario)
+    plant = build(loaded, seed=seed, duration_s=duration_s)
+    chosen = get(estimator)
+    rows = setting_rows(settings, [chosen])[chosen.id]
+    chosen = plant.adapted(chosen, settings, whole=False)
+    plant.parameters_of(chosen, rows, whole=False)  # refuses what cannot run
+    seeds = range(plant.seed, plant.seed + int(runs))
+    sources = sources_of(plant, seeds[:SEEDS_LOOKED_AT])
+    if not sources:
+        raise InputError(f"scenario {loaded.name!r} has no source of error: a budget needs one, such as imu.grade")
+    case = _Case(plant, chosen, rows, sources, ())
+    values = len(seeds) * len(case.variants) * len(case.times) * len(case.measured.channels)
+    if values > MOST_VALUES:
+        most = int(runs) * MOST_VALUES // values
+        raise InputError(f"runs = {runs}: a budget of {len(sources)} sources keeps every error: allowed is up to {most} runs")
+    return replace(case, plants=tuple(reseeded(plant, seeds)))
+
+
+def _errors(case: _Case, progress: Progress | None) -> Array:
+    """The errors (seeds, variants, records, channels) of every variant."""
+    variants, measured = case.variants, case.measured
+    at_once = max(1, ROWS_AT_ONCE // len(variants))
+    total = len(case.plants) * len(case.times) * case.every
+    found = []
+    try:
+        for first in range(0, len(case.plants), at_once):
+            part = range(first, min(first + at_once, len(case.plants)))
+            unique, places = np.unique(_rows(case, part), axis=0, return_inverse=True)
+            batch = make_batch(measured.model, len(unique), unique, threads=cores())
+
+            def look(done: Begun, part: range = part) -> None:
+                if progress is not None:
+                    progress(part.start * len(case.times) * case.every + done.samples * len(part), total)
+
+            shown = in_pieces(batch, len(case.times), case.every, look)
+            error = shown[..., measured.model.outputs.slice("error")]
+            found.append(error[places.ravel()].reshape(len(part), len(variants), *error.shape[1:]))
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"interrupted after {sum(map(len, found))} of {len(case.plants)} seeds; nothing written"
+        ) from None
+    return np.concatenate(found)
+
+
+def _rows(case: _Case, part: range) -> Array:
+    """Parameters of the rows of some seeds: all variants of a seed, then those of the next."""
+    model, own = switchable(case.plant.model, sensors_of(case.plant.scenario)), case.estimator.model.parameters
+    tails = {}
+    for on in {_start_of(case.sources, variant) for variant in case.variants}:
+        off = [source for k, source in enumerate(case.sources) if source.start and k not in on]
+        plants = _plants_without(case, part, off)
+        tails[on] = [own.pack(plant.parameters_of(case.estimator, case.rows, whole=False)) for plant in plants]
+    evaluation = np.array([case.every, 1], dtype=np.float64)
+    rows = []
+    for place, k in enumerate(part):
+        whole = packed(model, case.plants[k].parameters)
+        for on in case.variants:
+            off = [source for j, source in enumerate(case.sources) if j not in on]
+            tail = tails[_start_of(case.sources, on)][place]
+            rows.append(np.concatenate([switch_off(model, whole, off), tail, evaluation]))
+    return np.array(rows)
+
+
+def _start_of(sources: Sequence[Source], on: frozenset[int]) -> frozenset[int]:
+    """Those of a variant's sources that are errors of the start."""
+    return frozenset(k for k in on if sources[k].start)
+
+
+def _plants_without(case: _Case, part: range, off: Sequence[Source]) -> Sequence[Plant]:
+    """The plants of some seeds, whose initial knowledge is without the errors `off`."""
+    plants = case.plants[part.start : part.stop]
+    if not off:
+        return plants
+    scenario = start_without(case.plant.scenario, off)
+    return reseeded(build(scenario, seed=plants[0].seed, duration_s=case.plant.duration_s), [plant.seed for plant in plants])
+
+
+def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -> Budget:
+    """The budget from the errors (seeds, variants, records, channels)."""
+    channels, count = case.measured.channels, len(case.sources)
+    whole, none = errors[:, 0], errors[:, 1]
+    angles = [place for place, name in enumerate(channels) if name in ATTITUDE]
+    alone = list(_differences(errors, none, count, angles))
+    with np.errstate(invalid="ignore"):
+        rest = whole - none - sum(alone)
+    rest[..., angles] = wrapped_deg(rest[..., angles])
+    # views, and one variant at a time below: a copy of all errors takes gigabytes
+    series = [whole, none, rest, *alone, *np.moveaxis(errors[:, 2 + count :], 1, 0)]
+    finite = np.stack([np.isfinite(one).all(axis=(1, 2)) for one in series], axis=1)
+    usable = finite.mean(axis=0) >= 0.5
+    usable[2] = usable[:2].all() and usable[3 : 3 + count].all()
+    kept = finite[:, usable].all(axis=1) if usable[0] else finite[:, 0]
+    if not kept.any():
+        raise InputError(
+            f"estimator {case.estimator.id!r} diverges in every run of {case.plant.scenario.name!r}: nothing to share out"
+        )
+    nothing = np.full(whole.shape[1:], np.nan)
+    squares = np.stack([np.mean(one[kept] ** 2, axis=0) if good else nothing for one, good in zip(series, usable, strict=True)])
+    seeds = np.array([plant.seed for plant in case.plants])
+    from_s = statistics_from(case.estimator.navigates, float(case.times[-1]))
+    notes = [*case.plant.scenario.notes, *case.plant.notes_of(case.estimator, case.rows)]
+    unknown = unknown_errors(case.plant.scenario)
+    if unknown:
+        notes.append(f"the errors of {', '.join(unknown)} are not known: they are on in all runs, as part of the method")
+    lost = [name for name, good in zip(_names(case.sources), usable, strict=True) if not good]
+    if lost:
+        notes.append(f"the estimator diverges in most runs, and the figures are missing: {', '.join(lost)}")
+    notes += [refusal] if refusal else []
+    return Budget(
+        scenario=case.plant.scenario.name or "scenario",
+        estimator=case.estimator.id,
+        runs=len(seeds),
+        first_seed=case.plant.seed,
+        duration_s=case.plant.duration_s,
+        from_s=from_s,
+        time=case.times,
+        channels=channels,
+        sources=tuple(source.name for source in case.sources),
+        whole=squares[0],
+        none=squares[1],
+        interaction=squares[2],
+        alone=squares[3 : 3 + count],
+        without=squares[3 + count :],
+        limit=np.stack([limit[name] for name in channels], axis=-1) ** 2 if limit else None,
+        diverged=tuple(int(seed) for seed in seeds[~kept]),
+        notes=tuple(notes),
+    )
+
+
+def _differences(errors: Array, none: Array, count: int, angles: list[int]) -> Iterator[Array]:
+    """The contributions of each source (seeds, records, channels): the error with it alone minus that with none."""
+    for k in range(count):
+        with np.errstate(invalid="ignore"):
+            found = errors[:, 2 + k] - none
+        found[..., angles] = wrapped_deg(found[..., angles])
+        yield found
+
+
+def _names(sources: Sequence[Source]) -> list[str]:
+    names = [source.name for source in sources]
+    return ["all sources", "no source", "interaction", *(f"{n} alone" for n in names), *(f"all but {n}" for n in names)]

@@ -1,0 +1,101 @@
+"""Run one block of a campaign, some tens of runs, in the batch core: a pure function of the plan on any machine."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.base.errors import InputError
+from insenv.core.batch import Batch, make_batch
+from insenv.core.tables import Table
+from insenv.scenario import Plant
+from insenv.scenario.loop import PREFIX
+from insenv.studies.campaign.pieces import Begun, in_pieces
+from insenv.studies.campaign.plan import Plan
+
+Arrays = dict[str, NDArray[Any]]
+Stopped = Callable[[], bool]
+
+
+class StoppedError(Exception):
+    """The campaign of a block was interrupted.  part: what is done of the block, for `run_block` to go on from; or None."""
+
+    def __init__(self, part: Arrays | None = None) -> None:
+        super().__init__(part)
+        self.part = part
+
+
+def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: Arrays | None = None) -> Arrays:
+    """Simulate and estimate the runs of block `number` and return their summaries, run by run.
+
+    part: what an interruption left of the block: the result is the same, to the bit.
+    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `held` (runs,):
+    JSON of `Estimator.held` at the end. Raises `InputError` if the parts of the plant differ between runs, `StoppedError`
+    soon after `stopped` returns true.
+    """
+    runs = plan.blocks[number]
+    plants = _plants(plan, runs, stopped)
+    measured = plan.measured
+    batch = make_batch(measured.model, len(plants), plan.parameters_of(plants))
+    begun = None
+    if part is not None:
+        batch.x = part["state"]
+        begun = Begun(int(part["samples"]), [part["outputs"]] if part["outputs"].shape[1] else [])
+
+    def look(done: Begun) -> None:
+        if stopped():
+            raise StoppedError(_part(batch, done))
+
+    records = plan.samples // plan.record_samples
+    shown = measured.model.outputs.unpack(in_pieces(batch, records, plan.record_samples, look, begun))
+    return {
+        "seed": np.array([plan.seed_of(run) for run in runs], dtype=np.float64),
+        "values": plan.numbers(runs),
+        **{name: np.ascontiguousarray(value) for name, value in shown.items()},
+        "held": np.array([json.dumps(held) for held in _held(plan, batch)]),
+    }
+
+
+def _held(plan: Plan, batch: Batch) -> list[dict[str, float]]:
+    """The findings that hold at the end of each run (`Estimator.held`); of one that has diverged none."""
+    estimator = plan.chosen
+    if estimator.findings is None:
+        return [{}] * batch.rows
+    own = estimator.model
+    p, x = (
+        _own(*given) for given in ((own.parameters, batch.model.parameters, batch.p), (own.state, batch.model.state, batch.x))
+    )
+    shown = np.array(own.kernels["output"].function(p.T, x.T)).T
+    return [
+        estimator.held(own.parameters.unpack(p[run]), own.outputs.unpack(shown[run : run + 1]))
+        if np.isfinite(shown[run]).all()
+        else {}
+        for run in range(batch.rows)
+    ]
+
+
+def _own(own: Table, table: Table, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The estimator's part (runs, own.size) of the model's parameters or state."""
+    return np.concatenate([values[:, table.slice(PREFIX + name)] for name in own.names], axis=1)
+
+
+def _part(batch: Batch, done: Begun) -> Arrays:
+    """What is done of a block: the states, the samples of a run, the outputs so far."""
+    empty = np.zeros((batch.rows, 0, batch.model.outputs.size))
+    return {"state": batch.x, "samples": np.array(float(done.samples)), "outputs": np.concatenate([empty, *done.found], axis=1)}
+
+
+def _plants(plan: Plan, runs: range, stopped: Stopped) -> list[Plant]:
+    plants = []
+    for plant in plan.plants(runs):
+        if stopped():
+            raise StoppedError
+        plants.append(plant)
+    for plant in plants:
+        if plant.model is not plan.plant.model:
+            raise InputError(f"vary: in the run of seed {plant.seed} the parts of the plant differ from those of the first run")
+    return plants

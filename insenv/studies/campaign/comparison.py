@@ -1,0 +1,204 @@
+"""Several estimators on the same runs: is the difference real?
+
+Run i of every estimator has the same plant, to the bit.  What the runs have in common, a bias that was drawn large or an outage
+at a bad time, therefore drops out of a paired difference.  With the mean squares a_i and b_i of the errors of two estimators in
+run i, and their means A and B,
+
+    D = sqrt(B) - sqrt(A),    d_i = b_i / (2 sqrt(B)) - a_i / (2 sqrt(A)),
+
+and the standard deviation of D is that of d_i over sqrt(n) (the delta method, Casella and Berger 2002, section 5.5.4); the
+interval is Student's.  Ratios are treated alike in their logarithm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from insenv.base.json_text import finite, to_json
+from insenv.report import FilesWritten, OutputFolder
+from insenv.report.tables import label, number, since, table_of
+from insenv.studies.campaign.intervals import Array, Estimate, student
+from insenv.studies.campaign.presentation import campaign_document, campaign_tables, write_campaign
+from insenv.studies.campaign.summary import Summary
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+NAME = "comparison"
+PAIR_COLUMNS = ("rms", "ratio", "from", "to", "difference", "smaller in")
+PAIR_MEANINGS = (
+    "ratio: of the rms to that of the first, with its 95 % interval",
+    "smaller in: share of the runs in which this estimator has the smaller rms",
+)
+
+
+@dataclass(frozen=True)
+class Paired:
+    """The difference between two estimators in one channel, over the runs in which neither diverged.
+
+    difference: of the root mean squares, the second minus the first; ratio: the second over the first; smaller: number of runs
+    in which the second has the smaller rms; runs: number of runs.
+    """
+
+    difference: Estimate
+    ratio: Estimate
+    smaller: int
+    runs: int
+
+    @property
+    def is_real(self) -> bool:
+        """Whether the interval of the ratio excludes 1."""
+        return self.ratio.low > 1.0 or self.ratio.high < 1.0
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        return {
+            "difference": self.difference.as_json(),
+            "ratio": self.ratio.as_json(),
+            "smaller_in": self.smaller,
+            "runs": self.runs,
+            "real": self.is_real,
+        }
+
+
+def paired(first: Array, second: Array) -> Paired:
+    """The difference of the root mean squares of two estimators from the mean squares of each run (n,)."""
+    n = len(first)
+    nothing = float("nan")
+    A, B = (float(np.mean(squares)) if n else nothing for squares in (first, second))
+    difference = float(np.sqrt(B) - np.sqrt(A))
+    smaller = int(np.sum(second < first))
+    if n < 2 or not (A > 0.0 and B > 0.0):
+        return Paired(Estimate(difference, nothing, nothing), Estimate(nothing, nothing, nothing), smaller, n)
+    t = student(n - 1) / np.sqrt(n)
+    reach = float(t * np.std(second / (2.0 * np.sqrt(B)) - first / (2.0 * np.sqrt(A)), ddof=1))
+    factor = float(np.exp(t * np.std(second / B - first / A, ddof=1) / 2.0))
+    ratio = float(np.sqrt(B / A))
+    return Paired(
+        Estimate(difference, difference - reach, difference + reach),
+        Estimate(ratio, ratio / factor, ratio * factor),
+        smaller,
+        n,
+    )
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Campaigns of several estimators on the same runs.
+
+    summaries: by estimator, in the order of the call.  pairs: by estimator (all but the first), then by channel that both
+    have: its difference to the first.
+    """
+
+    summaries: Mapping[str, Summary]
+    pairs: Mapping[str, Mapping[str, Paired]]
+
+    @property
+    def first(self) -> str:
+        """The estimator that the others are compared with."""
+        return next(iter(self.summaries))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What must be said of the pairs: the errors of an alignment count from later on than those of a navigation."""
+        first, *others = self.summaries.values()
+        return tuple(
+            f"rms {since(one.from_s)} of {one.plan.estimator}, {since(first.from_s)} of {self.first}: "
+            "their ratio compares different times"
+            for one in others
+            if one.from_s != first.from_s
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        return {
+            "campaigns": [campaign_document(summary) for summary in self.summaries.values()],
+            "compared_with": self.first,
+            "paired": [
+                {"estimator": id, "errors": {name: pair.as_json() for name, pair in pairs.items()}}
+                for id, pairs in self.pairs.items()
+            ],
+            "notes": list(self.notes),
+        }
+
+    def save(self, folder: str | Path, figure: bool = True, table: str = "") -> FilesWritten:
+        """Write the files of each campaign to a folder of its estimator, comparison.json and, if `figure`, the page.
+
+        table: as of `Summary.save`.  Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
+        """
+        return write_comparison(self, OutputFolder(folder), figure, table)
+
+    def __repr__(self) -> str:
+        lines = [repr(summary) for summary in self.summaries.values()]
+        for id, pairs in self.pairs.items():
+            said = [f"{name} {p.ratio.value:.3g} ({p.ratio.low:.3g} to {p.ratio.high:.3g})" for name, p in pairs.items()]
+            lines.append(f"{id} / {self.first}: {', '.join(said)}")
+        return "\n".join(lines)
+
+
+def compare(summaries: Sequence[Summary]) -> Comparison:
+    """Compare campaigns that have the same runs; the first is what the others are compared with."""
+    first, pairs = summaries[0], {}
+    for other in summaries[1:]:
+        kept = first.whole & other.whole
+        common = [name for name in first.channels if name in other.channels]
+        places = [(name, first.channels.index(name), other.channels.index(name)) for name in common]
+        pairs[other.plan.estimator] = {name: paired(first.rms[kept, a] ** 2, other.rms[kept, b] ** 2) for name, a, b in places}
+    return Comparison({summary.plan.estimator: summary for summary in summaries}, pairs)
+
+
+def comparison_document(found: Comparison, files: Sequence[str] = ()) -> dict[str, Any]:
+    """The documented JSON form; with `files` (paths written) if there are any."""
+    return finite({**found.as_json(), **({"files": list(files)} if files else {})})
+
+
+def comparison_tables(found: Comparison) -> Iterator[RenderableType]:
+    """The printed lines and tables: those of each campaign, then the paired differences."""
+    from rich.text import Text
+
+    for summary in found.summaries.values():
+        yield from campaign_tables(summary)
+        yield Text()
+    for id, pairs in found.pairs.items():
+        yield Text(f"{id} compared with {found.first}, run by run", "bold")
+        table = table_of(*PAIR_COLUMNS)
+        for pair, (name, ratio, *others) in zip(pairs.values(), pair_rows(pairs), strict=True):
+            table.add_row(name, Text(ratio, "bold" if pair.is_real else ""), *others)
+        yield table
+        yield Text()
+    yield Text(f"{PAIR_MEANINGS[0]}; bold: not 1", "dim")
+    yield Text(PAIR_MEANINGS[1], "dim")
+    for note in found.notes:
+        yield Text(f"note: {note}")
+
+
+def pair_rows(pairs: Mapping[str, Paired]) -> list[tuple[str, ...]]:
+    """By channel: the texts of `PAIR_COLUMNS`."""
+    return [
+        (
+            label(name),
+            *map(number, (pair.ratio.value, pair.ratio.low, pair.ratio.high, pair.difference.value)),
+            f"{100 * pair.smaller / pair.runs:.0f} %" if pair.runs else "-",
+        )
+        for name, pair in pairs.items()
+    ]
+
+
+def write_comparison(found: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
+    """Write the files of each campaign to DIR/ID and comparison.json to DIR; if `figure`, the page comparison.html too."""
+    from insenv.studies.campaign.comparison_page import comparison_page
+
+    parts = [write_campaign(one, OutputFolder(folder.path / id), figure, table) for id, one in found.summaries.items()]
+    with folder.staged() as part:
+        part(f"{NAME}.json").write_text(to_json(comparison_document(found)) + "\n", encoding="ascii")
+        if figure:
+            part(f"{NAME}.html").write_text(comparison_page(found), encoding="utf-8", newline="\n")
+    names = [f"{NAME}.json", *([f"{NAME}.html"] if figure else [])]
+    return FilesWritten(
+        (*(folder.path / name for name in names), *(path for part in parts for path in part.paths)), parts[0].note
+    )

@@ -1,0 +1,77 @@
+"""The limit of a campaign: one for all its runs, or, where the scenario varies, those of some of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.progress import Progress
+from insenv.evaluation.sentences import STEEP_LIMIT
+from insenv.scenario import limit_of, no_limit
+from insenv.studies.campaign.plan import Plan
+
+Array = NDArray[np.float64]
+
+VARIED_RUNS = 16
+"""Number of runs, evenly spaced, whose limits stand for those of all if the scenario varies: each takes about a second."""
+
+
+@dataclass(frozen=True)
+class CampaignLimit:
+    """Limits of runs.
+
+    runs (k,): numbers of the runs; squares (k, records, channels): mean squares of their limits over the evaluations since
+    the previous record, as those of the errors.  same: whether the one limit is that of every run.  note: what must be said
+    of it, or empty.
+    """
+
+    runs: NDArray[np.int64]
+    squares: Array
+    same: bool
+    note: str = ""
+
+    def course(self) -> Array | None:
+        """Root mean square over the runs (records, channels); None if there is no limit."""
+        return np.sqrt(np.mean(self.squares, axis=0)) if self.runs.size else None
+
+    def of_runs(self, count: int, late: NDArray[np.bool_]) -> Array:
+        """Limit of each of `count` runs over the records `late` (count, channels); NaN where it was not computed."""
+        found = np.full((count, self.squares.shape[2]), np.nan)
+        if self.runs.size:
+            own = np.sqrt(np.mean(self.squares[:, late], axis=1))
+            found[slice(None) if self.same else self.runs] = own
+        return found
+
+
+def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | None = None) -> CampaignLimit:
+    """The limit of a plan's runs in `channels`."""
+    refusal = no_limit(plan.plant)
+    if refusal:
+        return CampaignLimit(np.zeros(0, dtype=np.int64), np.zeros((0, len(plan.times), len(channels))), False, refusal)
+    same = not plan.variations
+    runs = np.unique(np.linspace(0, plan.runs - 1, 1 if same else VARIED_RUNS).round().astype(np.int64))
+    squares, steep = [], False
+    for place, run in enumerate(runs):
+
+        def report(done: int, total: int, before: int = place) -> None:
+            if progress is not None:
+                progress(before * total + done, len(runs) * total)
+
+        plant = plan.plant if same else plan.plant_of(int(run))
+        found = limit_of(plant, report)
+        limit = found.at(_evaluations(plan))
+        own = np.stack([limit[name] for name in channels], axis=-1) ** 2
+        own[:, [name in found.unjudged for name in channels]] = np.nan
+        steep = steep or bool(found.unjudged)
+        squares.append(own.reshape(len(plan.times), plan.evaluations, len(channels)).mean(axis=1))
+    some = len(runs) < plan.runs and not same
+    notes = [f"limit: the root mean square over {len(runs)} of the {plan.runs} runs, evenly spaced"] if some else []
+    return CampaignLimit(runs, np.array(squares), same, "; ".join([*notes, *([STEEP_LIMIT] if steep else [])]))
+
+
+def _evaluations(plan: Plan) -> Array:
+    """Times at which errors are evaluated, s."""
+    interval = plan.evaluation_samples * plan.plant.sample_interval
+    return np.arange(1.0, len(plan.times) * plan.evaluations + 1.0) * interval

@@ -1,0 +1,228 @@
+"""The statistics of a campaign: of the errors over the runs, along time and at the end, with the theoretical limit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.estimators.parts.finding import RATIO
+from insenv.evaluation.health import VERDICTS, AidHealth, Health, Verdict
+from insenv.evaluation.limits import ratio_bounds
+from insenv.report.tables import runs_of
+from insenv.studies.campaign.intervals import Estimate, horizontal, percentile, root_mean_square
+from insenv.studies.campaign.plan import Plan
+from insenv.studies.campaign.sensitivity import Sensitivity, sensitivity_note
+
+Array = NDArray[np.float64]
+
+PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
+FAR = 10.0
+"""A run whose error is at least this many times that of the median run is listed as far off."""
+NAMED = 10
+"""Largest number of seeds that are printed; the files hold all."""
+BOUNDS = (0.025, 0.975)
+"""Probabilities that bound the mean NEES of a consistent estimator."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Statistics of one channel at the recorded times (records,), over the runs whose errors are finite there.
+
+    mean: mean error.
+    rms: root mean square of all evaluations since the previous record.
+    percentiles: (5, records), of the errors.
+    limit: root mean square of the limit since the previous record and over the runs, or None.
+    stated: root mean square of the standard deviations that the estimator states, of the same evaluations, or None.
+    """
+
+    mean: Array
+    rms: Array
+    percentiles: Array
+    limit: Array | None
+    stated: Array | None
+
+
+@dataclass(frozen=True)
+class NeesCourse:
+    """NEES at the recorded times: its mean over the runs (records,), degrees of freedom, 95 % bounds of the mean."""
+
+    mean: Array
+    degrees: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, repr=False)
+class Statistics:
+    """The statistics of a campaign.
+
+    time (records,) s; courses by channel; nees or None; from_s: time from which the statistics of a whole run are
+    taken.
+    Run by run: seeds; values (runs, variations); final, rms, stated, limit (runs, channels; NaN where nothing is stated, or
+    where there is no limit).
+    limit_note: what must be said of the limit, or empty.
+    diverged: seeds of runs with a number that is not finite.
+    far: seeds of runs whose rms is `FAR` times the median.
+    whole: runs (runs,) whose numbers are all finite.  sensitivity: of the rms of the runs to the varied keys.
+    health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
+    held: of every run, what `insenv.run` would say of its end: sentence and ratio (`Estimator.held`).
+    """
+
+    plan: Plan
+    time: Array
+    courses: dict[str, Course]
+    nees: NeesCourse | None
+    from_s: float
+    seeds: Array
+    values: Array
+    final: Array
+    rms: Array
+    stated: Array
+    limit: Array
+    diverged: tuple[int, ...]
+    far: tuple[int, ...]
+    limit_note: str = ""
+    health: tuple[Health | None, ...] = ()
+    held: tuple[Mapping[str, float], ...] = ()
+    whole: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    sensitivity: tuple[Sensitivity, ...] = ()
+    percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What must be said of the campaign."""
+        return (*self.plan.notes, *self._held_notes, *filter(None, (self.limit_note, sensitivity_note(self.plan))))
+
+    @property
+    def _held_notes(self) -> Iterator[str]:
+        """Each sentence of `held`, with the largest ratio and the number of runs."""
+        for sentence in dict.fromkeys(sentence for one in self.held for sentence in one):
+            ratios = {int(seed): one[sentence] for seed, one in zip(self.seeds, self.held, strict=True) if sentence in one}
+            said = sentence.replace(RATIO, f"up to {max(ratios.values()):.3g}")
+            which = "" if len(ratios) == len(self.held) else f" ({named(tuple(ratios))})"
+            yield f"in {len(ratios)} of {runs_of(len(self.held))}{which}: {said}"
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the errors."""
+        return tuple(self.courses)
+
+    def figures(self) -> dict[str, dict[str, Any]]:
+        """By channel: "mean" and "percentiles" of the errors at the end, "rms", "limit" and "stated" from `from_s` on, with
+        intervals, of which an end is None where so few runs do not give it.
+
+        The intervals are those of independent runs; a saltelli design has none.
+        """
+        kept, independent = self.whole, self.plan.design != "saltelli"
+        found = {}
+        for place, (name, course) in enumerate(self.courses.items()):
+            rms = root_mean_square(self.rms[kept, place] ** 2)
+            ends = {f"{p:g}": percentile(self.final[kept, place], p) for p in PERCENTILES}
+            found[name] = {
+                "mean": float(course.mean[-1]),
+                "rms": float(rms_of(self.rms[kept, place])) if kept.any() else float("nan"),
+                "percentiles": {f"{p:g}": float(v) for p, v in zip(PERCENTILES, course.percentiles[:, -1], strict=True)},
+                "limit": _known_rms(self.limit[kept, place]),
+                "stated": _known_rms(self.stated[kept, place]),
+                "rms_95": _interval(rms) if independent else None,
+                "percentiles_95": {level: _interval(end) for level, end in ends.items()} if independent else None,
+            }
+        return found
+
+    def horizontal(self) -> dict[str, Estimate] | None:
+        """Horizontal errors at the end: "cep", "r95" and "2drms", m; None without a position, or without independent runs."""
+        if "north_m" not in self.channels or self.plan.design == "saltelli" or not self.whole.any():
+            return None
+        north, east = (self.final[self.whole, self.channels.index(name)] for name in ("north_m", "east_m"))
+        return horizontal(north, east)
+
+    def verdicts(self) -> dict[str, Any] | None:
+        """Share of the runs with a health by verdict, their mean NIS and share of fixes refused; None if no run has one.
+
+        aids: the same of every other aid by id, if there is one.
+        """
+        known = [one for one in self.health if one is not None]
+        if not known:
+            return None
+        aids = dict.fromkeys(id for one in known for id in one.aids)
+        fixes = [(one.fixes, one.refused, one.nis.mean) for one in known if one.fixes]
+        return {
+            **_shares([one.verdict for one in known], fixes),
+            "aids": {id: _of_aid([one.aids[id] for one in known if id in one.aids]) for id in aids},
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        plan, nees = self.plan, None
+        if self.nees is not None:
+            late = self.time >= self.from_s - 1e-9
+            nees = {
+                "mean": float(np.mean(self.nees.mean[late])),
+                "degrees_of_freedom": self.nees.degrees,
+                "low": self.nees.low,
+                "high": self.nees.high,
+                "share_inside": float(
+                    np.mean((self.nees.mean[late] >= self.nees.low) & (self.nees.mean[late] <= self.nees.high))
+                ),
+            }
+        return {
+            "scenario": plan.name,
+            "estimator": plan.estimator,
+            "runs": plan.runs,
+            "first_seed": plan.first_seed,
+            "duration_s": plan.duration_s,
+            "imu_samples": plan.runs * plan.samples,
+            "varied": [{"key": v.key, **v.distribution.as_json()} for v in plan.variations],
+            "statistics_from_s": self.from_s,
+            "errors": self.figures(),
+            "horizontal": None if (h := self.horizontal()) is None else {name: e.as_json() for name, e in h.items()},
+            "design": plan.design,
+            "sensitivity": [one.as_json() for one in self.sensitivity],
+            "limit_ratio_95": list(ratio_bounds(plan.runs - len(self.diverged))) if plan.runs > len(self.diverged) else None,
+            "nees": nees,
+            "health": self.verdicts(),
+            "diverged": list(self.diverged),
+            "far": list(self.far),
+            "notes": list(self.notes),
+        }
+
+
+def _of_aid(found: list[AidHealth]) -> dict[str, Any]:
+    return _shares([one.verdict for one in found], [(one.measurements, one.refused, one.nis.mean) for one in found])
+
+
+def _shares(verdicts: list[Verdict], measured: list[tuple[int, int, float]]) -> dict[str, Any]:
+    """Share of the runs by verdict; mean NIS and share refused of the runs that measured (measurements, refused, NIS)."""
+    shares: dict[str, Any] = {verdict: verdicts.count(verdict) / len(verdicts) for verdict in VERDICTS}
+    count = sum(number for number, _, _ in measured)
+    means = [nis for _, _, nis in measured if np.isfinite(nis)]  # a run that used none has none
+    return {
+        "runs": len(verdicts),
+        **shares,
+        "nis": float(np.mean(means)) if means else None,
+        "refused": sum(refused for _, refused, _ in measured) / count if count else None,
+    }
+
+
+def rms_of(values: Array) -> Array:
+    """Root mean square along the first axis."""
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def named(seeds: Sequence[int]) -> str:
+    """Some seeds, the first `NAMED` of them by number."""
+    return f"seed {', '.join(map(str, seeds[:NAMED]))}{', ...' if len(seeds) > NAMED else ''}"
+
+
+def _known_rms(values: Array) -> float | None:
+    """Root mean square of those that are not NaN; None if all are."""
+    known = values[np.isfinite(values)]
+    return float(rms_of(known)) if known.size else None
+
+
+def _interval(found: Estimate) -> list[float | None]:
+    return [end if np.isfinite(end) else None for end in (found.low, found.high)]

@@ -1,0 +1,175 @@
+"""`Summary`: what a campaign returns; and how it is computed from the blocks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.evaluation.chi_square import quantile
+from insenv.evaluation.errors import statistics_from
+from insenv.evaluation.health import Health, health, no_fix
+from insenv.report import FilesWritten, OutputFolder
+from insenv.report.notebook import data_frame, require_matplotlib
+from insenv.studies.campaign.campaign_figure import draw_campaign
+from insenv.studies.campaign.limits import CampaignLimit
+from insenv.studies.campaign.model import Measured
+from insenv.studies.campaign.plan import Plan
+from insenv.studies.campaign.presentation import campaign_facts, campaign_frame, campaign_html, write_campaign
+from insenv.studies.campaign.sensitivity import sensitivities
+from insenv.studies.campaign.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
+from insenv.studies.campaign.tables import run_columns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+Array = NDArray[np.float64]
+Columns = Callable[[str], list[Array]]
+"""Returns an array of every block, by the array's name."""
+
+
+class Summary(Statistics):
+    """The result of a campaign: its `Statistics`, to be printed, drawn and saved."""
+
+    def plot(self) -> Figure:
+        """The figure of the errors over time. Raises `InsenvError` if matplotlib is missing."""
+        require_matplotlib()
+        return draw_campaign(self)
+
+    def to_dataframe(self) -> DataFrame:
+        """The courses as a pandas DataFrame, indexed by time (s).
+
+        Columns: ``mean_CHANNEL``, ``rms_CHANNEL``, ``p2.5_CHANNEL`` to ``p97.5_CHANNEL``, ``limit_CHANNEL`` and
+        ``stated_CHANNEL`` where there are any, ``nees``. Raises `InsenvError` if pandas is missing.
+        """
+        return campaign_frame(self)
+
+    def runs_to_dataframe(self) -> DataFrame:
+        """The runs as a pandas DataFrame, indexed by run: seed, varied keys, final error, rms, limit and stated of each
+        channel.
+
+        Raises `InsenvError` if pandas is missing.
+        """
+        columns = run_columns(self)
+        return data_frame(columns.pop("run"), columns, "run")
+
+    def save(self, folder: str | Path, figure: bool = True, table: str = "") -> FilesWritten:
+        """Write campaign.npz and campaign.json and, if `figure`, the page and (with matplotlib) the figure.
+
+        table: "csv" or "parquet" for a table of the runs as well.
+
+        Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
+        """
+        return write_campaign(self, OutputFolder(folder), figure, table)
+
+    def __repr__(self) -> str:
+        lines = [f"{name}: rms {row['rms']:.3g}" for name, row in self.figures().items()]
+        return f"Campaign of {self.plan.name}: {self.plan.estimator}, {campaign_facts(self)}\n  {', '.join(lines)}"
+
+    def _repr_html_(self) -> str:
+        return campaign_html(self)
+
+
+def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignLimit) -> Summary:
+    """Summarise all blocks; sums follow the order of the runs, so that they do not depend on the workers."""
+    time = plan.times
+    from_s = statistics_from(plan.chosen.navigates, float(time[-1]))
+    late = time >= from_s - 1e-9
+    seeds, error, square = (np.concatenate(columns(name)) for name in ("seed", "error", "mean_square"))
+    limits = limit.course()
+    variance = np.full(square.shape, np.nan)
+    has_sigma = [measured.channels.index(name) for name in measured.stated]
+    if measured.stated:
+        variance[:, :, has_sigma] = np.concatenate(columns("mean_variance"))
+    finite: NDArray[np.bool_] = np.isfinite(np.concatenate([error, square, variance[:, :, has_sigma]], axis=2)).all(axis=2)
+
+    courses = {}
+    for place, name in enumerate(measured.channels):
+        stated = variance[:, :, place] if name in measured.stated else None
+        own = None if limits is None or np.isnan(limits[:, place]).all() else limits[:, place]
+        courses[name] = _course(error[:, :, place], square[:, :, place], own, stated, finite)
+    rms = np.sqrt(np.mean(square[:, late], axis=1))
+    whole = np.all(finite, axis=1)
+    far = whole & (rms > FAR * np.median(rms[whole], axis=0)).any(axis=1) if whole.any() else whole
+    values = np.concatenate(columns("values"))
+    healths = _health(columns, plan.chosen.health_rows.names) if plan.chosen.reports_health else ()
+    held = [json.loads(str(text)) for text in np.concatenate(columns("held"))]
+    for run, one in enumerate(healths) if plan.chosen.reports_fixes else ():
+        if whole[run] and (said := no_fix(one)):
+            held[run][said] = 0.0
+    return Summary(
+        plan=plan,
+        time=time,
+        courses=courses,
+        nees=_nees(measured, columns),
+        from_s=from_s,
+        seeds=seeds,
+        values=values,
+        final=error[:, -1],
+        rms=rms,
+        stated=np.sqrt(np.mean(variance[:, late], axis=1)),
+        limit=limit.of_runs(len(seeds), late),
+        diverged=tuple(int(seed) for seed in seeds[~whole]),
+        far=tuple(int(seed) for seed in seeds[far]),
+        limit_note=limit.note,
+        whole=whole,
+        sensitivity=sensitivities(plan, measured.channels, values, rms, whole),
+        health=healths,
+        held=tuple(held),
+    )
+
+
+def _health(columns: Columns, names: Sequence[str]) -> tuple[Health | None, ...]:
+    """The health of every run from the rows `names`; None for one without a measurement or with a number that is not finite."""
+    rows = {name: np.concatenate(columns(name)) for name in names}
+    runs = range(len(rows[names[0]]))
+    finite = [all(np.isfinite(values[run]).all() for values in rows.values()) for run in runs]
+    return tuple(health({n: v[run] for n, v in rows.items()}) if finite[run] else None for run in runs)
+
+
+def _course(error: Array, square: Array, limit: Array | None, stated: Array | None, finite: NDArray[np.bool_]) -> Course:
+    """Statistics of one channel over the runs (runs, records), at each time over those that are finite there.
+
+    limit (records,): of the channel, or None.  stated: the variances that the estimator states, as `square`, or None.
+    """
+
+    def rms(squares: Array) -> Array:
+        return np.sqrt(_mean(squares, finite))
+
+    return Course(
+        mean=_mean(error, finite),
+        rms=rms(square),
+        percentiles=_percentiles(error, finite),
+        limit=limit,
+        stated=None if stated is None else rms(stated),
+    )
+
+
+def _mean(values: Array, finite: NDArray[np.bool_]) -> Array:
+    """Mean over the runs that are finite; NaN where none is."""
+    count = finite.sum(axis=0)
+    return np.where(count > 0, np.sum(np.where(finite, values, 0.0), axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _percentiles(error: Array, finite: NDArray[np.bool_]) -> Array:
+    if finite.all():
+        return np.percentile(error, PERCENTILES, axis=0)
+    none = np.full(len(PERCENTILES), np.nan)
+    courses = zip(error.T, finite.T, strict=True)
+    return np.stack([np.percentile(e[good], PERCENTILES) if good.any() else none for e, good in courses], axis=1)
+
+
+def _nees(measured: Measured, columns: Columns) -> NeesCourse | None:
+    if not measured.degrees:
+        return None
+    nees = np.concatenate(columns("nees"))
+    whole = nees[np.isfinite(nees).all(axis=1)]
+    count = max(len(whole), 1)
+    low, high = quantile(BOUNDS, measured.degrees * count) / count
+    mean = np.mean(whole, axis=0) if len(whole) else np.full(nees.shape[1], np.nan)
+    return NeesCourse(mean, measured.degrees, float(low), float(high))

@@ -1,0 +1,306 @@
+"""The noise terms of an inertial sensor, fitted to its Allan variance.
+
+IEEE Std 952-1997, annex C, for the rate of a gyro; the same for an accelerometer. tau: averaging time, s.
+
+==================  ======================================  ===========================================================
+term                Allan variance                          figure
+==================  ======================================  ===========================================================
+quantization        3 Q^2 / tau^2                           Q, rad or m/s (a count is sqrt(12) Q)
+white               N^2 / tau                               N, random walk
+flicker             F^2                                     F, the floor
+rate random walk    K^2 tau / 3                             K
+Gauss-Markov        2 s^2 / x (1 - (3 - 4 e^-x + e^-2x)     standard deviation s, correlation time T, x = tau / T (eq. C.24)
+                    / (2 x))
+==================  ======================================  ===========================================================
+
+The fit is by least squares of the logarithm of the variance, weighted with the covariance of the estimates. Which slow term
+there is, if any, the data decide: a term is taken if it improves the fit by more than `WORTH`. The bounds of a figure are where
+the best fit with that figure is worse by 3.84 (95 %), all other figures being adjusted; an upper bound may be infinite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from insenv.studies.allan_deviation import Curve, Spread, spread
+
+Array = NDArray[np.float64]
+
+QUANTIZATION, WHITE, FLICKER, WALK, MARKOV = "quantization", "white", "flicker", "rate_random_walk", "markov"
+TIME = "markov_time"
+"""Name of the correlation time of the Gauss-Markov term."""
+WORTH = 7.0
+"""Improvement of the weighted sum of squares that a further figure must bring: 0.8 % of pure noise does."""
+TIME_WORTH = 2.0
+"""The same for the correlation time of a bias that has been seen: a walk without end is the stronger claim."""
+CHI_SQUARE = 3.841
+"""95 % of a chi-square variable of one degree of freedom."""
+STEPS = 80
+"""Steps of a descent, at most."""
+MODEL_ERROR = 0.02
+"""Error of the logarithm of the variance that the model itself is granted: 1 % of a deviation."""
+_SLOW: tuple[tuple[str, ...], ...] = ((), (FLICKER,), (WALK,), (MARKOV,), (FLICKER, WALK))
+_POWERS = {QUANTIZATION: (3.0, -2), WHITE: (1.0, -1), FLICKER: (1.0, 0), WALK: (1.0 / 3.0, 1)}
+
+
+def markov_variance(tau: Array, time: float) -> Array:
+    """Allan variance of a Gauss-Markov process of unit variance (IEEE Std 952-1997, eq. C.24)."""
+    x = np.asarray(tau) / time
+    # the closed form cancels below x = 1e-3; the series is exact there
+    small = 2.0 * x / 3.0 - 0.5 * x**2 + 7.0 / 30.0 * x**3
+    with np.errstate(divide="ignore", invalid="ignore"):
+        full = 2.0 / x * (1.0 - (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)) / (2.0 * x))
+    return np.where(x < 1e-3, small, full)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A fitted figure and its bounds (95 %), in the units of the rate; high may be infinite, low 0."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The noise terms of one axis.
+
+    figures: by name (`QUANTIZATION` ... `TIME`), in SI; a name that is missing was not seen. upper: upper bounds (95 %) of the
+    terms that were not seen. residual (k,): logarithm of observed over fitted variance in standard deviations, at the times of
+    the fit; NaN for those left out.
+    """
+
+    figures: Mapping[str, Figure]
+    upper: Mapping[str, float]
+    residual: Array = field(repr=False)
+    freedom: Array = field(repr=False)
+
+    def variance(self, tau: Array) -> Array:
+        """The fitted Allan variance."""
+        return total({name: figure.value for name, figure in self.figures.items()}, tau)
+
+    def one(self, name: str, tau: Array) -> Array:
+        """The Allan variance of one term."""
+        names = (MARKOV, TIME) if name == MARKOV else (name,)
+        return total({each: self.figures[each].value for each in names}, tau)
+
+    @property
+    def slow(self) -> tuple[str, ...]:
+        """The terms of the bias."""
+        return tuple(name for name in (FLICKER, WALK, MARKOV) if name in self.figures)
+
+
+def total(values: Mapping[str, float], tau: Array) -> Array:
+    """Allan variance of terms with these figures."""
+    found = np.zeros(np.shape(tau))
+    for name, value in values.items():
+        if name in _POWERS:
+            factor, power = _POWERS[name]
+            found = found + factor * value**2 * np.asarray(tau) ** power
+        elif name == MARKOV:
+            found = found + value**2 * markov_variance(tau, values[TIME])
+    return found
+
+
+def spectrum(values: Mapping[str, float], frequency: Array) -> Array:
+    """One-sided power spectrum of the rate, in units of the white term's 2 N^2."""
+    omega = 2.0 * np.pi * frequency
+    found = np.zeros(np.shape(frequency))
+    for name, value in values.items():
+        square = value**2
+        if name == QUANTIZATION:
+            found = found + 2.0 * square * omega**2
+        elif name == WHITE:
+            found = found + 2.0 * square
+        elif name == FLICKER:
+            found = found + square / (2.0 * np.log(2.0)) / frequency
+        elif name == WALK:
+            found = found + 2.0 * square / omega**2
+        elif name == MARKOV:
+            found = found + 4.0 * square * values[TIME] / (1.0 + (omega * values[TIME]) ** 2)
+    return found
+
+
+def fit(curve: Curve, use: NDArray[np.bool_] | None = None) -> Terms:
+    """The noise terms of a curve.  use (k,): the averaging times that count; all if None."""
+    use = np.ones(len(curve.tau), bool) if use is None else use
+    tau, seen = curve.tau[use], curve.variance[use]
+    white = {WHITE: float(np.sqrt(seen[0] * tau[0]))}
+    best = white | {FLICKER: float(np.sqrt(seen.min())) * 0.5}
+    for _ in range(2):  # the statistics are those of the noise that is fitted
+        now = dict(best)
+        statistics = spread(curve, tau, partial(total, now), partial(spectrum, now))
+        problem = _Problem(tau, np.log(seen) - statistics.mean, statistics, curve.samples * curve.interval)
+        best = problem.chosen(white)
+    figures = {name: problem.bounded(best, name) for name in best}
+    upper = {name: problem.upper(best, name) for name in (QUANTIZATION, FLICKER, WALK) if name not in best}
+    if figures[WHITE].low == 0.0:  # of every fit, and so the only term whose bounds can hold 0: it was not seen
+        upper[WHITE] = figures.pop(WHITE).high
+    residual, freedom = np.full(len(use), np.nan), np.full(len(use), np.nan)
+    sigma = np.sqrt(np.diag(problem.covariance))
+    residual[use] = (problem.seen - np.log(total(best, tau))) / sigma
+    freedom[use] = statistics.freedom
+    return Terms(figures, upper, residual, freedom)
+
+
+def _descended(
+    differences: Callable[[Array], Array], slopes: Callable[[Array], Array], at: Array, low: Array, high: Array
+) -> tuple[Array, float]:
+    """The point within bounds with the least sum of squares, and this sum: Levenberg and Marquardt's steps, clipped.
+
+    SciPy's solvers take milliseconds for problems of this size, and a fit asks for some hundred.
+    """
+    damping, residual = 1e-3, differences(at)
+    cost = float(residual @ residual)
+    for _ in range(STEPS):
+        jacobian = slopes(at)
+        free = ((at > low) | (jacobian.T @ residual < 0.0)) & ((at < high) | (jacobian.T @ residual > 0.0))
+        if not free.any():
+            break
+        inner = jacobian[:, free]
+        normal, gradient = inner.T @ inner, inner.T @ residual
+        while True:
+            step = np.zeros(len(at))
+            step[free] = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), gradient)
+            trial = np.clip(at + np.clip(step, -3.0, 3.0), low, high)
+            tried = differences(trial)
+            lower = float(tried @ tried)
+            if lower < cost or damping > 1e9:
+                break
+            damping *= 8.0
+        if lower >= cost:
+            break
+        gained, at, residual, cost, damping = cost - lower, trial, tried, lower, damping / 8.0
+        if gained < 1e-9 * (1.0 + cost):
+            break
+    return at, cost
+
+
+class _Problem:
+    """The weighted least squares of one curve."""
+
+    def __init__(self, tau: Array, seen: Array, statistics: Spread, duration: float) -> None:
+        self.tau, self.seen, self.duration = tau, seen, duration
+        self.covariance = statistics.covariance + MODEL_ERROR**2 * np.eye(len(tau))
+
+    @property
+    def longest(self) -> float:
+        """The longest correlation time of the fit, s: a thousand times the duration, which no curve tells from a walk."""
+        return 1e3 * self.duration
+
+    @cached_property
+    def _whitening(self) -> Array:
+        return np.linalg.inv(np.linalg.cholesky(self.covariance))
+
+    def cost(self, values: Mapping[str, float]) -> float:
+        """The weighted sum of squares."""
+        return float(np.sum((self._whitening @ (self.seen - np.log(total(values, self.tau)))) ** 2))
+
+    def best(self, start: Mapping[str, float], fixed: Mapping[str, float] | None = None) -> tuple[float, dict[str, float]]:
+        """The least cost and its figures; those of `fixed` stay."""
+        fixed = dict(fixed or {})
+        names = [name for name in start if name not in fixed]
+        if not names:
+            return self.cost(fixed), fixed
+        lowest = np.log(np.sqrt(np.exp(self.seen.min()))) - 12.0
+        low = np.array([np.log(2.0 * self.tau[0]) if name == TIME else lowest - 12.0 for name in names])
+        high = np.array([np.log(self.longest) if name == TIME else lowest + 40.0 for name in names])
+
+        def values(at: Array) -> dict[str, float]:
+            return {**dict(zip(names, np.exp(at).tolist(), strict=True)), **fixed}
+
+        def differences(at: Array) -> Array:
+            return self._whitening @ (self.seen - np.log(total(values(at), self.tau)))
+
+        def slopes(at: Array) -> Array:
+            now = values(at)
+            whole, columns = total(now, self.tau), []
+            for name in names:
+                if name == TIME:
+                    later = total({**now, TIME: now[TIME] * 1.0001}, self.tau)
+                    columns.append(np.log(later / whole) / np.log(1.0001))
+                else:
+                    part = (MARKOV, TIME) if name == MARKOV else (name,)
+                    columns.append(2.0 * total({each: now[each] for each in part}, self.tau) / whole)
+            return np.asarray(-self._whitening @ np.column_stack(columns))
+
+        first = np.clip(np.log([start[name] for name in names]), low, high)
+        found, cost = _descended(differences, slopes, first, low, high)
+        return cost, values(found)
+
+    def chosen(self, white: Mapping[str, float]) -> dict[str, float]:
+        """The figures of the terms that the curve shows."""
+        starts = self._starts(white)
+        trials: list[tuple[float, dict[str, float]]] = []
+        steep = self.seen[0] - self.seen[1] > 1.02 * np.log(2.0)
+        for fast in ((), (QUANTIZATION,)) if steep else ((),):
+            for slow in _SLOW:
+                names = (WHITE, *fast, *slow, *((TIME,) if MARKOV in slow else ()))
+                times = self._times() if MARKOV in slow else (1.0,)
+                found = min(
+                    (self.best({name: starts[name] if name != TIME else time for name in names}) for time in times),
+                    key=lambda one: one[0],
+                )
+                price = sum(TIME_WORTH if name == TIME else WORTH for name in names)
+                trials.append((found[0] + price, found[1]))
+        best = min(trials, key=lambda one: one[0])[1]
+        if best.get(TIME, 0.0) > self.duration:  # all of the curve is the walk with which such a bias begins
+            walk = best[MARKOV] * float(np.sqrt(2.0 / best[TIME]))
+            kept = {name: value for name, value in best.items() if name not in (MARKOV, TIME)}
+            return self.best({**kept, WALK: walk})[1]
+        return best
+
+    def _times(self) -> Sequence[float]:
+        """Correlation times from which the fit starts."""
+        return tuple(np.geomspace(10.0 * self.tau[0], self.duration, 4).tolist())
+
+    def _starts(self, white: Mapping[str, float]) -> dict[str, float]:
+        last, low = float(np.exp(0.5 * self.seen[-1])), float(np.exp(0.5 * self.seen.min()))
+        return {
+            **white,
+            QUANTIZATION: float(np.exp(0.5 * self.seen[0])) * self.tau[0] / 3.0,
+            FLICKER: low,
+            WALK: last * np.sqrt(3.0 / self.tau[-1]),
+            MARKOV: last,
+        }
+
+    def bounded(self, best: Mapping[str, float], name: str) -> Figure:
+        """A figure with its bounds."""
+        least, value = self.cost(best), best[name]
+
+        def excess(log: float) -> float:
+            return self.best(best, {name: float(np.exp(log))})[0] - least - CHI_SQUARE
+
+        low, high = (self._crossing(excess, np.log(value), sign) for sign in (-1.0, 1.0))
+        if high is not None and self.best(best, {name: float(np.exp(high))})[1].get(TIME, 0.0) > 0.99 * self.longest:
+            high = None  # a walk without end, which is worse only because the fit ends its times there
+        return Figure(value, 0.0 if low is None else float(np.exp(low)), np.inf if high is None else float(np.exp(high)))
+
+    def upper(self, best: Mapping[str, float], name: str) -> float:
+        """Upper bound of the figure of a term that the fit has not."""
+        start = self._starts({WHITE: best[WHITE]})[name] * 1e-3
+
+        def excess(log: float) -> float:
+            return self.best({**best, name: 1.0}, {name: float(np.exp(log))})[0] - self.cost(best) - CHI_SQUARE
+
+        high = self._crossing(excess, np.log(start), 1.0)
+        return np.inf if high is None else float(np.exp(high))
+
+    @staticmethod
+    def _crossing(excess: object, start: float, sign: float) -> float | None:
+        """Where the excess becomes positive, from `start` in one direction; None if it does not."""
+        assert callable(excess)
+        step, inside = 0.05, start
+        for _ in range(12):
+            outside = inside + sign * step
+            if excess(outside) > 0.0:
+                return float(brentq(excess, inside, outside, xtol=3e-3)) if excess(inside) < 0.0 else inside
+            inside, step = outside, 1.7 * step
+        return None

@@ -1,0 +1,240 @@
+"""`Tuning`: what tuning found, to be printed, drawn and saved as the section of a TOML file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.base.json_text import finite, to_json
+from insenv.base.style import COLOURS, LIMIT, legend, page, save, title
+from insenv.report import FilesWritten, OutputFolder
+from insenv.report.files import no_matplotlib
+from insenv.report.notebook import require_matplotlib
+from insenv.report.tables import label, number, table_of
+from insenv.studies.campaign.intervals import Estimate
+from insenv.studies.tune_parameters import Parameter
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+Array = NDArray[np.float64]
+NAME = "tuning"
+PARAMETER_COLUMNS = ("parameter", "before", "after", "factor")
+CHANNEL_COLUMNS = ("rms", "before", "after", "ratio", "from", "to", "limit")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The rms of one channel on the data for judging: before, after, their ratio with a 95 % interval, the limit or None."""
+
+    name: str
+    before: float
+    after: float
+    ratio: Estimate
+    limit: float | None
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        return {"before": self.before, "after": self.after, "ratio": self.ratio.as_json(), "limit": self.limit}
+
+
+@dataclass(frozen=True, repr=False)
+class Tuning:
+    """The result of tuning.
+
+    trained_on, judged_on: which data.  parameters, factors: what was tuned, and by how much.  history (generations, 2): best
+    and median objective of each population; start: the objective before, on the same data.  before, after: objective on the
+    data for judging; change: after minus before, with a 95 % interval.  channels: errors there.  consistency: there, 1 for a
+    consistent filter: mean NEES over its degrees of freedom, or on a log the mean squared innovation over its variance; None
+    without.
+    """
+
+    source: str
+    estimator: str
+    trained_on: str
+    judged_on: str
+    duration_s: float
+    parameters: tuple[Parameter, ...]
+    factors: Array
+    history: Array
+    start: float
+    before: float
+    after: float
+    change: Estimate
+    channels: tuple[Channel, ...]
+    consistency: dict[str, float] | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the objective on the data for judging has fallen, by more than chance."""
+        return self.change.high < 0.0
+
+    def settings(self) -> dict[str, Any]:
+        """The tuned parameters by their keys in [estimator.ID]."""
+        return {p.key: p.setting(float(f)) for p, f in zip(self.parameters, self.factors, strict=True)}
+
+    def toml(self) -> str:
+        """The section of a scenario or of the description of a log."""
+        head = [f"# insenv tune {self.source} -e {self.estimator}: sought on {self.trained_on}, judged on {self.judged_on}"]
+        head += [] if self.is_better else ["# no better than by chance on data that the search has not seen"]
+        lines = [f"{key} = {value}" for key, value in self.settings().items()]
+        return "\n".join([*head, f'[estimator."{self.estimator}"]', *lines]) + "\n"
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        return {
+            "source": self.source,
+            "estimator": self.estimator,
+            "trained_on": self.trained_on,
+            "judged_on": self.judged_on,
+            "duration_s": self.duration_s,
+            "parameters": [
+                {"key": p.key, "before": p.setting(1.0), "after": p.setting(float(f)), "factor": float(f)}
+                for p, f in zip(self.parameters, self.factors, strict=True)
+            ],
+            "objective": {"before": self.before, "after": self.after, "change": self.change.as_json()},
+            "better": self.is_better,
+            "errors": {channel.name: channel.as_json() for channel in self.channels},
+            "consistency": self.consistency,
+            "notes": list(self.notes),
+        }
+
+    def plot(self) -> Figure:
+        """The figure of the search and of the errors.  Raises `InsenvError` if matplotlib is missing."""
+        require_matplotlib()
+        return draw_tuning(self)
+
+    def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
+        """Write tuning.toml, tuning.json and, if `figure` and matplotlib is installed, the figure.
+
+        Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
+        """
+        return write_tuning(self, OutputFolder(folder), figure)
+
+    def __repr__(self) -> str:
+        if not self.is_better:
+            return f"Tuning of {self.estimator} on {self.source}: no better on {self.judged_on}; keep the present tuning"
+        return f"Tuning of {self.estimator} on {self.source}: better on {self.judged_on}\n{self.toml()}"
+
+
+def tuning_document(found: Tuning, files: Sequence[str] = ()) -> dict[str, Any]:
+    """The documented JSON form; with `files` (paths written) if there are any."""
+    return finite({**found.as_json(), **({"files": list(files)} if files else {})})
+
+
+def tuning_tables(found: Tuning) -> Iterator[RenderableType]:
+    """The printed lines and tables, top to bottom."""
+    from rich.text import Text
+
+    yield Text(f"{found.source}: {found.estimator}", "bold")
+    yield Text(f"sought on {found.trained_on}, judged on {found.judged_on}")
+    yield Text()
+    table = table_of(*PARAMETER_COLUMNS)
+    for row in parameter_rows(found):
+        table.add_row(*row)
+    yield table
+    yield Text()
+    if found.channels:
+        table = table_of(*CHANNEL_COLUMNS)
+        for channel, (name, before, after, ratio, *others) in zip(found.channels, channel_rows(found), strict=True):
+            real = channel.ratio.low > 1.0 or channel.ratio.high < 1.0
+            table.add_row(name, before, after, Text(ratio, "bold" if real else ""), *others)
+        yield table
+    for sentence in sentences(found):
+        yield Text(sentence)
+    if not found.is_better:
+        yield Text("no better than by chance on data not seen before: keep the present tuning", "yellow")
+    for note in found.notes:
+        yield Text(f"note: {note}")
+
+
+def parameter_rows(found: Tuning) -> list[tuple[str, ...]]:
+    """By parameter: key, value before and after, factor."""
+    return [
+        (one.key, _shown(one.setting(1.0)), _shown(one.setting(float(factor))), number(float(factor)))
+        for one, factor in zip(found.parameters, found.factors, strict=True)
+    ]
+
+
+def channel_rows(found: Tuning) -> list[tuple[str, ...]]:
+    """By channel: label, rms before and after, their ratio with its interval, limit."""
+    return [
+        (label(one.name), *map(number, (one.before, one.after, one.ratio.value, one.ratio.low, one.ratio.high, one.limit)))
+        for one in found.channels
+    ]
+
+
+def sentences(found: Tuning) -> tuple[str, ...]:
+    """The consistency and the objective on the data for judging."""
+    consistent, change = found.consistency, found.change
+    told = []
+    if consistent is not None:
+        before, after = (number(consistent[name]) for name in ("before", "after"))
+        told.append(f"consistency, 1 if the stated sigmas are right: {before} before, {after} after")
+    ends = f", 95 %: {change.low:+.3f} to {change.high:+.3f}" if np.isfinite([change.low, change.high]).all() else ""
+    return (*told, f"objective on {found.judged_on}: {found.before:.3f}, changed by {change.value:+.3f}{ends}")
+
+
+def _shown(value: float | list[float]) -> str:
+    return ", ".join(map(number, value)) if isinstance(value, list) else number(value)
+
+
+def write_tuning(found: Tuning, folder: OutputFolder, figure: bool = True) -> FilesWritten:
+    """Write tuning.toml, tuning.json; if `figure`, the page tuning.html, and, with matplotlib, tuning.png and tuning.svg."""
+    from insenv.studies.tune_page import tuning_page
+
+    note = no_matplotlib() if figure else ""
+    drawn = figure and not note
+    kinds = ["toml", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
+    names = [f"{NAME}.{kind}" for kind in kinds]
+    with folder.staged() as part:
+        part(names[0]).write_text(found.toml(), encoding="utf-8")
+        part(names[1]).write_text(to_json(tuning_document(found, names)) + "\n", encoding="ascii")
+        if figure:
+            part(f"{NAME}.html").write_text(tuning_page(found), encoding="utf-8", newline="\n")
+        if drawn:
+            save(draw_tuning(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
+    return FilesWritten(tuple(folder.path / name for name in names), note)
+
+
+def draw_tuning(found: Tuning) -> Figure:
+    """The objective over the generations, the factors, and the ratio of the errors after to those before."""
+    from matplotlib.ticker import MaxNLocator
+
+    with page(10.5, 4.2) as figure:
+        panels = figure.subplots(1, 3 if found.channels else 2)
+        axes = panels[0]
+        generations = np.arange(1, len(found.history) + 1)
+        axes.axhline(found.start, color=LIMIT, linestyle=":", label="before")
+        for column, text, colour in ((1, "median of a population", COLOURS[5]), (0, "best of a population", COLOURS[0])):
+            axes.plot(generations, found.history[:, column], color=colour, label=text)
+        axes.set_title(f"Objective on {found.trained_on}")
+        axes.set_xlabel("generation")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+        axes = panels[1]
+        places = np.arange(len(found.parameters))[::-1]
+        axes.barh(places, np.log10(found.factors), color=COLOURS[1], height=0.6)
+        axes.set_yticks(places, [parameter.key for parameter in found.parameters])
+        axes.axvline(0.0, color=LIMIT, linewidth=0.8)
+        axes.set_title("Factors, decimal logarithm")
+        if found.channels:
+            axes = panels[2]
+            places = np.arange(len(found.channels))[::-1]
+            ratios = np.array([[c.ratio.value, c.ratio.low, c.ratio.high] for c in found.channels])
+            spread = np.abs(np.nan_to_num(ratios[:, 1:] - ratios[:, :1])).T
+            axes.errorbar(ratios[:, 0], places, xerr=spread, fmt="o", color=COLOURS[2], capsize=3, markersize=4)
+            axes.set_yticks(places, [label(channel.name) for channel in found.channels])
+            axes.axvline(1.0, color=LIMIT, linewidth=0.8)
+            axes.set_title("rms after / before, 95 %")
+            axes.set_xlabel(found.judged_on)
+        title(figure, f"{found.source}: tuning of {found.estimator}")
+        legend(figure, handles, columns=3)
+        return figure

@@ -1,0 +1,82 @@
+"""Parameters of estimators from files, the command line and Python."""
+
+import sys
+
+import numpy as np
+import pytest
+from command_line import call, refused
+from places import ROOT
+from simulated_log import simulated_log
+
+from insenv import replay, run
+from insenv.base.errors import InputError
+from insenv.estimators import get
+from insenv.estimators.settings import parsed_settings, setting_rows, tuning
+from insenv.scenario import load
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+DEG = np.pi / 180.0
+SET = {"loosely-coupled": {"arw_deg_sqrt_h": 3.0, "fix_wander_sigma_m": [1.0, 2.0, 3.0]}}
+
+
+def test_units_of_parameters():
+    table = {"arw_deg_sqrt_h": 0.3, "vrw_mps_sqrt_h": 0.1, "correlation_time_s": 3600, "position_sigma_m": [1, 2, 3]}
+    rows = tuning("loosely-coupled", table)
+    assert rows["angle_random_walk"] == pytest.approx(0.3 * DEG / 60)
+    assert rows["velocity_random_walk"] == pytest.approx(0.1 / 60)
+    assert rows["gyro_correlation_time"] == rows["accel_correlation_time"] == 3600
+    np.testing.assert_array_equal(rows["position_sigma"], [1, 2, 3])
+    log = tomllib.loads((ROOT / "examples/n380-car.toml").read_text(encoding="utf-8"))
+    for id, table in log["estimator"].items():
+        get(id).model.parameters.pack(tuning(id, table))
+    for bad in ({"gyro_bias_ug": 1.0}, {"start_latitude": 1.0}, {"arw_deg_sqrt_h": 10**400}, {"position_sigma_m": [1.0, 2.0]},
+                {"arw_deg_sqrt_h": 1.0, "angle_random_walk_deg_sqrt_h": 1.0}):  # fmt: skip
+        with pytest.raises(InputError, match=f"estimator.loosely-coupled.{list(bad)[-1]}"):
+            tuning("loosely-coupled", bad)
+
+
+def test_settings_are_those_of_the_scenario_file_and_of_a_filter_s_smoother():
+    def outputs(result):
+        return np.concatenate([values.ravel() for values in result.outputs.values()])
+
+    scenario, short = load("car-city-drive"), {"duration_s": 3.0}
+    tables = {"loosely-coupled": {**scenario.estimator["loosely-coupled"], **SET["loosely-coupled"]}}
+    written = run(scenario.model_copy(update={"estimator": tables}), **short).results[0]
+    ids = ["loosely-coupled", "smoother"]
+    given, plain = ([outputs(each) for each in run(scenario, ids, **short, settings=s).results] for s in (SET, None))
+    assert np.array_equal(given[0], outputs(written))
+    assert not np.array_equal(given[0], plain[0]) and not np.array_equal(given[1], plain[1])
+
+
+def test_settings_of_a_replay_replace_those_of_the_log():
+    log = simulated_log(
+        "car-city-drive", duration_s=20.0, grade="tactical", initial={"static_until_s": 20.0, "heading_deg": 90.0},
+        estimator={"loosely-coupled": {"standing_sigma_mps": 0.5}},
+    )  # fmt: skip
+    wide, narrow = (
+        replay(log, "loosely-coupled", settings=settings).results[0].sigma["vn_mps"][-1]
+        for settings in (None, {"loosely-coupled": {"standing_sigma_mps": 0.002}})
+    )
+    assert narrow < wide
+
+
+def test_set_at_the_command_line():
+    call_of = ("run", "car-city-drive", "--duration", "5", "-e", "loosely-coupled", "--set", "loosely-coupled.innovation_gate=")
+    refused(call(*call_of), "loosely-coupled", "allowed")
+    texts = ["a.b=1.5", "a.list=[1, 2, 3]", "c.file=x/y=z.json"]
+    assert parsed_settings(texts) == {"a": {"b": 1.5, "list": [1, 2, 3]}, "c": {"file": "x/y=z.json"}}
+
+
+def test_wrong_settings_in_python_are_all_named_at_once():
+    with pytest.raises(InputError, match="settings"):
+        run("car-city-drive", duration_s=1.0, settings={"loosely-coupled": 3})
+    with pytest.raises(InputError, match=r"(?s)--set 'foo'.*a.b is given twice"):
+        parsed_settings(["foo", "a.b=1", "a.b=2"])
+    with pytest.raises(InputError) as caught:
+        setting_rows({"loosely-coupled": {"foo": 1, "innovation_gate": "x"}, "none": {}}, [get("loosely-coupled")])
+    for words in ("foo: unknown key", "innovation_gate = 'x'", "'none' is not an estimator of this run"):
+        assert words in str(caught.value), words

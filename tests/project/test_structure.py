@@ -1,0 +1,89 @@
+"""The structure of the package, imports inside functions and for types included: no circle, few arrows, few floors.
+
+The order of the layers is a contract of import-linter (pyproject.toml).
+"""
+
+from functools import cache
+
+import grimp
+import pytest
+from places import ROOT
+
+FLOORS, ARROWS, FILES = 12, 190, 500
+"""Most folders in a chain of imports, arrows between top-level folders and files, and lines of a file."""
+RESULTS = ("allan", "budget_result", "tune_result", "campaign.comparison", "campaign.presentation")
+"""Modules of studies that are in a circle with what draws their results."""
+
+
+@pytest.fixture(scope="module")
+def imports():
+    """By module, the modules that it imports."""
+    graph = grimp.build_graph("insenv", cache_dir=None)
+    return {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
+
+
+def folder(module):
+    """The folder or file at the top that a module is in; the package itself is the public face above all."""
+    return (module.split(".") + ["insenv"])[1]
+
+
+def circles(imports):
+    """The sets of names that import each other in a circle (Tarjan's strongly connected components)."""
+    order, low, stack, found = {}, {}, [], []
+
+    def visit(name):
+        order[name] = low[name] = len(order)
+        stack.append(name)
+        for other in imports[name]:
+            if other not in order:
+                visit(other)
+            if other in stack:
+                low[name] = min(low[name], low[other])
+        if low[name] == order[name]:
+            place = stack.index(name)
+            found.append(set(stack[place:]))
+            del stack[place:]
+
+    for name in imports:
+        if name not in order:
+            visit(name)
+    return [one for one in found if len(one) > 1]
+
+
+def arrows(imports):
+    """By folder, the other folders that it imports."""
+    found = {folder(name): set() for name in imports}
+    for name, others in imports.items():
+        found[folder(name)] |= {folder(other) for other in others} - {folder(name)}
+    return found
+
+
+def test_a_circle_is_found():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == [{"b", "c"}]
+
+
+def test_nothing_imports_in_a_circle(imports):
+    known = {f"insenv.studies.{name}" for name in RESULTS}
+    assert [one for one in circles(imports) if not one & known] == []
+    assert circles(arrows(imports)) == []
+
+
+def test_arrows_and_floors_between_folders(imports):
+    drawn = arrows(imports)
+    assert sum(map(len, drawn.values())) <= ARROWS
+
+    @cache
+    def floors(name):
+        return 1 + max(map(floors, drawn[name]), default=0)
+
+    folders = [name for name in drawn if (ROOT / "insenv" / name).is_dir()]
+    assert max(map(floors, folders)) <= FLOORS
+
+
+def test_no_file_holds_too_much():
+    long = {
+        str(path.relative_to(ROOT)): lines
+        for path in (ROOT / "insenv").rglob("*.py")
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > FILES
+    }
+    assert long == {}

@@ -1,0 +1,100 @@
+"""What a run of a campaign is, and the command: lines, files and refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from command_line import call
+
+from insenv import run
+from insenv.evaluation.errors import ATTITUDE, CHANNELS
+from insenv.scenario import build, load, reseeded
+from insenv.studies.campaign import make_plan, run_campaign
+from insenv.studies.campaign.block import run_block
+
+
+@pytest.mark.parametrize(
+    ("name", "id", "duration_s"),
+    [("ship-swaying", "q-method", 6.0), ("car-city-drive", "loosely-coupled", 6.0)],
+)
+def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
+    """Errors and stated accuracy at the recorded times, and mean squares in between, equal those of `insenv.runs.simulated`."""
+    scenario = load(name).model_copy(update={"rate_hz": 100.0})
+    plan = make_plan(scenario, id, 3, first_seed=11, duration_s=duration_s)
+    arrays, k = run_block(plan, 0), plan.evaluations
+    result = run(scenario, [id], seed=12, duration_s=duration_s).results[0]
+    assert np.allclose(plan.times, result.time[k - 1 :: k], rtol=1e-12)
+
+    def means(values):
+        return (values[: len(plan.times) * k] ** 2).reshape(-1, k).mean(axis=1)
+
+    for place, channel in enumerate(c for c in CHANNELS if c in result.errors):
+        error, sigma = result.errors[channel], result.sigma.get(channel)
+        assert np.allclose(arrays["error"][1, :, place], error[k - 1 :: k], rtol=1e-9, atol=1e-9)
+        assert np.allclose(arrays["mean_square"][1, :, place], means(error), rtol=1e-6, atol=1e-15)
+        if sigma is not None:
+            assert np.allclose(arrays["sigma"][1, :, place], sigma[k - 1 :: k], rtol=1e-9)
+            assert np.allclose(arrays["mean_variance"][1, :, place], means(sigma), rtol=1e-9)
+
+
+def test_rms_and_stated_of_a_campaign_are_those_of_its_run():
+    """Both are means over every evaluation; those at the records alone are others."""
+    scenario = load("ship-underway").model_copy(update={"rate_hz": 10.0})
+    found = run_campaign(make_plan(scenario, "loosely-coupled", 1, first_seed=4, duration_s=60.0))
+    result = run(scenario, "loosely-coupled", seed=4, duration_s=60.0).results[0]
+    for name, row in found.figures().items():
+        assert row["rms"] == pytest.approx(result.statistics()["rms"][name], rel=1e-6, abs=1e-9), name
+        assert row["stated"] == pytest.approx(result.stated()[name], rel=1e-9), name
+    records = result.sigma["vn_mps"][found.plan.evaluations - 1 :: found.plan.evaluations]
+    assert result.stated()["vn_mps"] != pytest.approx(np.sqrt(np.mean(records**2)), rel=0.01)
+
+
+def test_reseeded_plants_are_those_built_for_the_seeds():
+    for name in ("car-city-drive", "ship-irregular-sea"):
+        first = build(load(name), seed=1, duration_s=50.0)
+        for plant, seed in zip(reseeded(first, [4, 9]), (4, 9), strict=True):
+            other = build(load(name), seed=seed, duration_s=50.0)
+            assert plant.seed == seed and np.array_equal(*(p.model.parameters.pack(p.parameters) for p in (plant, other)))
+            assert repr(plant.knowledge) == repr(other.knowledge)
+
+
+COMMAND = ("campaign", "ship-swaying", "-e", "analytic", "-n", "6", "--duration", "1")
+
+
+def test_the_command(tmp_path):
+    """Its files are the same in every folder."""
+    given = (*COMMAND, "--seed", "5", "--vary", "start.latitude_deg=10:40", "--no-figure")
+    status, out, err = call(*given, "--out", tmp_path / "one")
+    assert (status, err) == (0, "") and "6 runs of 1 s, seeds 5 to 10" in out
+    for name, more in (("one", ("--resume",)), ("two", ())):
+        status, out, _ = call(*given, "--out", tmp_path / name, "--json", *more)
+        found = json.loads(out)
+        assert status == 0 and found["runs"] == 6 and found["imu_samples"] == 1200 and found["nees"] is None
+        assert found["files"] == [str(tmp_path / name / file) for file in ("campaign.npz", "campaign.json")]
+    (varied,) = found["varied"]
+    assert varied["key"] == "start.latitude_deg" and varied["parameters"] == [10.0, 40.0]
+    assert found["errors"].keys() == set(ATTITUDE)
+    one, two = ((tmp_path / name / "campaign.json").read_bytes() for name in ("one", "two"))
+    assert one == two and json.loads(one)["files"] == ["campaign.npz", "campaign.json"]
+    status, _, err = call(*COMMAND, "--seed", "5", "--out", tmp_path / "one")
+    assert status == 2 and "another campaign: it differs in variations" in err
+
+
+SHIP = ("ship-swaying", "-e", "q-method", "-n", "4")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("ship-swaying", "-e", "q-method", "-n", "0"), "runs = 0"),
+        (("ship-swaying", "-e", "loosely-coupled", "-n", "4"), "needs GNSS"),
+        (("aircraft-survey", "-e", "smoother", "-n", "4"), "insenv run"),
+        ((*SHIP, "--resume"), "--out"),
+        ((*SHIP, "--workers", "2", "--scheduler", "tcp://h:1"), "one of them"),
+        ((*SHIP, "--seed", str(2**53 - 1)), "seed ="),
+        ((*SHIP, "--vary", "x"), "key=low:high"),
+    ],
+)
+def test_wrong_calls_end_with_one_line(arguments, said):
+    status, out, err = call("campaign", *arguments)
+    assert status == 2 and out == "" and said in err and len(err.splitlines()) == 1

@@ -1,0 +1,183 @@
+"""Tuning: a filter that is mistuned on purpose is tuned back, on a scenario and on a log without a reference."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command_line import call, strict
+from simulated_log import simulated_log
+
+import insenv
+from insenv.base.errors import InputError
+from insenv.estimators import get
+from insenv.scenario import load
+from insenv.studies import tune_log, tune_search
+from insenv.studies.campaign import make_plan
+from insenv.studies.campaign.block import run_block
+from insenv.studies.tune_parameters import tuned_parameters
+
+KEYS = ["arw_deg_sqrt_h", "vrw_ug_sqrt_hz"]
+MISTUNED = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "vrw_ug_sqrt_hz": 5.0}}
+
+
+def car():
+    """A drive with a receiver at 1 Hz, 50 inertial samples a second; its gyros have 0.15 deg/sqrt(h)."""
+    data = json.loads(load("car-city-drive").model_dump_json())
+    data |= {"rate_hz": 50.0, "estimator": {}}
+    data["gnss"] |= {"latency_s": 0.0, "epoch_offset_s": 0.0, "outages_s": [], "outlier_probability": 0.0}
+    data["vehicle"] |= {"engine": []}
+    return load(data)
+
+
+def log_of_car(duration_s):
+    """The drive as a log of a tactical unit."""
+    return simulated_log(car(), seed=3, duration_s=duration_s, grade="tactical",
+                         initial={"static_until_s": 28.0, "heading_deg": 90.0})  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found():
+    return insenv.tune(car(), "loosely-coupled", runs=4, held_out=16, keys=KEYS, evaluations=64, duration_s=120.0,
+                       settings=MISTUNED)  # fmt: skip
+
+
+def test_a_mistuned_filter_is_tuned_back_on_held_out_seeds(found):
+    """White noise of the gyros 100 times too large: it comes back within a factor of 2, and the errors fall."""
+    assert found.settings()["arw_deg_sqrt_h"] == pytest.approx(0.15, rel=1.0)
+    assert found.is_better and found.change.high < -0.2
+    assert found.after < found.before
+    ratios = {channel.name: channel.ratio for channel in found.channels}
+    for name in ("roll_deg", "pitch_deg", "vn_mps", "ve_mps"):
+        assert ratios[name].high < 0.8, name
+    assert abs(np.log(found.consistency["after"])) < abs(np.log(found.consistency["before"]))
+    assert (found.trained_on, found.judged_on) == ("seeds 1 to 4", "seeds 5 to 20")
+    assert '[estimator."loosely-coupled"]' in found.toml() and "arw_deg_sqrt_h = " in found.toml()
+
+
+def test_what_is_judged_is_the_campaign_of_these_seeds(found):
+    """The rms before and after are those of campaigns with these settings on the held-out seeds."""
+    for given, column in ((MISTUNED["loosely-coupled"], "before"), (found.settings(), "after")):
+        data = json.loads(car().model_dump_json())
+        data["estimator"] = {"loosely-coupled": given}
+        plan = make_plan(load(data), "loosely-coupled", 16, first_seed=5, duration_s=120.0)
+        squares = run_block(plan, 0)["mean_square"].mean(axis=(0, 1))
+        shown = [getattr(channel, column) for channel in found.channels]
+        # the settings have 4 digits
+        assert np.allclose(np.sqrt(squares), shown, rtol=1e-9 if column == "before" else 2e-3)
+
+
+def test_a_mistuned_filter_is_tuned_back_on_a_log_without_a_reference():
+    """By the innovations alone; the truth, which the search does not get, says that the errors have fallen."""
+    log, settings = log_of_car(300.0), {"loosely-coupled": {"arw_deg_sqrt_h": 15.0}}
+    blind = replace(log, reference=None)
+    found = insenv.tune(blind, "loosely-coupled", keys=["arw_deg_sqrt_h"], evaluations=32, settings=settings)
+    assert found.channels == () and found.is_better
+    assert 0.02 < found.settings()["arw_deg_sqrt_h"] < 1.5
+    errors = []
+    for given in (15.0, found.settings()["arw_deg_sqrt_h"]):
+        result = insenv.replay(log, "loosely-coupled", settings={"loosely-coupled": {"arw_deg_sqrt_h": given}}).results[0]
+        errors.append(result.statistics()["rms"]["roll_deg"])
+    assert errors[1] < 0.7 * errors[0]
+
+
+def test_scores_are_those_of_one_filter_after_another():
+    """Rows of the batch do not mix: the scores of factors are the same alone and together."""
+    log = log_of_car(60.0)
+    ready = tune_log.prepared(log, ["loosely-coupled"])
+    samples = np.flatnonzero(ready.columns["gnss_valid"] != 0.0)
+    chosen = ready.chosen[0]
+    table = chosen.model.parameters
+    values = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.given[chosen.id])))
+    fixes = tune_log.Fixes(ready, tuned_parameters(chosen, values, KEYS), samples, tune_log._sigma(ready, samples))
+    factors = np.array([[1.0, 1.0], [10.0, 0.5], [0.1, 2.0]])
+    together = fixes.scores(factors, 20)[0]
+    for place, each in enumerate(factors):
+        assert np.array_equal(fixes.scores(each[None], 20)[0][0], together[place], equal_nan=True)
+    assert not np.allclose(together[0], together[1])
+
+
+def test_the_search_finds_a_minimum_and_survives_ctrl_c():
+    asked = []
+
+    def bowl(logs):
+        asked.append(len(logs))
+        if len(asked) == 12:
+            raise KeyboardInterrupt
+        return np.sum((logs - np.log([3.0, 0.5])) ** 2, axis=1)
+
+    found = tune_search.search(bowl, 2, 400, 1, None)
+    assert found.interrupted and len(found.history) == 11 == len(asked) - 1
+    assert np.allclose(found.factors, [3.0, 0.5], rtol=0.5)
+    asked[:] = [0] * 20
+    whole = tune_search.search(bowl, 2, 400, 1, None)
+    assert not whole.interrupted and np.allclose(whole.factors, [3.0, 0.5], rtol=0.05)
+
+
+def test_noises_and_gates_are_tuned_by_default_and_nothing_else():
+    estimator = get("loosely-coupled")
+    table = estimator.model.parameters
+    values = table.unpack(table.start_vector()) | {"innovation_gate": 5.0, "rotation_error": 0.0}
+    rows = {parameter.row.name for parameter in tuned_parameters(estimator, values, None)}
+    assert {"angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma", "innovation_gate"} <= rows
+    assert not rows & {"tilt_sigma", "heading_sigma", "position_sigma", "standing_window", "rotation_error", "fix_wander_time"}
+
+
+@pytest.mark.parametrize(
+    ("source", "estimator", "more", "said"),
+    [
+        ("car-city-drive", "loosely-coupled", {"keys": ["arw_deg_sqrt_g"]}, "did you mean 'arw_deg_sqrt_h'"),
+        ("car-city-drive", "loosely-coupled", {"runs": 1}, "runs = 1: allowed is a whole number from 2"),
+        ("car-city-drive", "loosely-coupled",
+         {"keys": ["innovation_gate"], "settings": {"loosely-coupled": {"innovation_gate": 0.0}}}, "needs a value above 0"),
+        ("ship-swaying", "loosely-coupled", {}, "needs GNSS"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_refused(source, estimator, more, said):
+    with pytest.raises(InputError, match=said):
+        insenv.tune(source, estimator, duration_s=2.0, **more)
+
+
+def test_a_log_without_fixes_or_with_few_is_refused():
+    log = log_of_car(30.0)
+    with pytest.raises(InputError, match="30 fixes: tuning on a log needs at least 40"):
+        insenv.tune(log, "loosely-coupled")
+    with pytest.raises(InputError, match="has no output 'innovation'"):
+        insenv.tune(log, "wander-sins")
+    with pytest.raises(InputError, match="allowed with a scenario; a log is used as a whole"):
+        insenv.tune(log, "loosely-coupled", seed=3)
+
+
+def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
+    """Innovations do not show it; where they are small and the filter models none, a note says so."""
+    log = log_of_car(80.0)
+    told = {"loosely-coupled": {"fix_wander_sigma_m": [1.0, 1.0, 1.0]}}
+    found = insenv.tune(log, "loosely-coupled", evaluations=8, settings=told)
+    assert "fix_wander_sigma_m" not in found.settings() and len(found.settings()) > 5 and not found.notes
+    named = insenv.tune(log, "loosely-coupled", keys=["fix_wander_sigma_m"], evaluations=8, settings=told)
+    assert set(named.settings()) == {"fix_wander_sigma_m"}
+    assert "state fix_wander_sigma_m" in str(insenv.tune(log, "loosely-coupled", evaluations=8).notes)
+
+
+def test_the_command_keeps_a_tuning_that_no_other_betters(tmp_path):
+    """No noise of q-method changes its estimate: whatever the search ends at, the result is to be left."""
+    given = ("tune", "ship-swaying", "-e", "q-method", "--evaluations", "8", "-n", "2", "--held-out", "4", "--duration", "10")
+    status, out, err = call(*given, "--out", tmp_path / "out")
+    assert (status, err) == (0, "") and "keep the present tuning" in out and "sought on seeds 1 to 2" in out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"tuning.html", "tuning.json", "tuning.png", "tuning.svg", "tuning.toml"}
+    assert "no better than by chance" in (tmp_path / "out" / "tuning.toml").read_text("utf-8")
+    status, out, _ = call(*given, "--json")
+    document = strict(out)
+    assert status == 0 and document["better"] is False
+    assert {"key", "before", "after", "factor"} == set(document["parameters"][0])
+
+
+def test_a_filter_that_finds_its_attitude_is_tuned_without_its_alignment():
+    """Whose parameters no section may set: the tuning ended with an error."""
+    plan = make_plan("car-unknown-heading", "fusion", 1, duration_s=2.0)
+    values = plan.chosen.model.parameters.unpack(plan.chosen.model.parameters.start_vector())
+    values |= plan.plant.parameters_of(plan.chosen)
+    assert any(row.startswith("alignment_") for row in values)
+    keys = [parameter.key for parameter in tuned_parameters(plan.chosen, values, None)]
+    assert "gyro_bias_sigma_deg_h" in keys and not any(key.startswith("alignment_") for key in keys)
