@@ -109,7 +109,7 @@ if TYPE_CHECKING:
     from insenv.studies.tune import tune
     from insenv.studies.tune_result import Tuning
     from insenv.vehicles import StartSection, Vehicle, VehicleSection
-    from insenv.web.page import page
+    from insenv.web.live import page
 
 __all__ = [
     "Budget",
@@ -175,7 +175,7 @@ _HOMES = {
     "insenv.studies.budget_result": ("Budget",),
     "insenv.studies.tune": ("tune",),
     "insenv.studies.tune_result": ("Tuning",),
-    "insenv.web.page": ("page",),
+    "insenv.web.live": ("page",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

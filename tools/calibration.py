@@ -20,7 +20,7 @@ from insenv.evaluation.unit_errors import UNITS
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, load
 from insenv.scenario.limits import TRAJECTORY_SEED, prior_of
-from insenv.sensors.unit_errors import true_unit_errors
+from insenv.sensors.imu import true_unit_errors
 
 Array = NDArray[np.float64]
 

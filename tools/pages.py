@@ -30,7 +30,7 @@ from insenv.logs.description import ReferenceSection as LogReferenceSection
 from insenv.logs.flight.description import FlightDescription
 from insenv.logs.instrument_sections import SECTIONS as LOG_INSTRUMENTS
 from insenv.scenario import description, json_schema
-from insenv.scenario.gravity_section import GravitySection
+from insenv.scenario.description import GravitySection
 from insenv.scenario.tracks.fmu_section import FmuSection, Outputs
 from insenv.scenario.tracks.readers import Columns
 from insenv.scenario.tracks.section import RecordedSection
@@ -42,12 +42,12 @@ from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 from insenv.sensors.instruments import GNSS_TOLD, INSTRUMENTS
 from insenv.sensors.registry import registered
-from insenv.vehicles import aircraft_section as aircraft
-from insenv.vehicles import car_section as car
-from insenv.vehicles import multirotor_section as multirotor
 from insenv.vehicles import section as legs
-from insenv.vehicles import ship_section as ship
-from insenv.vehicles import turntable_section as turntable
+from insenv.vehicles.aircraft import AircraftLeg, AircraftSection
+from insenv.vehicles.car import CarLeg, CarSection
+from insenv.vehicles.multirotor import MultirotorLeg, MultirotorSection
+from insenv.vehicles.ship import AngleWave, HullSection, LengthWave, SeaSection, ShipLeg, ShipSection, SwaySection
+from insenv.vehicles.turntable import TurntableLeg, TurntableSection
 
 ROOT = Path(__file__).resolve().parents[1]
 Sections = Iterable[tuple[str, type[BaseModel]]]
@@ -65,22 +65,22 @@ def markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 SCENARIO_SECTIONS: Sections = (
     ("top level", description.scenario_class()),
     ("[start]", legs.StartSection),
-    ('[vehicle], kind = "ship"', ship.ShipSection),
-    ("[vehicle.sway]", ship.SwaySection),
-    ("a sinusoid of roll, pitch or yaw", ship.AngleWave),
-    ("a sinusoid of north, east or down", ship.LengthWave),
-    ("[vehicle.sea]", ship.SeaSection),
-    ("[vehicle.sea.hull]", ship.HullSection),
-    ("a leg of a ship", ship.ShipLeg),
-    ('[vehicle], kind = "car"', car.CarSection),
+    ('[vehicle], kind = "ship"', ShipSection),
+    ("[vehicle.sway]", SwaySection),
+    ("a sinusoid of roll, pitch or yaw", AngleWave),
+    ("a sinusoid of north, east or down", LengthWave),
+    ("[vehicle.sea]", SeaSection),
+    ("[vehicle.sea.hull]", HullSection),
+    ("a leg of a ship", ShipLeg),
+    ('[vehicle], kind = "car"', CarSection),
     ("a frequency of an engine", legs.EngineWave),
-    ("a leg of a car", car.CarLeg),
-    ('[vehicle], kind = "aircraft"', aircraft.AircraftSection),
-    ("a leg of an aircraft", aircraft.AircraftLeg),
-    ('[vehicle], kind = "multirotor"', multirotor.MultirotorSection),
-    ("a leg of a multirotor", multirotor.MultirotorLeg),
-    ('[vehicle], kind = "turntable"', turntable.TurntableSection),
-    ("a leg of a turntable", turntable.TurntableLeg),
+    ("a leg of a car", CarLeg),
+    ('[vehicle], kind = "aircraft"', AircraftSection),
+    ("a leg of an aircraft", AircraftLeg),
+    ('[vehicle], kind = "multirotor"', MultirotorSection),
+    ("a leg of a multirotor", MultirotorLeg),
+    ('[vehicle], kind = "turntable"', TurntableSection),
+    ("a leg of a turntable", TurntableLeg),
     ('[vehicle], kind = "recorded"', RecordedSection),
     ("[vehicle.columns]", Columns),
     ('[vehicle], kind = "waypoints"', WaypointsSection),

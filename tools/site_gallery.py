@@ -41,7 +41,7 @@ def with_links(text: str) -> str:
 
 def write_pages(folder: Path, code: str) -> None:
     """Write the live pages below `folder`; `code`: digest of what decides them."""
-    from insenv.web.page import page
+    from insenv.web.live import page
 
     wanted = commands(GALLERY.read_text(encoding="utf-8"))
     target = folder / FOLDER

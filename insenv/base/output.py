@@ -6,12 +6,14 @@ complete, and an interruption leaves the earlier file as it was.
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from insenv.base.errors import InputError, InsenvError
 
@@ -78,3 +80,27 @@ def atomic(path: Path, private: bool = False) -> Iterator[BinaryIO]:
     """Open a temporary file for `path` and rename it at the end of the block; see `staged`."""
     with staged(path.parent, private) as part, part(path.name).open("wb") as stream:
         yield stream
+
+
+# What commands print: plain values as JSON text without NaN, and the width of lines without a terminal.
+
+WIDTH = 80
+"""Columns of a table where there is no terminal."""
+
+
+def to_json(value: Any, indent: int | None = 2) -> str:
+    """JSON text in ASCII that any parser reads: numbers that are not finite become null."""
+    return json.dumps(finite(value), allow_nan=False, indent=indent)
+
+
+def finite(value: Any) -> Any:
+    """A copy of nested mappings, sequences and scalars, including those of NumPy, with None for numbers that are not finite."""
+    if isinstance(value, Mapping):
+        return {str(name): finite(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy's arrays and scalars
+        return finite(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -32,11 +32,11 @@ ESTIMATORS = {
 """Estimators by id; an attribute may hold several."""
 
 VEHICLES = {
-    "ship": "insenv.vehicles.ship_section:ShipSection",
-    "car": "insenv.vehicles.car_section:CarSection",
-    "aircraft": "insenv.vehicles.aircraft_section:AircraftSection",
-    "multirotor": "insenv.vehicles.multirotor_section:MultirotorSection",
-    "turntable": "insenv.vehicles.turntable_section:TurntableSection",
+    "ship": "insenv.vehicles.ship:ShipSection",
+    "car": "insenv.vehicles.car:CarSection",
+    "aircraft": "insenv.vehicles.aircraft:AircraftSection",
+    "multirotor": "insenv.vehicles.multirotor:MultirotorSection",
+    "turntable": "insenv.vehicles.turntable:TurntableSection",
     "recorded": "insenv.scenario.tracks.section:RecordedSection",
     "waypoints": "insenv.scenario.tracks.waypoints:WaypointsSection",
     "fmu": "insenv.scenario.tracks.fmu_section:FmuSection",
@@ -45,7 +45,7 @@ VEHICLES = {
 
 # the order of the sensors of a plant: a new one comes last, and changes no random number of those before it
 SENSORS = {
-    "gnss": "insenv.sensors.gnss_section:GnssSection",
+    "gnss": "insenv.sensors.gnss:GnssSection",
     "barometer": "insenv.sensors.barometer:BarometerSection",
     "magnetometer": "insenv.sensors.magnetometer:MagnetometerSection",
     "odometer": "insenv.sensors.odometer:OdometerSection",

@@ -56,7 +56,7 @@ def _processor() -> str:
 
 def _measurements() -> dict[str, Callable[[], Figure]]:
     # here, so that `python -m insenv.bench.lockstep` starts without loading every measurement
-    from insenv.bench import composed, envs, estimators, fmu, lockstep, mavlink, numeric, speed, truth, web
+    from insenv.bench import composed, envs, estimators, fmu, lockstep, mavlink, numeric, page_machine, speed, truth
     from insenv.estimators import registered
 
     stepped = [e.id for e in registered().values() if not e.smooths]
@@ -108,5 +108,9 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "step.aqe-sukf.update": estimators.sukf,
         "step.lssvm.update": estimators.lssvm,
         "step.lssvm.infer": estimators.lssvm_infer,
-        **({"web.samples": web.samples, "web.size": web.size} if all(map(is_installed, ("wasmtime", "ziglang"))) else {}),
+        **(
+            {"web.samples": page_machine.samples, "web.size": page_machine.size}
+            if all(map(is_installed, ("wasmtime", "ziglang")))
+            else {}
+        ),
     }

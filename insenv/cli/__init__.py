@@ -82,7 +82,7 @@ def _report(error: BaseException, arguments: Sequence[str], number: int) -> int:
     try:
         print(f"insenv: {message}{hint}", file=sys.stderr, flush=True)
         if "--json" in arguments:
-            from insenv.base.json_text import to_json
+            from insenv.base.output import to_json
 
             print(to_json({"error": {"type": kind, "message": message}}), flush=True)
     except OSError:

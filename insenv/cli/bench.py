@@ -22,7 +22,7 @@ def bench(
     as_json: Json = False,
 ) -> None:
     """Measure speed and accuracy on this machine, each figure beside its floor."""
-    from insenv.base.json_text import WIDTH
+    from insenv.base.output import WIDTH
     from insenv.bench import figures, machine, machine_line
     from insenv.cli.output import print_json, print_line, print_table, working
     from insenv.report.tables import number

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from insenv.base.json_text import WIDTH, to_json
+from insenv.base.output import WIDTH, to_json
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

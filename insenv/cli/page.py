@@ -27,7 +27,7 @@ def page(
     from insenv.cli.output import print_json, print_line, working
     from insenv.estimators.settings import parsed_settings
     from insenv.scenario import load
-    from insenv.web.page import page as write
+    from insenv.web.live import page as write
 
     given, loaded = parsed_settings(settings or []), load(scenario)
     path = output or _kept(loaded.name)

@@ -1,4 +1,4 @@
-"""C source of a model: its functions (`insenv.core.functions`) and the hand-written driver.
+"""C source of a model: its functions and the hand-written driver.
 
 The same function text serves one row and a block of rows: the type `real` is ``double`` or a vector of lanes.
 """
@@ -6,18 +6,187 @@ The same function text serves one row and a block of rows: the type `real` is ``
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from insenv.core.cache import source_digest
-from insenv.core.functions import function_text
+from insenv.core.instructions import Instruction, instructions, ordering, table_loop
+from insenv.core.loops import LONG, Unit, plan
 from insenv.core.model import Model
 from insenv.core.traces import Kernel, Spans
 
-WRITERS = "codegen", "functions", "instructions", "lookup", "loops"
+# The C text of one function of a model, over the type ``real``: its instructions in the order of `ordering`, or in loops.
+
+_EXPRESSIONS = {
+    "ADD": "{}+{}",
+    "SUB": "{}-{}",
+    "MUL": "{}*{}",
+    "DIV": "{}/{}",
+    "INV": "1.0/{}",
+    "NEG": "-{}",
+    "TWICE": "2.0*{}",
+    "SQ": "square({})",
+    "SQRT": "root({})",
+    "FLOOR": "whole({})",
+    "FABS": "absolute({})",
+    "LT": "less({}, {})",
+    "LE": "less_or_equal({}, {})",
+    "EQ": "equal({}, {})",
+    "NE": "not_equal({}, {})",
+    "NOT": "negation({})",
+    "AND": "both({}, {})",
+    "OR": "either({}, {})",
+    "IF_ELSE_ZERO": "select0({}, {})",
+    "ASSIGN": "{}",
+}
+"""The operations that IEEE 754 rounds in exactly one way; no others are allowed."""
+
+
+def function_text(level: str, name: str, kernel: Kernel, arguments: str, in_place: bool = False) -> str:
+    """C text of ``name(arguments..., y)``, or without y of a function that changes its argument x (`in_place`).
+
+    level: macro before the return type, by how often the function runs; "" for every sample.  arguments: a letter each.
+    """
+    steps = instructions(kernel.function)
+    signature = ", ".join(f"{'' if in_place and letter == 'x' else 'const '}real *{letter}" for letter in arguments)
+    signature += "" if in_place else ", real *y"
+    before, lines = [], []
+    if in_place:
+        places = [i for span in kernel.spans for i in range(span.start, span.stop)]
+        function = _Function(name, arguments, steps, [f"x[{place}]" for place in places])
+        lines = [function.statement(k) for k in ordering(steps, _read_before(steps, arguments.index("x"), places))]
+    elif (loop := table_loop(steps)) is not None:
+        lines = loop.text(arguments)
+    else:
+        function = _Function(name, arguments, steps, [f"y[{place}]" for place in range(kernel.function.size1_out(0))])
+        if len(steps) < LONG:
+            lines = [function.statement(k) for k in ordering(steps, {})]
+        else:
+            written = plan(steps)
+            for number, piece in enumerate(written.pieces):
+                before += [f"static {level}PIECE void {name}_{number}({signature}, real *w) {{"]
+                before += [*(f"  {line}" for line in function.piece(piece, written.places)), "}"]
+            before = [_PIECE, *before]
+            calls = [f"{name}_{number}({', '.join(arguments)}, y, w);" for number in range(len(written.pieces))]
+            lines = [f"ON_A_LINE real w[{max(written.size, 1)}];", *calls]
+    return "\n".join([*before, f"static {level}void {name}({signature}) {{", *(f"  {line}" for line in lines), "}\n"])
+
+
+def _read_before(steps: Sequence[Instruction], x: int, places: Sequence[int]) -> dict[int, list[int]]:
+    """By result, written to these places of argument x, the instruction that reads what was there."""
+    read = {step.place: k for k, step in enumerate(steps) if step.name == "INPUT"}
+    results = {k: (x, places[step.place[1]]) for k, step in enumerate(steps) if step.name == "OUTPUT"}
+    return {k: [read[place]] for k, place in results.items() if place in read}
+
+
+_PIECE = """#ifndef PIECE
+#if defined(__GNUC__) || defined(__clang__)
+#define PIECE __attribute__((noinline))
+#else
+#define PIECE
+#endif
+#endif"""
+
+
+@dataclass(frozen=True)
+class _Function:
+    """Statements of a function.  Value k is the variable ``vk``.
+
+    arguments: a letter each.  results: the text of each result's place.
+    """
+
+    name: str
+    arguments: str
+    steps: Sequence[Instruction]
+    results: Sequence[str]
+
+    def value(self, k: int, sources: Sequence[str]) -> str:
+        """The value of instruction k; sources: those that it uses."""
+        step = self.steps[k]
+        if step.name == "INPUT":
+            return f"{self.arguments[step.place[0]]}[{step.place[1]}]"
+        if step.name == "CONST":
+            return f"constant({step.value!r})"
+        if step.name not in _EXPRESSIONS:
+            raise RuntimeError(f"function {self.name!r} of a model uses {step.name}: not an exactly rounded operation")
+        return _EXPRESSIONS[step.name].format(*sources)
+
+    def statement(self, k: int) -> str:
+        """Instruction k; its sources are variables."""
+        step, sources = self.steps[k], [f"v{source}" for source in self.steps[k].sources]
+        if step.name == "OUTPUT":
+            return f"{self.results[step.place[1]]} = {sources[0]};"
+        return f"const real v{k} = {self.value(k, sources)};"
+
+    def piece(self, units: Sequence[Unit], places: Mapping[int, int]) -> list[str]:
+        """The units of a piece.  places: in w, by instruction."""
+        lines: list[str] = []
+        known: set[int] = set()  # values that are variables of the piece
+        for unit in units:
+            if len(unit.roots) > 1:
+                lines += self.loop(unit, places)
+                continue
+            (root,) = unit.roots
+            for (k,) in unit.columns:
+                if k not in known:
+                    lines.append(self.statement(k) if self.steps[k].is_leaf else f"const real v{k} = w[{places[k]}];")
+            lines += [self.statement(k) for k in unit.work]
+            lines += [f"w[{places[root]}] = v{root};"] if root in places else []
+            known |= {root, *unit.sources}
+        return lines
+
+    def loop(self, unit: Unit, places: Mapping[int, int]) -> list[str]:
+        """A unit of several expressions: i is the number of the expression; a0, a1, ... are its operands."""
+        table: list[list[int]] = []  # columns
+
+        def element(array: str, numbers: list[int]) -> str:
+            """The element of an array that expression i uses."""
+            first, stride = numbers[0], numbers[1] - numbers[0]
+            if all(number == first + stride * i for i, number in enumerate(numbers)):
+                return f"{array}[{first}+{stride}*i]" if stride else f"{array}[{first}]"
+            if numbers not in table:
+                table.append(numbers)
+            return f"{array}[t[i][{table.index(numbers)}]]"
+
+        before: list[str] = []
+        inside: list[str] = []
+        for c, column in enumerate(unit.columns):
+            step = self.steps[column[0]]
+            if step.name == "CONST":
+                value = self.value(column[0], [])
+            elif step.name == "INPUT":
+                value = element(self.arguments[step.place[0]], [self.steps[k].place[1] for k in column])
+            else:
+                value = element("w", [places[k] for k in column])
+            (inside if "i]" in value else before).append(f"const real a{c} = {value};")
+        for k in unit.work:
+            operands = zip(self.steps[k].sources, unit.operands[k], strict=True)
+            values = [f"v{source}" if operand is None else f"a{operand}" for source, operand in operands]
+            if self.steps[k].name == "OUTPUT":
+                inside.append(f"{element('y', [self.steps[root].place[1] for root in unit.roots])} = {values[0]};")
+            else:
+                inside.append(f"const real v{k} = {self.value(k, values)};")
+        if unit.roots[0] in places:
+            inside.append(f"{element('w', [places[root] for root in unit.roots])} = v{unit.roots[0]};")
+        count, largest = len(unit.roots), max(map(max, table), default=0)
+        rows = ",".join("{" + ",".join(map(str, row)) + "}" for row in zip(*table, strict=True))
+        integer = "unsigned short" if largest < 2**16 else "unsigned int"
+        return [
+            "{",
+            *([f"  static const {integer} t[{count}][{len(table)}] = {{{rows}}};"] if table else []),
+            *(f"  {line}" for line in before),
+            f"  for (int i = 0; i < {count}; i++) {{",
+            *(f"    {line}" for line in inside),
+            "  }",
+            "}",
+        ]
+
+
+WRITERS = "codegen", "instructions", "loops"
 WRITER = source_digest(Path(__file__).with_name(f"{name}.py") for name in WRITERS)
 """Hash of the modules that write the functions of a model as C, taken when they are imported."""
 

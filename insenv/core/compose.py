@@ -15,8 +15,7 @@ from typing import Any
 
 from insenv.base.errors import InputError
 from insenv.core.model import Model, Step, Values
-from insenv.core.naming import check_mapping
-from insenv.core.tables import Table
+from insenv.core.tables import Table, check_mapping
 
 EMPTY = Table()
 

@@ -23,8 +23,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.core.naming import check_rows, naming
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Row, Table, check_rows, naming
 from insenv.core.traces import Kernel, Traced
 
 Values = SimpleNamespace
@@ -112,7 +111,7 @@ class Model:
         wrong.
         """
         from insenv.core import identity, traces
-        from insenv.core.operators import quick_operators
+        from insenv.core.elementary import quick_operators
 
         known = identity.identity(self)
         kept = traces.read(known) if known else None

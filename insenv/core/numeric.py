@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from insenv.core.operators import quick_operators
+from insenv.core.elementary import quick_operators
 
 KEPT_COUNT = 256
 """Up to so many rows the memory of an evaluation is kept for the next call: to make it costs more than the evaluation."""

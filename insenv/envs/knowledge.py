@@ -14,7 +14,7 @@ from insenv import attitude, geodesy
 from insenv.core.model import Model
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import ImuDataSheet, Knowledge
-from insenv.geodesy.rows import bounded_place_rows
+from insenv.geodesy.position import bounded_place_rows
 from insenv.scenario import Scenario, reported_attitude, start_errors
 from insenv.sensors.data_sheet import motion_errors
 from insenv.sensors.imu_tables import HUGE

@@ -24,13 +24,24 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.envs.checks import check_choice, check_number, check_type
 from insenv.envs.commands import COMMANDS
-from insenv.envs.filter_inside import COMMON, ERROR, SMALLEST, Inner, inner_loop, log10, within
+from insenv.envs.filter_inside import (
+    COMMON,
+    ERROR,
+    SHOWN,
+    SMALLEST,
+    Inner,
+    begun,
+    inner_loop,
+    log10,
+    shown,
+    window_part,
+    within,
+)
 from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import InnerStarts, Range, Ranges
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
-from insenv.envs.window import SHOWN, begun, shown, window_part
 from insenv.scenario import Scenario, plant_of
 from insenv.scenario.assembly import plant_model
 from insenv.vehicles import Vehicle

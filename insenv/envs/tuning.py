@@ -19,13 +19,25 @@ from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.envs.checks import check_number, check_type, check_whole
-from insenv.envs.filter_inside import COMMON, ERROR, SCALED, Inner, inner_loop, log10, power10, within
+from insenv.envs.filter_inside import (
+    COMMON,
+    ERROR,
+    SCALED,
+    SHOWN,
+    Inner,
+    begun,
+    inner_loop,
+    log10,
+    power10,
+    shown,
+    window_part,
+    within,
+)
 from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import InnerStarts, Range, Ranges
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
-from insenv.envs.window import SHOWN, begun, shown, window_part
 from insenv.scenario import plant_of
 
 TUNED = (

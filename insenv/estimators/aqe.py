@@ -40,12 +40,10 @@ from insenv.core.elementary import maximum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Notes
-from insenv.estimators.parts import gnss_fix, lever_arm, motion_errors, rows, strapdown
+from insenv.estimators.parts import gnss_fix, lever_arm, rows, strapdown
 from insenv.estimators.parts.applicability import linear_start, together, unmodelled_motion, unseen_heading
-from insenv.estimators.parts.gauss_markov import decays
-from insenv.estimators.parts.increments import compensated
-from insenv.estimators.parts.invariant import turned
-from insenv.estimators.parts.kalman import measure_joseph
+from insenv.estimators.parts.error_model import turned, variances
+from insenv.estimators.parts.kalman import decays, measure_joseph
 from insenv.estimators.parts.quaternion_error import (
     ACCEL,
     DQ,
@@ -64,6 +62,7 @@ from insenv.estimators.parts.quaternion_error import (
     start_covariance,
     transition,
 )
+from insenv.estimators.parts.strapdown import compensated
 
 SPREAD = 3.0  # n + kappa
 _ROOT = 1.7320508075688772
@@ -140,7 +139,7 @@ def _updated(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     Phi = decayed(p, transition(x, part), x.stretch)
     gyro_decay, accel_decay = decays(p, x.stretch)
     moved = attitude.rotate(x.stretch_q_wb, x.stretch_velocity) + ca.vertcat(0, 0, geodesy.NOMINAL_GRAVITY * x.stretch)
-    motion = motion_errors.variances(p, attitude.to_rotation_vector(x.stretch_turn), moved)
+    motion = variances(p, attitude.to_rotation_vector(x.stretch_turn), moved)
     P = Phi @ P @ Phi.T + process_noise(p, x.stretch, x.q_wb, motion)
     moving = [*range(N)[VELOCITY], *range(N)[POSITION]]
     P[moving, moving] = P[moving, moving] + part.extra

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.base.plugins import check_id
 from insenv.core.model import Model, Values
-from insenv.core.naming import check_rows, naming
-from insenv.core.tables import Table, Vector
-from insenv.estimators.parts import motion_errors
+from insenv.core.tables import Table, Vector, check_rows, naming
 from insenv.estimators.parts.adjoint import Smoothing
+from insenv.estimators.parts.error_model import understated as motion_errors_understated
 from insenv.estimators.parts.finding import RATIO, Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.sensors.data_sheet import ImuDataSheet
@@ -320,7 +319,7 @@ class Estimator:
         self, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]] | None = None, rows: Mapping[str, Any] | None = None
     ) -> tuple[str, ...]:
         """What must be said of parameters that are set smaller than the unit's data sheet; arguments as for `parameters`."""
-        return motion_errors.understated(self._from(known), self._given(tunings, rows))
+        return motion_errors_understated(self._from(known), self._given(tunings, rows))
 
     def without_effect(self, tunings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
         """What must be said of parameters in `tunings` (rows by estimator id) of states and aids that were not chosen."""

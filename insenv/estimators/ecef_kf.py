@@ -1,7 +1,7 @@
 """`ecef-kf`: fine alignment in the Earth frame, a 12-state Kalman filter on the velocity of a vehicle in place.
 
 Source: the ECEF fine-alignment paper (numbers of its equations), with the two-sample quaternion recursion (28)-(34) of
-`insenv.estimators.parts.two_sample`. The first sample of a pair is held; outputs between the two samples are rotated on
+`insenv.estimators.parts.strapdown`. The first sample of a pair is held; outputs between the two samples are rotated on
 by it.
 
 States: velocity error (m/s, e), misalignment phi (rad, e), accelerometer bias (m/s^2, b), gyro bias (rad/s, b). Errors
@@ -51,9 +51,10 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import q_method
 from insenv.estimators.contract import Estimator, Knowledge
-from insenv.estimators.parts import applicability, handover, inertial_vectors, lever_arm, rows, two_sample
-from insenv.estimators.parts.gauss_markov import decays, driven_variance
-from insenv.estimators.parts.kalman import measure, propagate
+from insenv.estimators.parts import applicability, inertial_vectors, lever_arm, rows
+from insenv.estimators.parts.error_model import Aligned, aligned
+from insenv.estimators.parts.kalman import decays, driven_variance, measure, propagate
+from insenv.estimators.parts.strapdown import turned, velocity_change
 
 COARSE = q_method.MODEL
 _COARSE_START = COARSE.start or (lambda p: {})
@@ -185,11 +186,11 @@ def start(p: Any) -> dict[str, Any]:
         "coarse": coarse,
         "swaying": ca.logic_or(p.sway_sigma > 0, coarse),
         "velocity_e": attitude.rotate(q_en, p.start_velocity_n),
-        **_filter_start(p, q_en, q_nb, handover.Aligned(level, given, given), p.velocity_sigma_start),
+        **_filter_start(p, q_en, q_nb, Aligned(level, given, given), p.velocity_sigma_start),
     }
 
 
-def _filter_start(p: Any, q_en: Any, q_nb: Any, known: handover.Aligned, velocity_sigma: Any) -> dict[str, Any]:
+def _filter_start(p: Any, q_en: Any, q_nb: Any, known: Aligned, velocity_sigma: Any) -> dict[str, Any]:
     """State rows of a filter that starts with attitude q_nb, known to `known`, where n has attitude q_en."""
     C_en, C_nb = attitude.to_dcm(q_en), attitude.to_dcm(q_nb)
     P = ca.SX(N, N)
@@ -215,7 +216,7 @@ def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
     found = COARSE.output(p, x)
     gravity = ca.sqrt(ca.sumsqr(x.gravity_e))
-    known = handover.aligned(found["attitude_sigma"], p.latitude, gravity, p.gyro_bias_sigma, p.accel_bias_sigma)
+    known = aligned(found["attitude_sigma"], p.latitude, gravity, p.gyro_bias_sigma, p.accel_bias_sigma)
     return {
         **_filter_start(p, q_en, found["q_nb"], known, UNKNOWN_VELOCITY),
         "velocity_e": ca.SX.zeros(3),
@@ -256,7 +257,7 @@ def pair(p: Any, x: Any, u: Any) -> dict[str, Any]:
     drift = C_eb.T @ AXIS_E + x.gyro_bias  # (28), (29): one C_eb for both samples
     first, second = x.held_delta_angle - drift * x.held_dt, u.delta_angle - drift * u.dt
     velocities = x.held_delta_velocity - x.accel_bias * x.held_dt, u.delta_velocity - x.accel_bias * u.dt
-    felt = C_eb @ two_sample.velocity_change(first, second, *velocities)
+    felt = C_eb @ velocity_change(first, second, *velocities)
     middle = x.velocity_e + (felt + x.gravity_e * duration) / 2
     change = felt + (x.gravity_e - 2 * ca.cross(AXIS_E, middle)) * duration
     middle_velocity = x.velocity_e + change / 2
@@ -270,7 +271,7 @@ def pair(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {
         **followed,
         "pairs": x.pairs + 1,
-        "q_eb": attitude.renormalize(two_sample.turned(x.q_eb, first, second)),
+        "q_eb": attitude.renormalize(turned(x.q_eb, first, second)),
         "velocity_e": x.velocity_e + change,
         "window": window,
         "window_velocity_e": x.window_velocity_e + middle_velocity * duration,

@@ -32,8 +32,9 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Notes
 from insenv.estimators.ecef_kf import ACCEL, AXIS_E, GYRO, TILT, VELOCITY, N, transition
-from insenv.estimators.parts import applicability, rows, two_sample
+from insenv.estimators.parts import applicability, rows
 from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
+from insenv.estimators.parts.strapdown import turned
 
 MISFIT_TIME = 10.0
 """s: time over which the squared innovations over their variances are averaged."""
@@ -92,7 +93,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     newest, before = u.delta_angle - drift, x.previous_delta_angle - drift
     first = x.samples == 0  # it has no sample before: a single step
     single = attitude.multiply(x.q_eb, attitude.from_small_rotation_vector(newest))
-    double = two_sample.turned(x.q_eb_before, before, newest)
+    double = turned(x.q_eb_before, before, newest)
     q_eb = attitude.normalize(ca.vertcat(*[select(first, single[i], double[i]) for i in range(4)]))
     delta_velocity = u.delta_velocity - x.accel_bias * u.dt
     felt = (C_eb + attitude.to_dcm(q_eb)) @ delta_velocity / 2

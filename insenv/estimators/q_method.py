@@ -36,8 +36,7 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows, settling
-from insenv.estimators.parts.eigen import largest_eigenvector
-from insenv.estimators.parts.inertial_vectors import davenport
+from insenv.estimators.parts.inertial_vectors import davenport, largest_eigenvector
 
 FILTER = ((1.3291, 2.6805, 0.1230), (0.7494, 0.2960, 0.2768), (0.6543, 0.1962, 0.4056))
 """Sections (1 + (c s)^2) / (1 + b s + (a s)^2) of the low-pass: a, b, c in smoothing times."""

@@ -65,7 +65,7 @@ class UnitError:
 def unit_errors(vehicle: str, outputs: Mapping[str, Array], true: Mapping[str, Array] | None = None) -> tuple[UnitError, ...]:
     """The errors of the unit in an estimator's outputs (n, k) by row name, at the last record; none off a turntable.
 
-    vehicle: its kind.  true: `insenv.sensors.unit_errors.true_unit_errors` (k,) by the same names, or None.
+    vehicle: its kind.  true: `insenv.sensors.imu.true_unit_errors` (k,) by the same names, or None.
     """
     found: list[UnitError] = []
     if vehicle != TURNTABLE:

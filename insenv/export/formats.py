@@ -8,7 +8,7 @@ from pathlib import Path
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.installing import need
-from insenv.export import gpx, kml, nmea, rerun_recording, ros, text_log
+from insenv.export import geo, rerun_recording, ros, text_log
 from insenv.export.log_tables import csv_text
 from insenv.export.tracks import columns_of
 from insenv.logs import RecordedLog
@@ -54,12 +54,12 @@ def _csv(given: Given) -> Files:
 
 def _gpx(given: Given) -> Files:
     assert given.report is not None
-    return {f"{given.name}.gpx": gpx.gpx_text(given.report)}
+    return {f"{given.name}.gpx": geo.gpx_text(given.report)}
 
 
 def _kml(given: Given) -> Files:
     assert given.report is not None
-    return {f"{given.name}.kml": kml.kml_text(given.report)}
+    return {f"{given.name}.kml": geo.kml_text(given.report)}
 
 
 def _bag(given: Given) -> Files:
@@ -76,7 +76,7 @@ def _rerun(given: Given) -> Files:
 
 def _nmea(given: Given) -> Files:
     assert given.log is not None
-    return {f"{given.name}.nmea": nmea.nmea_text(given.log)}
+    return {f"{given.name}.nmea": geo.nmea_text(given.log)}
 
 
 def _log(given: Given) -> Files:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.logs import GnssFixes, RecordedLog, Reference
-from insenv.logs.readings import Readings
+from insenv.logs.recorded import Readings
 from insenv.sensors.units import ZERO_CELSIUS
 
 Array = NDArray[np.float64]

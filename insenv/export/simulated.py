@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InputError
-from insenv.core.progress import Progress, check_progress
-from insenv.core.runner import make_runner, prepare
+from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.export import log_tables
-from insenv.export.angles import degrees_of
 from insenv.export.text_log import file_of
+from insenv.export.tracks import degrees_of
 from insenv.logs import GnssFixes, LogDescription, RecordedLog, Reference
 from insenv.logs.build import COLDEST, HOTTEST
 from insenv.logs.inertial import Gaps
 from insenv.logs.instrument_sections import SECTIONS
-from insenv.logs.readings import Readings
+from insenv.logs.recorded import Readings
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.scenario.chunks import bridge_lost, chunks
-from insenv.sensors.imu_section import FIGURES
+from insenv.sensors.imu import FIGURES
 from insenv.sensors.instruments import INSTRUMENTS
 from insenv.sensors.units import ZERO_CELSIUS
 

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta, timezone
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, stated_sigma, track_of
+from insenv.export.log_tables import tables
+from insenv.logs import RecordedLog
+from insenv.report.notebook import data_frame
 from insenv.report.run_data import RunData
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 
 Array = NDArray[np.float64]
 
@@ -83,3 +92,37 @@ def horizontal_sigma(named: NamedTrack) -> Array | None:
     if not all(name in named.sigma for name in POSITION[:2]):
         return None
     return np.asarray(np.hypot(*(named.sigma[name] for name in POSITION[:2])) / np.sqrt(2.0))
+
+
+# Degrees from which a reader gets an angle back.
+
+
+def degrees_of(angle: float) -> float:
+    """The degrees (float) whose conversion to radians is `angle` (rad), to the bit where such degrees exist.
+
+    Degrees are coarser than radians for about half of the angles: one in ten of these has no such degrees, and the result is
+    then the nearest, one unit in the last place away.
+    """
+    found = math.degrees(angle)
+    candidates = [found]
+    for towards in (-math.inf, math.inf):
+        near = found
+        for _ in range(3):
+            near = math.nextafter(near, towards)
+            candidates.append(near)
+    return min(candidates, key=lambda degrees: (abs(math.radians(degrees) - angle), abs(degrees - found)))
+
+
+# The tables of a recorded log as pandas DataFrames.
+
+
+def to_dataframes(log: RecordedLog) -> dict[str, DataFrame]:
+    """The tables of a log by section (imu, gnss, the instruments, reference), indexed by time (s).
+
+    The columns are those of the CSV files that `insenv.write` makes of a log.  Raises `InsenvError` if pandas is missing.
+    """
+    found = {}
+    for name, columns in tables(log).items():
+        time = columns.pop("time_s")
+        found[name] = data_frame(time, columns)
+    return found

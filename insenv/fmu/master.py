@@ -1,7 +1,7 @@
 """Run the FMUs of an SSP file in the order of the data: each step of a component uses the outputs of those before it, at once.
 
 A master of the usual kind steps all components and then passes the values on, which delays each connection by one step.  The
-tables of a system (`insenv.fmu.ports`) say what is done in a step, and `insenv.fmu.stepping` does it.
+tables of a system (`insenv.fmu.instance`) say what is done in a step, and `insenv.fmu.stepping` does it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from insenv.base.errors import InputError
-from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import Progress, check_progress
 from insenv.fmu.instance import Instance
 from insenv.fmu.running import Outputs, steps_between
 from insenv.fmu.stepping import DOING, STEP, Plan, make_steps, prepared

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from insenv.base.errors import InputError
-from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import Progress, check_progress
 from insenv.fmu.instance import Instance
 from insenv.fmu.reading import Array, Variable
 from insenv.fmu.series import Series, chosen, flattened, uniform

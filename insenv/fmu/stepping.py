@@ -1,6 +1,6 @@
 """Make the steps of a system of FMUs: natively by fmu/c/master.c, or in Python where there is no C compiler.
 
-Both do what the tables say (`insenv.fmu.ports`), in the same order, and give bit-identical results.
+Both do what the tables say (`insenv.fmu.instance`), in the same order, and give bit-identical results.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ import numpy as np
 
 from insenv.base.resources import fmu_folder
 from insenv.core.compile import CompileError, compile_library, find_compiler
-from insenv.core.progress import Progress
-from insenv.core.runner import resolve_backend
-from insenv.fmu.ports import Group, Move, Ports, append
+from insenv.core.runner import Progress, resolve_backend
+from insenv.fmu.instance import Group, Move, Ports, append
 from insenv.fmu.reading import Array
 
 DOING = ("setting the inputs", "the step", "reading the outputs")

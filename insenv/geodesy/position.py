@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import pi
+
 import casadi as ca
 
 from insenv.core.elementary import Scalar, atan2, sin_cos, wrap_angle
+from insenv.core.tables import Row
 from insenv.geodesy.wgs84 import E2, A, B, F, radii
 
 _BOWRING_ITERATIONS = 2
@@ -131,3 +135,26 @@ def geodetic_from_ned_offset(
         rest_p, rest_z = delta_p - reached_p, delta_z - reached_z
     longitude = wrap_angle(longitude0 + atan2(east, p0 + outward))
     return latitude0 + delta_latitude, longitude, height0 + delta_height
+
+
+# The rows of a place: latitude, longitude and ellipsoidal height, in every table that has one.
+
+_BOUNDS = ((-pi / 2, pi / 2), (-2 * pi, 2 * pi), (-12e3, 1e6))
+"""Of latitude (rad), longitude (rad) and height (m), where a user gives them."""
+
+
+def place_rows(prefix: str = "", of: str = "") -> tuple[Row, Row, Row]:
+    """Rows ``PREFIXlatitude``, ``PREFIXlongitude`` (rad) and ``PREFIXheight`` (m) without bounds; `of` ends the meanings."""
+    return (
+        Row(f"{prefix}latitude", f"Geodetic latitude{of}", "rad"),
+        Row(f"{prefix}longitude", f"Longitude{of}", "rad"),
+        Row(f"{prefix}height", f"Height above the WGS-84 ellipsoid{of}", "m"),
+    )
+
+
+def bounded_place_rows(prefix: str = "", of: str = "") -> tuple[Row, Row, Row]:
+    """`place_rows` with the bounds of places that a user may give."""
+    latitude, longitude, height = (
+        replace(row, lower=lower, upper=upper) for row, (lower, upper) in zip(place_rows(prefix, of), _BOUNDS, strict=True)
+    )
+    return latitude, longitude, height

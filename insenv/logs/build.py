@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,22 +16,55 @@ from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import instruments, kf_gins
 from insenv.logs.assemble import LogReader, checked_position
-from insenv.logs.course import fixes_from_course
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
-from insenv.logs.faults import Faults
 from insenv.logs.gyro_unit import rest_rate_notes, turn_notes
 from insenv.logs.inertial import InertialSamples, implausible, increments
 from insenv.logs.motion import rest_until
-from insenv.logs.readers import Column, TextTable
-from insenv.logs.readings import Readings
-from insenv.logs.recorded import GnssFixes, RecordedLog, Reference
-from insenv.logs.repeats import repeats
+from insenv.logs.readers import Column, Faults, TextTable
+from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, fixes_from_course
 from insenv.logs.sampling import covered_steps, sampling
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 from insenv.sensors import units
 from insenv.sensors.contract import Place
+from insenv.sensors.imu_tables import without_thermal_errors
 from insenv.sensors.instruments import INSTRUMENTS
-from insenv.sensors.thermal import without_thermal_errors
+
+# A receiver's values that a logger repeats in every row until the next ones arrive: each counts as one fix, at its first row.
+#
+# Taken for fixes of their own, they would count a hundred times, late, with errors that are the same in all of them. In an
+# outage the last value is repeated for as long as it lasts, and is wrong by the whole way of the vehicle.
+
+FEWEST = 3
+"""Different fixes from which the receiver's interval is known."""
+FAST_S = 0.05
+"""Rows farther apart are a receiver's own: a receiver at rest may state the same place again and again."""
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Rows (k,) that are fixes of their own, and the number of rows that each stands for, in the median."""
+
+    rows: np.ndarray
+    each: int
+
+
+def repeats(time: Array, values: Array) -> Repeats | None:
+    """The rows that hold new values; None if the rows are not repetitions.
+
+    time (n,) s; values (n, k): position and, where the receiver has it, velocity.
+    """
+    if len(time) < 2:
+        return None
+    new = np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1)])
+    first = np.flatnonzero(new)
+    length = np.diff(np.append(first, len(time)))
+    known = len(first) >= FEWEST
+    each = int(np.median(length[:-1])) if known else len(time)
+    step = float(np.median(np.diff(time)))
+    if each < 2 or (not known and step > FAST_S):
+        return None
+    return Repeats(first, each)
+
 
 COLDEST, HOTTEST = -100.0, 200.0
 """Temperatures of a unit, deg C: beyond them the column has another unit."""

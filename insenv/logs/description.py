@@ -24,7 +24,7 @@ from insenv.logs.instrument_sections import (
 )
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
-from insenv.sensors.bounds import largest
+from insenv.sensors.figures import largest
 from insenv.sensors.grade_file import grade_of
 from insenv.vehicles import registry as vehicle_registry
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from insenv.geodesy import OMEGA_IE
-from insenv.logs.course import NO_INFORMATION
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.motion import REST_SAMPLES
-from insenv.logs.recorded import GnssFixes, RecordedLog
+from insenv.logs.recorded import NO_INFORMATION, GnssFixes, RecordedLog
 from insenv.logs.rest import STEADY_S, rest_of, rest_rows
 
 SPEED = 3.0

@@ -10,7 +10,7 @@ import numpy as np
 from insenv.base.errors import InputError
 from insenv.logs.assemble import LogReader
 from insenv.logs.readers import TextTable
-from insenv.logs.readings import Readings, delivered
+from insenv.logs.recorded import Readings, delivered
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, axes_matrix, wrap
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
 from insenv.sensors.contract import Place
@@ -118,7 +118,7 @@ def _default(id: str) -> FiguresSection:
 def sample_columns(readings: Sequence[Readings], end: Array, dt: Array) -> dict[str, Array]:
     """Columns of the estimators' inputs for samples that end at `end` (n,) s and are `dt` (n,) s long.
 
-    Which measurement belongs to which sample: see `insenv.logs.readings.delivered`.
+    Which measurement belongs to which sample: see `insenv.logs.recorded.delivered`.
     """
     columns: dict[str, Array] = {}
     for each in readings:

@@ -14,9 +14,9 @@ from insenv.estimators.settings import tuning
 from insenv.logs.assemble import check_columns
 from insenv.logs.build import build
 from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection, columns_of
-from insenv.logs.faults import Faults
 from insenv.logs.flight import FlightDescription, build_flight, is_flight_log
 from insenv.logs.flight.formats import SUFFIXES
+from insenv.logs.readers import Faults
 from insenv.logs.recorded import RecordedLog
 from insenv.sensors.grade_file import beside
 

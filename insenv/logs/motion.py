@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from insenv import geodesy
-from insenv.logs.course import NO_INFORMATION
-from insenv.logs.readings import Readings
-from insenv.logs.recorded import GnssFixes, RecordedLog
+from insenv.logs.recorded import NO_INFORMATION, GnssFixes, Readings, RecordedLog
 from insenv.logs.units import Array
 
 REST_WINDOW_S = 1.0

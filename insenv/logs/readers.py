@@ -8,14 +8,48 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
-from insenv.logs.faults import all_of
 from insenv.logs.units import Array
+
+# All faults of a description at once: steps that do not depend on one another are all tried before an error is raised.
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+@dataclass
+class Faults:
+    """Messages of the errors so far, each once, in order."""
+
+    messages: list[str] = field(default_factory=list)
+
+    def attempt(self, step: Callable[[], Result]) -> Result | None:
+        """What a step returns; None, with its messages kept, if it raises InputError."""
+        try:
+            return step()
+        except InputError as error:
+            self.messages += [line for line in str(error).split("\n") if line not in self.messages]
+            return None
+
+    def check(self) -> None:
+        """Raise one InputError with all messages, if there are any."""
+        if self.messages:
+            raise InputError("\n".join(self.messages))
+
+
+def all_of(step: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """The results of a step for all items.  Raises one InputError for all items that have a fault."""
+    faults = Faults()
+    results = [faults.attempt(lambda item=item: step(item)) for item in items]  # type: ignore[misc]
+    faults.check()
+    return [result for result in results if result is not None]
+
 
 Column = str | int
 MISSING = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))

@@ -15,10 +15,55 @@ from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
-from insenv.logs.readings import Readings
 from insenv.logs.units import Array
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.grade_file import grade_of
+from insenv.sensors.instruments import INSTRUMENTS
+
+# Measurements of an aiding instrument in a recorded log.
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Measurements of one instrument: its id, the name of the series, time of validity (m,) s, and values (m, k).
+
+    The columns of `values` are the measured rows `rows` of `sensors.instruments`, one after the other; other rows keep their
+    start value.  arrival, age (m,) s: when each measurement arrived, and its age then; None: at its time of validity.
+    """
+
+    id: str
+    name: str
+    time: Array
+    values: Array
+    rows: tuple[str, ...]
+    arrival: Array | None = None
+    age: Array | None = None
+
+    def columns(self) -> dict[str, Array]:
+        """The values by row, (m, ...)."""
+        table, found, begin = INSTRUMENTS[self.id].measurement, {}, 0
+        for row in self.rows:
+            size, shape = table[row].size, table[row].shape
+            found[row] = self.values[:, begin : begin + size].reshape(-1, *shape)
+            begin += size
+        return found
+
+
+def delivered(
+    time: Array, arrival: Array | None, age: Array | None, end: Array, dt: Array
+) -> tuple[np.ndarray, np.ndarray, Array]:
+    """Which measurements the samples that end at `end` (n,) s and are `dt` (n,) s long get: rows, samples, ages on these.
+
+    A measurement belongs to the first sample that ends at or after its arrival, and of several in one sample the last counts.
+    time (m,) s: of validity; arrival, age: as of `Readings`.
+    """
+    arrived = time if arrival is None else arrival
+    inside = np.flatnonzero((arrived > end[0] - dt[0]) & (arrived <= end[-1]))
+    sample = np.searchsorted(end, arrived[inside], side="left")
+    last = np.append(np.diff(sample) > 0, True)[: len(inside)]
+    rows, sample = inside[last], sample[last]
+    waited = end[sample] - arrived[rows]
+    return rows, sample, waited if age is None else waited + age[rows]
 
 
 @dataclass(frozen=True)
@@ -164,3 +209,28 @@ class RecordedLog(InertialSamples):
         if self.unit is not None:
             return dict(self.unit)
         return grade_of(self.description.imu.grade).parameters()
+
+
+# Velocity from speed over ground and course, which is what receivers report that give no vector.
+
+NO_INFORMATION = 100.0
+"""Standard deviation (m/s) of a velocity component that a log does not hold."""
+SLOW = 0.5
+"""Speed over ground (m/s) below which receivers may leave the course out."""
+
+
+def course_velocity(speed: Array, course: Array, down: Array) -> Array:
+    """Velocity (n, 3) m/s, NED, from speed over ground (m/s), course (rad) and downward velocity (m/s)."""
+    return np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=1)
+
+
+def fixes_from_course(speed: Array, course: Array, sigma: Array) -> tuple[Array, Array]:
+    """Velocity (n, 3) m/s, NED, and its standard deviation (n, 3) m/s, from columns of a log.
+
+    speed (n,) m/s; course (n,) rad, NaN where it is missing; sigma (n,) m/s, of each horizontal component. The vertical
+    component is unknown. Without a course a speed below `SLOW` is an error of a vehicle at rest, a higher one says nothing.
+    """
+    known = np.isfinite(course)
+    velocity = course_velocity(np.where(known, speed, 0.0), np.where(known, course, 0.0), np.zeros(len(speed)))
+    horizontal = np.where(known, sigma, np.where(speed <= SLOW, np.hypot(sigma, speed), NO_INFORMATION))
+    return velocity, np.stack([horizontal, horizontal, np.full(len(speed), NO_INFORMATION)], axis=1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from insenv.mavlink.metadata import checksum
+from insenv.mavlink.vehicle import checksum
 
 HEADER, SIZE = 12, 251
 LONGEST = SIZE - HEADER

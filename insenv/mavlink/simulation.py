@@ -21,7 +21,7 @@ from insenv.evaluation.live_health import LiveHealth
 from insenv.mavlink.interference import Interference
 from insenv.mavlink.surroundings import defaults
 from insenv.scenario import Plant, Scenario, build, poles
-from insenv.scenario.choice import named_estimators
+from insenv.scenario.files import named_estimators
 
 _POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
 

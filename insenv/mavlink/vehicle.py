@@ -2,23 +2,122 @@
 
 from __future__ import annotations
 
+import json
 import time
+import zlib
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from insenv.base.errors import InputError
 from insenv.estimators import Estimator
 from insenv.mavlink.interference import interference
-from insenv.mavlink.manual import LOST_AFTER_S, Sticks
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
 from insenv.mavlink.messages.status import error_messages
 from insenv.mavlink.messages.view import MANUAL, MILLI_G, MM_S2
-from insenv.mavlink.metadata import GENERAL, checksum, metadata
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
 from insenv.mavlink.score import Score
 from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings
 from insenv.scenario import Scenario
+from insenv.vehicles import StickCommand
+
+# Component metadata: names, units and ranges of the parameters, as files that ground stations read by FTP.
+#
+# https://mavlink.io/en/services/component_information.html
+
+GENERAL, PARAMETERS = "/general.json", "/parameter.json"
+_TYPE_PARAMETER = 1
+_LIMIT = 1e30
+_CHECKSUM_ALL = 0xFFFFFFFF
+
+
+def metadata(parameters: Iterable[Parameter]) -> dict[str, bytes]:
+    """The files by name: the general one, which lists the others, and that of the parameters."""
+    listed = _document({"version": 1, "parameters": [_described(parameter) for parameter in parameters]})
+    entry = {"type": _TYPE_PARAMETER, "uri": f"mftp://{PARAMETERS}", "fileCrc": checksum(listed)}
+    return {GENERAL: _document({"version": 1, "metadataTypes": [entry]}), PARAMETERS: listed}
+
+
+def checksum(data: bytes) -> int:
+    """The 32-bit checksum of MAVLink FTP: that of zip without its inversions of the start and the end."""
+    return zlib.crc32(data, _CHECKSUM_ALL) ^ _CHECKSUM_ALL
+
+
+def _described(parameter: Parameter) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "name": parameter.name,
+        "type": "Float",
+        "shortDesc": parameter.meaning,
+        "longDesc": f"{parameter.meaning}. Takes effect: {parameter.acts}.",
+        "group": parameter.name.partition("_")[0],
+        "decimalPlaces": 7,
+        "readOnly": parameter.acts == NEVER,
+    }
+    if parameter.unit:
+        found["units"] = parameter.unit
+    if parameter.acts != NEVER:
+        found |= {key: value for key, value in (("min", parameter.lower), ("max", parameter.upper)) if abs(value) < _LIMIT}
+    return found
+
+
+def _document(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).encode("ascii")
+
+
+# MANUAL_CONTROL: from the axes of a joystick to a vehicle's commands.
+
+AXIS_UNUSED = 32767
+"""The value of an axis that the joystick does not have."""
+FULL = 1000.0
+LOST_AFTER_S = 1.0
+"""Simulated time without MANUAL_CONTROL after which it counts as lost."""
+
+
+class Sticks:
+    """A joystick that sets the commands of a vehicle.
+
+    commands: the vehicle's stick commands.  full_scale: what full deflection commands, by `StickCommand.name` and in
+    its unit; may be changed at any time.
+    """
+
+    def __init__(self, commands: Iterable[StickCommand]) -> None:
+        self.commands = tuple(commands)
+        self.full_scale = {stick.name: stick.full_scale for stick in self.commands}
+
+    def commanded(self, x: int, y: int, z: int, r: int) -> dict[str, float]:
+        """Commands (SI) at these axes, -1000 to 1000 each; `AXIS_UNUSED` commands nothing.
+
+        Of several axes that set one command the first that is deflected counts.
+        """
+        values: dict[str, float] = {}
+        axes = {"x": x, "y": y, "z": z, "r": r}
+        for stick in self.commands:
+            present = [axes[axis] for axis in stick.axes if axes[axis] != AXIS_UNUSED]
+            if present:
+                axis = next((value for value in present if value), 0)
+                deflection = max(-1.0, min(1.0, axis / FULL))
+                values[stick.command] = stick.value(deflection, self.full_scale[stick.name])
+        return values
+
+    def released(self) -> dict[str, float]:
+        """Commands (SI) when the joystick is lost."""
+        return {stick.command: stick.released for stick in self.commands if stick.released is not None}
+
+    def parameters(self) -> Iterator[Parameter]:
+        """The full scales as parameters."""
+        scale = self.full_scale
+        for stick in self.commands:
+
+            def read(name: str = stick.name) -> float:
+                return scale[name]
+
+            def write(value: float, name: str = stick.name) -> None:
+                scale[name] = value
+
+            meaning = f"{stick.title} at full deflection of MANUAL_CONTROL"
+            yield Parameter(f"MAN_{stick.name}", meaning, stick.unit, NOW, 0.0, stick.highest, read, write)
+
 
 MIN_SPEED, MAX_SPEED = 0.01, 100.0
 """Range of the speed of the simulation, in simulated seconds per second; 0 is as fast as possible."""

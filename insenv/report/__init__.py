@@ -1,6 +1,6 @@
 """What a user holds, sees and keeps of a run: the report, tables for a terminal, figures, result files, the JSON document."""
 
-from insenv.base.json_text import to_json
+from insenv.base.output import to_json
 from insenv.report.document import document
 from insenv.report.files import FilesWritten, OutputFolder, write_files
 from insenv.report.run_report import Report

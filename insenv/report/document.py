@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from insenv.base.json_text import finite
+from insenv.base.output import finite
 from insenv.report.run_data import RunData
 
 

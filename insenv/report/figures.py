@@ -13,8 +13,7 @@ from insenv.base.style import COLOURS, DASHED, LIMIT, PALE, STATISTICS
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.health import APART, course
 from insenv.report import attitudes, tracks
-from insenv.report.outages import has_fixes, without_fixes
-from insenv.report.run_data import RunData
+from insenv.report.run_data import RunData, has_fixes, without_fixes
 from insenv.report.scales import set_scale
 from insenv.report.tables import label
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.installing import advice, is_installed
-from insenv.base.json_text import to_json
-from insenv.base.output import as_path, staged
+from insenv.base.output import as_path, staged, to_json
 from insenv.base.style import save
 from insenv.core.tables import Row
 from insenv.evaluation.errors import Result

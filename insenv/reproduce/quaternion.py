@@ -28,7 +28,7 @@ from insenv.reproduce.unit_limits import mean_limit, noise_limit, unit_limit
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, limit_of, load
 from insenv.sensors import units
-from insenv.vehicles.ship_section import SwaySection
+from insenv.vehicles.ship import SwaySection
 
 Array = NDArray[np.float64]
 Measure = Callable[[Ensemble, str], float | None]

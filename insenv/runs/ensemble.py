@@ -13,7 +13,7 @@ from insenv import attitude
 from insenv.base.errors import InsenvError
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
-from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import Progress, check_progress
 from insenv.estimators import EstimatorsLike, get_all
 from insenv.evaluation.errors import wrapped_deg
 from insenv.scenario import Plant, ScenarioLike, build, load

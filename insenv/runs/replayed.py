@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
-from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
 from insenv.evaluation.contradiction import contradiction_notes
@@ -23,13 +23,13 @@ from insenv.evaluation.unit_errors import unit_errors
 from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
 from insenv.logs.description import EvaluationSection
 from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
-from insenv.logs.readings import delivered
+from insenv.logs.recorded import delivered
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
+from insenv.runs.rest import lost_rest
 from insenv.runs.simulated import follower_of, members
 from insenv.runs.told_latitude import OtherHemisphere, at_rest, named
-from insenv.runs.untold_rest import lost_rest
 from insenv.scenario.chunks import RECORDS, chunks, recording_interval
 
 Array = NDArray[np.float64]

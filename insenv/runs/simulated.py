@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.core.progress import Progress, check_progress
-from insenv.core.runner import make_runner, prepare
+from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
@@ -22,10 +21,10 @@ from insenv.runs.follower import Follower
 from insenv.runs.function import Called, EstimateFunction, FunctionFollower, parted, sample_names
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
-from insenv.scenario.choice import named_estimators
 from insenv.scenario.chunks import bridge_lost, chunks, recording_interval
+from insenv.scenario.files import named_estimators
 from insenv.sensors import IMU
-from insenv.sensors.unit_errors import true_unit_errors
+from insenv.sensors.imu import true_unit_errors
 
 Array = NDArray[np.float64]
 

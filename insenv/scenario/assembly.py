@@ -11,8 +11,7 @@ from typing import Any
 from insenv.base.errors import InputError
 from insenv.core.compose import Part, merge
 from insenv.core.model import SEED, STEP, Model, Step
-from insenv.core.naming import naming
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Row, Table, naming
 from insenv.sensors import GNSS, IMU, Sensor
 from insenv.vehicles import Vehicle, truth_instant, truth_part
 

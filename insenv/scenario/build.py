@@ -15,8 +15,7 @@ from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core import noise
 from insenv.core.model import Model
-from insenv.core.naming import check_rows, naming
-from insenv.core.tables import Table, Vector
+from insenv.core.tables import Table, Vector, check_rows, naming
 from insenv.estimators import Knowledge
 from insenv.scenario.assembly import plant_model
 from insenv.scenario.commands import DRIVEN, commanded

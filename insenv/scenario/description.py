@@ -4,20 +4,48 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from math import radians, sin
 from typing import Annotated, Any, Union
 
+import numpy as np
 from pydantic import Field, PrivateAttr, Strict, ValidationError, create_model, model_validator
 
 from insenv.base.toml import Number, Parameter, Section, Vector3, key, summary
 from insenv.base.values import Sigmas, within
 from insenv.estimators import Drive, Estimator, get
 from insenv.estimators.settings import choices_in, tuning
-from insenv.scenario.gravity_section import GravitySection
-from insenv.sensors import GnssSection, ImuSection, SensorSection
+from insenv.geodesy import numeric
+from insenv.sensors import GnssSection, ImuSection, SensorSection, units
 from insenv.sensors import registry as sensor_registry
-from insenv.sensors.imu_figures import FIGURES
+from insenv.sensors.grades import FIGURES
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
+
+# The section [gravity] of a scenario: the difference between true gravity and the normal gravity of the estimators.
+
+
+class GravitySection(Section):
+    """True gravity minus normal gravity, constant along the trajectory; no estimator knows it."""
+
+    deflection_north_arcsec: Number = key(
+        0.0,
+        "deflection of the vertical: true zenith north of that of normal gravity",
+        "arcsec",
+        ge=-300,
+        le=300,
+    )
+    deflection_east_arcsec: Number = key(0.0, "deflection of the vertical: the same to the east", "arcsec", ge=-300, le=300)
+    disturbance_mgal: Number = key(0.0, "gravity disturbance: true minus normal gravity, downward", "mGal", ge=-1000, le=1000)
+
+    def rows(self, start: StartSection) -> dict[str, Any]:
+        """The row `gravity_disturbance_n` of the truth (m/s^2, NED): (-g xi, -g eta, dg) for deflections xi, eta.
+
+        Heiskanen and Moritz 1967, section 2-19; g is normal gravity at the start.
+        """
+        g = float(numeric.normal_gravity(sin(radians(start.latitude_deg)), start.height_m))
+        north, east = (-g * units.arcsec_to_rad(each) for each in (self.deflection_north_arcsec, self.deflection_east_arcsec))
+        return {"gravity_disturbance_n": np.array([north, east, units.mgal_to_m_s2(self.disturbance_mgal)])}
+
 
 MAX_DURATION_S = 86400.0
 MAX_SEED = 2**53

@@ -11,11 +11,14 @@ from insenv.base.errors import LISTED, InputError, nearest
 from insenv.base.resources import scenario_folder
 from insenv.base.resources import scenario_names as names
 from insenv.base.toml import read_toml, shown, validated
-from insenv.estimators import Estimator, registry
+from insenv.estimators import Estimator, registered, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
+from insenv.sensors import gnss_grade, imu_grade
+from insenv.sensors.figures import FiguresSection
 from insenv.sensors.grade_file import beside
+from insenv.sensors.registry import registered as registered_sensors
 
 ScenarioLike = str | Path | Scenario | Mapping[str, Any]
 """A name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file."""
@@ -129,3 +132,47 @@ def _plain(schema: Any) -> Any:
     elif choices:
         kept["anyOf"] = choices
     return kept
+
+
+# The estimators that a scenario names, and those that can run on it.
+
+
+def accepted(scenario: Scenario) -> list[str]:
+    """Ids of the estimators that can run on the scenario."""
+    return [id for id, estimator in registered().items() if not estimator.refusal(scenario.drive())]
+
+
+def named_estimators(scenario: Scenario) -> tuple[str, ...]:
+    """Ids of the estimators that the scenario names.  Raises `InputError` if it names none."""
+    if scenario.estimators:
+        return tuple(scenario.estimators)
+    where = f"scenario {scenario.name!r}" if scenario.name else "the scenario"
+    allowed = accepted(scenario)
+    example = allowed[0] if allowed else "ID"
+    raise InputError(
+        f"{where} names no estimator: name one with -e ID (in Python: estimators={example!r}), or write estimators = "
+        f'["{example}"] into the file; allowed here: {", ".join(allowed) or "none"}'
+    )
+
+
+# What a grade of the catalogue gives for a key that a scenario leaves to it.
+
+_GNSS = {"velocity_noise_mps": "velocity_noise_m_s"}
+"""Fields of `GnssGrade` that have another name than the key."""
+
+
+def grade_value(section: str, grade: str, key: str) -> Any:
+    """The value in the unit of the key, one number or three; None if the section has no such figure.
+
+    Raises `InputError` for an unknown grade.
+    """
+    if section == "imu":
+        return getattr(imu_grade(grade), key, None)
+    if section == "gnss":
+        return getattr(gnss_grade(grade), _GNSS.get(key, key), None)
+    kind = registered_sensors().get(section)
+    if kind is None or not issubclass(kind, FiguresSection) or key not in kind.figures or not kind.figures[key].vector:
+        return None
+    if grade not in kind.grades:
+        raise InputError(f"{section}.grade = {grade!r}: unknown grade")
+    return kind.grades[grade].figures.get(key, 0.0)

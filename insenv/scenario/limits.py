@@ -15,7 +15,7 @@ from insenv.base.errors import InputError
 from insenv.base.output import atomic
 from insenv.core.cache import cache_folder, source_digest
 from insenv.core.model import Model
-from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Vector
 from insenv.evaluation import limits
 from insenv.evaluation.limits import Limit, Prior

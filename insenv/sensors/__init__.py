@@ -2,11 +2,9 @@
 
 from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade
 from insenv.sensors.contract import Instant, Sensor, SensorSection
-from insenv.sensors.gnss import GNSS
-from insenv.sensors.gnss_section import GnssSection
+from insenv.sensors.gnss import GNSS, GnssSection
 from insenv.sensors.grades import GnssGrade, ImuGrade
-from insenv.sensors.imu import IMU, SENSOR_ERROR
-from insenv.sensors.imu_section import ImuSection
+from insenv.sensors.imu import IMU, SENSOR_ERROR, ImuSection
 
 __all__ = [
     "GNSS",

@@ -11,7 +11,8 @@ import numpy as np
 
 from insenv.core.tables import Vector
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.sensors import flicker, units
+from insenv.sensors import units
+from insenv.sensors.imu_tables import FLICKER_SIGMA, FLICKER_TIMES
 
 _power = np.float_power  # the C library's, as of Python's floats; that of NumPy's ** may differ in the last bit
 
@@ -82,13 +83,13 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
         else:
             motion = gravity * (coupled if in_place else np.maximum(coupled, scale))
         figures = largest(*(f"{triad}_{name}" for name in ("bias", "bias_sigma", "instability_sigma", "rate_random_walk")))
-        bias, bias_sigma, in_run, walk, motion, part = _power(np.array([*figures, motion, flicker.SIGMA * flickering]), 2)
+        bias, bias_sigma, in_run, walk, motion, part = _power(np.array([*figures, motion, FLICKER_SIGMA * flickering]), 2)
         variance = bias + bias_sigma + in_run + motion
         drive = 2 * in_run / np.maximum(time, 1e-3) + walk + 2 * motion / units.HOUR
         warm, warming, ramped = _power(np.array([slope * off, slope * change, slope * ramp]), 2)
         variance, drive = variance + warm + ramped, drive + 2 * warming / constant + 2 * ramped / units.HOUR
         fast = np.zeros(count)
-        for correlation in flicker.TIMES:
+        for correlation in FLICKER_TIMES:
             if correlation < SLOW:
                 fast = fast + 2 * part * correlation
             else:

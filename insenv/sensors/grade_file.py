@@ -16,8 +16,7 @@ from pydantic import BeforeValidator, WithJsonSchema, create_model, model_valida
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Section, key, read_toml, validated
 from insenv.sensors.catalogue import IMU_GRADES, imu_grade
-from insenv.sensors.grades import ImuGrade
-from insenv.sensors.imu_figures import FIGURES, WAYS, WHITE, figure_key
+from insenv.sensors.grades import FIGURES, WAYS, WHITE, ImuGrade, figure_key
 
 SUFFIX = ".toml"
 

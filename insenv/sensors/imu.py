@@ -16,22 +16,32 @@ exact discretisation, and the bias varies linearly between these points.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import create_model
 
+from insenv import attitude
 from insenv.attitude import from_rotation_vector, normalize, to_dcm
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, key
+from insenv.base.values import LeverArm, Rotation
 from insenv.core.compose import Part
 from insenv.core.elementary import exp, normal_pair, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
-from insenv.sensors import flicker
-from insenv.sensors.contract import ErrorSource, Sensor
-from insenv.sensors.flicker import PARTS
-from insenv.sensors.imu_tables import ACCEL, GYRO, HUGE, IMU_PARAMETERS, IMU_STATE, Triad
+from insenv.sensors import units
+from insenv.sensors.contract import ErrorSource, Sensor, SensorSection
+from insenv.sensors.grade_file import GradeValue, grade_of
+from insenv.sensors.grades import FIGURES, WAYS, WHITE, figure_key
+from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, HUGE, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
 
 SAMPLE_UNIFORMS = 7
-DRIFT_UNIFORMS = 12 + 6 * PARTS
+DRIFT_UNIFORMS = 12 + 6 * FLICKER_PARTS
 START_UNIFORMS = 34
 
 
@@ -152,7 +162,7 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
 
     Exact discretisation over h = count dt: Gauss-Markov b <- a b + sigma sqrt(1 - a^2) w, a = exp(-h/T)
     (Gelb 1974, chapter 3); random walk b <- b + K sqrt(h) w; flicker noise as Gauss-Markov processes
-    (`insenv.sensors.flicker`); temperature T <- T_end + r h + (T - T_end) exp(-h/T_w), T_end <- T_end + r h.
+    (`insenv.sensors.imu_tables`); temperature T <- T_end + r h + (T - T_end) exp(-h/T_w), T_end <- T_end + r h.
 
     The flicker noise is drawn at the first update, at the end of the first sample, and is in the bias at once.
     """
@@ -169,13 +179,13 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         "imu_temperature_target": target,
         "imu_temperature_step": (temperature - x.imu_temperature) / count,
     }
-    for triad, own, more in ((GYRO, n[0:6], n[12 : 12 + 3 * PARTS]), (ACCEL, n[6:12], n[12 + 3 * PARTS :])):
+    for triad, own, more in ((GYRO, n[0:6], n[12 : 12 + 3 * FLICKER_PARTS]), (ACCEL, n[6:12], n[12 + 3 * FLICKER_PARTS :])):
         decay = exp(-h / _of(p, triad, "instability_time"))
         drive = _of(p, triad, "instability_sigma") * ca.sqrt((1.0 - decay) * (1.0 + decay))
         instability = decay * _of(x, triad, "instability") + drive * own[0:3]
         walk = _of(x, triad, "walk") + _of(p, triad, "rate_random_walk") * ca.sqrt(h) * own[3:6]
         thermal = (temperature - p.imu_temperature_reference) * _of(p, triad, "temperature_slope")
-        parts = flicker.advanced(_of(x, triad, "flicker_parts"), _of(p, triad, "flicker"), h, more, first)
+        parts = advanced_flicker(_of(x, triad, "flicker_parts"), _of(p, triad, "flicker"), h, more, first)
         flickering = ca.sum2(parts)
         bias_s = _of(x, triad, "bias_s") + first * flickering
         bias_true = _of(x, triad, "bias_true") + first * (x.C_bs @ flickering)
@@ -230,3 +240,88 @@ IMU = Sensor(
     derive=lambda p, x: dict(zip(SENSOR_ERROR.names, systematic_error(p, x), strict=True)),
     errors=IMU_ERRORS,
 )
+
+
+# The true errors of an inertial unit, as an error model of its increments has them.
+
+Array = NDArray[np.float64]
+
+
+def true_unit_errors(state: Mapping[str, Any], parameters: Mapping[str, Any]) -> dict[str, Array]:
+    """The errors of a unit in body axes, SI: biases, scale factors and g-sensitivity (3), couplings xy, xz, yx, yz, zx, zy (6).
+
+    state: that of a plant, by row name.  parameters: its parameters.  With y measured and x true, x = (I - S - M) (y - b dt):
+    I - S - M is the inverse of the matrix of `insenv.sensors.imu`.  The g-sensitivity is that of each gyro along its own axis.
+    """
+    found: dict[str, Array] = {}
+    warm = state["imu_temperature"] - parameters["imu_temperature_reference"]
+    for triad in ("gyro", "accel"):
+        thermal = 1.0 + np.multiply(parameters[f"{triad}_scale_factor_slope"], warm)
+        measured = state["C_bs"] @ np.diag(np.broadcast_to(thermal, 3)) @ state[f"{triad}_error_matrix"]
+        left = np.eye(3) - np.linalg.inv(measured)
+        found[f"{triad}_bias"] = np.array(state[f"{triad}_bias_true"])
+        found[f"{triad}_scale"] = np.diag(left).copy()
+        found[f"{triad}_misalignment"] = left[~np.eye(3, dtype=bool)]
+    found["gyro_g_sensitivity"] = np.diag(state["C_bs"] @ state["gyro_g_matrix"]).copy()
+    return found
+
+
+# The section [imu] of a scenario: a grade, values that replace its own, and the mounting.
+
+
+class _ImuSection(SensorSection):
+    """The inertial unit: a grade, values that replace those of the grade, and the mounting."""
+
+    sensor: ClassVar[Sensor] = IMU
+
+    grade: GradeValue = key("perfect", "grade of the catalogue (docs/sensors.md), or a grade file (docs/allan.md)")
+    lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit: forward, right, down", "m")
+    mounting_angles_deg: Rotation = key(
+        (0.0, 0.0, 0.0),
+        "known roll, pitch and heading of the unit in the vehicle; its output is in body axes",
+        "deg",
+    )
+    mounting_error_deg: Rotation = key((0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg")
+    drop_probability: Number = key(0.0, "probability that a sample is lost", "", ge=0, le=1)
+    temperature_start_degc: Number = key(20.0, "temperature at time 0", "deg C", ge=-100, le=200)
+    temperature_end_degc: Number = key(20.0, "temperature after warm-up", "deg C", ge=-100, le=200)
+    temperature_reference_degc: Number = key(20.0, "temperature at which thermal errors are 0", "deg C", ge=-100, le=200)
+    temperature_ramp_k_h: Number = key(0.0, "steady change with the surroundings", "K/h", ge=-100, le=100)
+    warm_up_s: Number = key(600.0, "time constant of the warm-up", "s", ge=1e-3, le=1e9)
+
+    def rows(self, rate_hz: float) -> dict[str, Any]:
+        """Parameter rows (SI).  White noise per sample, if given here, is that of samples at `rate_hz`."""
+        grade = grade_of(self.grade)
+        own = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
+        for group in WAYS:
+            given = [name for name in group if name in own]
+            if len(given) > 1:
+                raise InputError(f"imu has {' and '.join(given)}, which describe the same noise: allowed is one of them")
+            if given:
+                own = dict.fromkeys(group, 0.0) | own
+        for name in WHITE:
+            if own.get(name):
+                own[name] *= float(np.sqrt(grade.white_rate_hz / rate_hz))
+        rows = replace(grade, **own).parameters()
+        return rows | {
+            "imu_lever_arm_b": np.array(self.lever_arm_m),
+            "q_bs": attitude.numeric.from_euler(*np.radians(self.mounting_angles_deg)),
+            "mounting_error": np.radians(self.mounting_error_deg),
+            "imu_drop_probability": self.drop_probability,
+            "imu_temperature_initial": units.deg_c_to_k(self.temperature_start_degc),
+            "imu_temperature_final": units.deg_c_to_k(self.temperature_end_degc),
+            "imu_temperature_time": self.warm_up_s,
+            "imu_temperature_reference": units.deg_c_to_k(self.temperature_reference_degc),
+            "imu_temperature_ramp": self.temperature_ramp_k_h / units.HOUR,
+        }
+
+
+if TYPE_CHECKING:
+    ImuSection = _ImuSection
+else:
+    ImuSection = create_model(
+        "ImuSection",
+        __base__=_ImuSection,
+        __doc__=_ImuSection.__doc__,
+        **{name: figure_key(name, "the grade's") for name in FIGURES},
+    )

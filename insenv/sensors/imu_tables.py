@@ -3,10 +3,50 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log, sqrt
 from typing import Any
 
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.elementary import exp
 from insenv.core.tables import Row, Table
-from insenv.sensors.flicker import PARTS
+
+# Flicker noise of a bias: its Allan deviation has a floor, the "bias instability" of a data sheet.
+#
+# A spectrum S(f) = h / f (one-sided) has the Allan deviation sqrt(2 ln 2 h) at every averaging time. A sum of first-order
+# Gauss-Markov processes of equal variance s^2, whose correlation times are spaced by a factor r, has the spectrum
+# s^2 / (ln r f) between the inverses of its shortest and longest time, and so the floor
+#
+#     s sqrt(2 ln 2 / ln r)
+#
+# With one process a decade from 4 to 40000 s the Allan deviation lies within -8 and +1 % of the floor from 10 s to 50000 s.
+# Below, it falls; the white noise of every real unit covers that part.
+#
+# Source: Keshner, "1/f noise", Proc. IEEE 70 (1982), 212-218: flicker noise as relaxation processes, one per decade; its
+# Allan deviation: IEEE Std 952-1997, annex C.
+
+FLICKER_TIMES = (4.0, 40.0, 400.0, 4000.0, 40000.0)
+"""Correlation times of the processes, s."""
+FLICKER_PARTS = len(FLICKER_TIMES)
+FLICKER_SIGMA = sqrt(log(FLICKER_TIMES[1] / FLICKER_TIMES[0]) / (2.0 * log(2.0)))
+"""Standard deviation of each process over the floor of their sum's Allan deviation."""
+
+
+def advanced_flicker(parts: Any, floor: Any, h: Any, normals: Any, first: Any) -> Any:
+    """The processes (3 x FLICKER_PARTS) after `h` seconds, stepped exactly; stationary from the first time on.
+
+    parts: before. floor (3): of the Allan deviation, in the unit of the bias. normals: 3 FLICKER_PARTS standard normals.
+    first: 1 at the first time, else 0.
+    """
+    columns = []
+    for i, time in enumerate(FLICKER_TIMES):
+        decay = (1.0 - first) * exp(-h / time)
+        drive = FLICKER_SIGMA * floor * ca.sqrt((1.0 - decay) * (1.0 + decay))
+        columns.append(decay * parts[:, i] + drive * normals[3 * i : 3 * i + 3])
+    return ca.horzcat(*columns)
+
 
 HUGE = 1e12
 """Represents "no limit": tables hold finite numbers only."""
@@ -127,7 +167,11 @@ class Triad:
             Row(f"{name}_instability", f"{what} in-run bias at the next drift update", unit, (3,), "s"),
             Row(f"{name}_walk", f"{what} bias random walk at the next drift update", unit, (3,), "s"),
             Row(
-                f"{name}_flicker_parts", f"{what} flicker noise at the next drift update, its processes", unit, (3, PARTS), "s"
+                f"{name}_flicker_parts",
+                f"{what} flicker noise at the next drift update, its processes",
+                unit,
+                (3, FLICKER_PARTS),
+                "s",
             ),
             Row(
                 f"{name}_error_matrix",
@@ -211,3 +255,21 @@ IMU_STATE = Table((
     Row("drift_counter", "Samples since the latest drift update", start=HUGE),
     Row("drift_due", "1 on a sample that ends with a drift update", lower=0.0, upper=1.0),
 ))  # fmt: skip
+
+
+# The thermal errors of a triad as a calibration states them, removed from its increments: the inverse of the sensor's model.
+#
+# With warmth T - T_0 above the temperature of reference, in sensor axes (`insenv.sensors.imu`):
+#
+#     y = (1 + k (T - T_0)) d + b (T - T_0) dt
+
+Array = NDArray[np.float64]
+
+
+def without_thermal_errors(increments: Array, dt: Array, warmth: Array, bias_slope: Array, scale_slope: Array) -> Array:
+    """Increments (n, 3) of a triad without its thermal errors.
+
+    increments (n, 3), rad or m/s, s; dt (n,), s; warmth (n,), K; bias_slope (3,), rad/s/K or m/s^2/K; scale_slope (3,), 1/K.
+    """
+    bias = (warmth * dt)[:, None] * bias_slope
+    return np.asarray((increments - bias) / (1.0 + warmth[:, None] * scale_slope))

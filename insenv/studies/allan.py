@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from insenv.base.output import as_path
-from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import Progress, check_progress
 from insenv.logs import RecordedLog, load
 from insenv.logs.assumed_unit import assumed_unit
 from insenv.sensors import units

@@ -10,8 +10,7 @@ import numpy as np
 
 from insenv.base import style
 from insenv.base.errors import InputError
-from insenv.base.json_text import finite, to_json
-from insenv.base.output import atomic, check_output_file
+from insenv.base.output import atomic, check_output_file, finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.tables import table_of
 from insenv.sensors.grade_file import SUFFIX, toml_text

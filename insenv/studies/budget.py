@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.core.batch import make_batch
-from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Estimator, get
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import ATTITUDE, statistics_from, wrapped_deg
@@ -30,9 +30,9 @@ from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
 from insenv.scenario.chunks import recording_interval
 from insenv.scenario.error_sources import Source, sensors_of, sources_of, start_without, unknown_errors
 from insenv.studies.budget_result import Budget
+from insenv.studies.campaign.block import Begun, in_pieces
 from insenv.studies.campaign.executors import cores
 from insenv.studies.campaign.model import Measured, measured_model
-from insenv.studies.campaign.pieces import Begun, in_pieces
 from insenv.studies.switches import packed, switch_off, switchable
 
 Array = NDArray[np.float64]

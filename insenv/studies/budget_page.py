@@ -9,9 +9,8 @@ import numpy as np
 from insenv.base.version import __version__
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.report.page import assembled
-from insenv.report.page.arrays import Pool, kept_records
 from insenv.report.page.of_run import NAMES, unit_of
-from insenv.report.page.panels import TRUTH_GROUP, TimePanel, section, table
+from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, kept_records, section, table
 from insenv.report.scales import threshold_of
 from insenv.report.tables import label, number
 from insenv.studies.budget_presentation import GROUPS, budget_rows, facts, left_out, ranked, sentences

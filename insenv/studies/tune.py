@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.core.batch import make_batch
-from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.errors import statistics_from
 from insenv.scenario import ScenarioLike, limit_of, no_limit, with_settings
 from insenv.scenario.loop import PREFIX
+from insenv.studies.campaign.block import in_pieces
 from insenv.studies.campaign.comparison import paired
 from insenv.studies.campaign.executors import cores
 from insenv.studies.campaign.intervals import Estimate
-from insenv.studies.campaign.pieces import in_pieces
 from insenv.studies.campaign.plan import Plan, make_plan
 from insenv.studies.tune_log import is_log, tune_log
 from insenv.studies.tune_parameters import Parameter, tuned_parameters

@@ -26,7 +26,7 @@ from insenv.base.errors import InputError
 from insenv.base.resources import scenario_names
 from insenv.base.toml import read_toml
 from insenv.core.batch import make_batch
-from insenv.core.progress import Progress
+from insenv.core.runner import Progress
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.nis import NOTABLE

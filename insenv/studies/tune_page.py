@@ -8,8 +8,7 @@ import numpy as np
 
 from insenv.base.version import __version__
 from insenv.report.page import assembled
-from insenv.report.page.arrays import Pool
-from insenv.report.page.panels import TRUTH_GROUP, TimePanel, intervals_panel, section, table
+from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, intervals_panel, section, table
 from insenv.report.tables import label, number
 from insenv.studies.tune_result import CHANNEL_COLUMNS, PARAMETER_COLUMNS, Tuning, channel_rows, parameter_rows, sentences
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.json_text import finite, to_json
+from insenv.base.output import finite, to_json
 from insenv.base.style import COLOURS, LIMIT, legend, page, save, title
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.files import no_matplotlib

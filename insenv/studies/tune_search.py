@@ -9,7 +9,7 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.core.progress import Progress
+from insenv.core.runner import Progress
 from insenv.studies.tune_parameters import LARGEST
 
 Array = NDArray[np.float64]

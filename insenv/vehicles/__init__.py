@@ -1,16 +1,10 @@
 """Vehicles: laws of motion, the truth made of them, and the section [vehicle] of each kind."""
 
-from insenv.vehicles.aircraft import aircraft
-from insenv.vehicles.aircraft_section import AircraftSection
-from insenv.vehicles.car import car
-from insenv.vehicles.car_section import CarSection
-from insenv.vehicles.multirotor import multirotor
-from insenv.vehicles.multirotor_section import MultirotorSection
-from insenv.vehicles.routes import car_route, flight_plan, ship_course, survey_pattern
-from insenv.vehicles.section import StartSection, VehicleSection
-from insenv.vehicles.ship import regular_sway, ship
-from insenv.vehicles.ship_section import ShipSection
-from insenv.vehicles.traits import StickCommand, VehicleTraits
+from insenv.vehicles.aircraft import AircraftSection, aircraft, flight_plan, survey_pattern
+from insenv.vehicles.car import CarSection, car, car_route
+from insenv.vehicles.multirotor import MultirotorSection, multirotor
+from insenv.vehicles.section import StartSection, StickCommand, VehicleSection, VehicleTraits
+from insenv.vehicles.ship import ShipSection, regular_sway, ship, ship_course
 from insenv.vehicles.truth import TRUTH_PARAMETERS, TRUTH_STATE, Vehicle, truth_instant, truth_part
 from insenv.vehicles.waves import Hull, irregular_sea
 

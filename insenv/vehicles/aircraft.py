@@ -8,24 +8,29 @@ level. Turbulence is a small Gauss-Markov disturbance of attitude and velocity.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from math import pi, radians, tan
 from types import SimpleNamespace
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Strict
 
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, Section, key
 from insenv.core.elementary import clamp, maximum, select, sin_cos
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
 from insenv.vehicles.gusts import Gusts
-from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.phasors import Phasors
-from insenv.vehicles.script import Script
-from insenv.vehicles.tracker import Tracker, along_all, derivative_all
-from insenv.vehicles.traits import StickCommand, VehicleTraits
-from insenv.vehicles.truth import SineCosine, Vehicle
+from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_all, leg_kind, positive_value
+from insenv.vehicles.section import MAX_LEGS, GustsSection, StartSection, StickCommand, VehicleTraits, dumped, fastest, in_legs
+from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
 SLOW = 5.0
 """Speed (m/s) below which the turn rate falls with the speed, to zero at rest."""
@@ -86,7 +91,7 @@ def aircraft(engine_components: int = 1) -> Vehicle:
     Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and ``engine_<roll|pitch|down>_amplitude``,
     ``_phase``, turbulence (``gust_time_constant``, ``gust_<roll|pitch|yaw>_sigma`` rad,
     ``gust_<north|east|down>_sigma`` m/s), script (``segments``, ``segments_repeat``).
-    `insenv.vehicles.routes.flight_plan` builds the script from physical quantities.
+    `flight_plan` builds the script from physical quantities.
     """
     engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
     track = (
@@ -172,3 +177,171 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     }
     end = along_all((_SPEED, BANK), SimpleNamespace(**{**vars(x), **held}), h)
     return held | {"turn_acceleration": (turn_rate_of(end["bank"], end["speed"]) - x.turn_rate) / h}
+
+
+def flight_plan(legs: Sequence[Leg], start_speed_mps: float = 0.0, start_height_m: float = 0.0) -> NDArray[np.float64]:
+    """Segments of `aircraft` from legs such as::
+
+        [{"wait_s": 300}, {"speed_mps": 8}, {"turn_deg": 90, "bank_deg": 5}, {"speed_mps": 80, "acceleration_mps2": 3},
+         {"climb_to_m": 6000, "climb_mps": 8}, {"line_m": 20000}, {"turn_deg": -180, "bank_deg": 20},
+         {"fly_s": 60}]
+
+    Each leg has one of ``wait_s`` or ``fly_s`` (straight ahead), ``line_m`` (straight ahead for a ground distance),
+    ``speed_mps`` (until it is reached), ``climb_to_m`` (height above the ellipsoid, at ``climb_mps``, 5), ``turn_deg``
+    (positive to the right, at ``bank_deg``, 20; wings level at its end). Any leg may set ``acceleration_mps2`` (2.5).
+    Assumes the default bandwidths and limits of the vehicle; turns are accurate to 0.1 deg. Raises `InputError` naming
+    the leg, the key and what is allowed.
+    """
+    kinds = ("wait_s", "fly_s", "line_m", "speed_mps", "climb_to_m", "turn_deg")
+    speed, height, acceleration, segments = start_speed_mps, start_height_m, 2.5, []
+    take_off = float(PARAMETERS["take_off_speed"].start)
+    for number, leg in enumerate(legs, 1):
+        kind = leg_kind(number, leg, kinds, {"acceleration_mps2", "climb_mps", "bank_deg"})
+        acceleration = positive_value(number, leg, "acceleration_mps2", acceleration)
+        level = {"acceleration": acceleration, "bank": 0.0, "climb_rate": 0.0}
+        least = take_off if kind == "climb_to_m" else 0.0
+        if kind in ("line_m", "turn_deg", "climb_to_m") and speed <= least:
+            raise InputError(
+                f"leg {number}: {kind} = {leg[kind]} at {speed:g} m/s: allowed is above {least:g} m/s; give a speed_mps first"
+            )
+        if kind == "speed_mps":
+            segments.append(level | {"speed": leg[kind], "duration": abs(leg[kind] - speed) / acceleration + 6.0})
+            speed = leg[kind]
+        elif kind == "climb_to_m":
+            rate = positive_value(number, leg, "climb_mps", 5.0)
+            climb = leg[kind] - height
+            duration = max(abs(climb) / rate, 1e-3)
+            segments.append(level | {"speed": speed, "climb_rate": rate if climb > 0 else -rate, "duration": duration})
+            segments.append(level | {"speed": speed, "duration": 12.0})
+            height = leg[kind]
+        elif kind == "turn_deg":
+            bank = radians(positive_value(number, leg, "bank_deg", 20.0))
+            duration, settling = turn_timing(radians(leg[kind]), bank, speed)
+            signed = bank if leg[kind] > 0 else -bank
+            segments.append(level | {"speed": speed, "bank": signed, "duration": duration})
+            segments.append(level | {"speed": speed, "duration": settling})
+        else:
+            segments.append(level | {"speed": speed, "duration": leg[kind] / speed if kind == "line_m" else leg[kind]})
+    return SCRIPT.table(segments)
+
+
+def survey_pattern(lines: int, length_m: float, bank_deg: float = 20.0) -> list[dict[str, float]]:
+    """Legs for `flight_plan`: parallel lines joined by half turns, alternately to the right and to the left."""
+    if lines < 1:
+        raise InputError(f"lines = {lines}: allowed is at least 1")
+    legs: list[dict[str, float]] = []
+    for number in range(lines):
+        if number:
+            legs.append({"turn_deg": 180.0 if number % 2 else -180.0, "bank_deg": bank_deg})
+        legs.append({"line_m": length_m})
+    return legs
+
+
+@lru_cache(maxsize=256)
+def turn_timing(angle: float, bank: float, speed: float) -> tuple[float, float]:
+    """For a turn by an angle (rad) at a bank (rad) and speed (m/s): the time (s) for which to command the bank, and
+    then to level.
+
+    Simulates roll-in and roll-out with the aircraft's own tracker and its default parameters. Raises `InputError` if
+    the bank is too large for the aircraft or for so short a turn.
+    """
+    table = PARAMETERS
+    bandwidth, limit = float(table["bank_bandwidth"].start), float(table["bank_rate_limit"].start)
+    if bank > float(table["bank_limit"].start):
+        raise InputError(f"bank {bank:g} rad: allowed is up to {table['bank_limit'].start:g} rad")
+    h, settling = 0.01, bank / limit + 8.0 / bandwidth
+
+    def turned(target: float, begin: float) -> float:
+        """Angle turned while the bank settles from `begin` to `target`."""
+        x = SimpleNamespace(bank=begin, bank_rate=0.0, bank_second=0.0)
+        total = 0.0
+        for _ in range(round(settling / h)):
+            vars(x).update(BANK.hold(x, h, target, bandwidth, limit))
+            before = tan(x.bank)
+            vars(x).update(BANK.along(x, h))
+            total += 0.5 * h * (before + tan(x.bank))
+        return total * STANDARD_GRAVITY * speed / max(speed, SLOW) ** 2
+
+    rest = abs(angle) - turned(bank, 0.0) - turned(0.0, bank)
+    duration = settling + rest * max(speed, SLOW) ** 2 / (speed * STANDARD_GRAVITY * tan(bank))
+    if duration < settling:
+        raise InputError(
+            f"turn by {abs(angle) * 180 / pi:g} deg at a bank of {bank * 180 / pi:g} deg and {speed:g} m/s is over before "
+            f"the bank has settled: allowed is a smaller bank"
+        )
+    return duration, settling
+
+
+# The section [vehicle] of an aircraft: engine, gusts, flight.
+
+
+@lru_cache(maxsize=16)
+def _aircraft(engine_components: int) -> Vehicle:
+    return aircraft(engine_components)
+
+
+class AircraftLeg(Section):
+    """One leg of a flight: exactly one of wait_s, fly_s, line_m, speed_mps, climb_to_m, turn_deg, survey_lines."""
+
+    wait_s: Number | None = key(None, "keep speed and direction for this time", "s", gt=0, le=86400)
+    fly_s: Number | None = key(None, "go straight on for this time", "s", gt=0, le=86400)
+    line_m: Number | None = key(None, "go straight on for this distance over ground", "m", gt=0, le=1e7)
+    speed_mps: Number | None = key(None, "change to this speed; the leg ends when it is reached", "m/s", ge=0, le=340)
+    climb_to_m: Number | None = key(None, "climb or descend to this height above the ellipsoid", "m", ge=-1000, le=50000)
+    turn_deg: Number | None = key(None, "coordinated turn by this angle, right positive", "deg", ge=-3600, le=3600)
+    survey_lines: Annotated[int, Strict()] | None = key(
+        None, "number of parallel lines of length line_m, with half turns between them, the first to the right", "", ge=1, le=32
+    )
+    acceleration_mps2: Number | None = key(None, "largest acceleration, from this leg on (initially 2.5)", "m/s2", gt=0, le=30)
+    climb_mps: Number | None = key(None, "rate of climb; 5 if absent", "m/s", gt=0, le=100)
+    bank_deg: Number | None = key(None, "bank angle of the turn; 20 if absent", "deg", gt=0, le=45)
+
+
+class AircraftSection(GustsSection):
+    """An aircraft: parked if its legs only wait, otherwise moving."""
+
+    traits: ClassVar[VehicleTraits] = AIRCRAFT_TRAITS
+
+    kind: Literal["aircraft"] = key(..., "kind of vehicle")
+    angle_of_attack_deg: Number = key(2.0, "pitch above the flight path in the air", "deg", ge=-15, le=15)
+    take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", ge=1, le=200)
+    start_speed_mps: Number = key(0.0, "speed at time 0; in the air if above the take-off speed", "m/s", ge=0, le=340)
+    legs: tuple[AircraftLeg, ...] = key((), "the flight, leg by leg; a parked aircraft only waits", max_length=MAX_LEGS)
+    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+
+    @property
+    def in_place(self) -> bool:
+        """Whether it is parked."""
+        return self.start_speed_mps == 0.0 and all(leg.wait_s is not None for leg in self.legs)
+
+    @property
+    def fastest_mps(self) -> float:
+        """A speed over the ground that it does not exceed, unless it is steered."""
+        return fastest(self.start_speed_mps, self.legs, "speed_mps") + self.gusting_mps
+
+    def vehicle(self) -> Vehicle:
+        """Equations of motion."""
+        return _aircraft(max(1, len(self.engine)))
+
+    def rows(self, start: StartSection) -> dict[str, Any]:
+        """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
+        return {
+            **self.air_rows(),
+            "angle_of_attack": radians(self.angle_of_attack_deg),
+            "take_off_speed": self.take_off_speed_mps,
+            "start_speed": self.start_speed_mps,
+            "segments": in_legs(lambda: flight_plan(self._plan(), self.start_speed_mps, start.height_m)),
+            "segments_repeat": float(self.repeat_legs),
+        }
+
+    def _plan(self) -> list[Mapping[str, float]]:
+        """The legs, with each survey as its lines and turns."""
+        plan: list[Mapping[str, float]] = []
+        for number, leg in enumerate(dumped(self.legs), 1):
+            if "survey_lines" not in leg:
+                plan.append(leg)
+            elif set(leg) - {"survey_lines", "line_m", "bank_deg"} or "line_m" not in leg:
+                raise InputError(f"leg {number}: survey_lines needs line_m; of the other keys only bank_deg is allowed")
+            else:
+                plan += survey_pattern(int(leg["survey_lines"]), leg["line_m"], leg.get("bank_deg", 20.0))
+        return plan

@@ -8,20 +8,36 @@ vibrates with the engine.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from functools import lru_cache
+from math import pi, radians
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
+from insenv.base.errors import InputError
+from insenv.base.toml import Number, Section, key
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.vehicles.gusts import Gusts
-from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.phasors import Phasors
-from insenv.vehicles.script import Script
-from insenv.vehicles.tracker import Tracker, along_all, derivative_all
-from insenv.vehicles.traits import StickCommand, VehicleTraits
-from insenv.vehicles.truth import SineCosine, Vehicle
+from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_all, leg_kind, positive_value
+from insenv.vehicles.section import (
+    MARGIN_MPS,
+    MAX_LEGS,
+    Engine,
+    StartSection,
+    StickCommand,
+    VehicleSection,
+    VehicleTraits,
+    dumped,
+    engine_rows,
+    fastest,
+    in_legs,
+)
+from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
 SCRIPT = Script((
     Row("speed", "Speed to reach, over ground", "m/s", lower=0.0, upper=100.0),
@@ -78,7 +94,7 @@ def car(engine_components: int = 1) -> Vehicle:
 
     Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and
     ``engine_<roll|pitch|down>_amplitude``, ``_phase``, wind (``wind_time_constant``, ``wind_roll_sigma``,
-    ``wind_pitch_sigma``), script (``segments``, ``segments_repeat``). `insenv.vehicles.routes.car_route`
+    ``wind_pitch_sigma``), script (``segments``, ``segments_repeat``). `car_route`
     builds the script from physical quantities.
     """
     engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
@@ -165,3 +181,119 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         **_WIND.hold(p, x, suspension, r),
         **SCRIPT.count(p, x),
     }
+
+
+def car_route(legs: Sequence[Leg], start_speed_mps: float = 0.0, speed_bandwidth: float = 3.0) -> NDArray[np.float64]:
+    """Segments of `car` from legs such as::
+
+        [{"wait_s": 60, "load_roll_deg": 0.5}, {"accelerate_to_mps": 15, "acceleration_mps2": 2}, {"drive_s": 20},
+         {"turn_deg": 90, "duration_s": 6}, {"stop_s": 30}]
+
+    Each leg has one of ``accelerate_to_mps`` (ends when the speed is reached, or after ``duration_s``), ``drive_s``
+    (straight ahead), ``turn_deg`` (positive to the right, at the current speed; with ``duration_s`` or ``radius_m``),
+    ``stop_s`` (brake, then stand for this time), ``wait_s``. Any leg may set ``acceleration_mps2`` (2),
+    ``grade_percent``, ``load_roll_deg``, ``load_pitch_deg``, ``load_down_m``, which remain in effect. Raises
+    `InputError` naming the leg, the key and what is allowed.
+    """
+    allowed = {"acceleration_mps2", "grade_percent", "load_roll_deg", "load_pitch_deg", "load_down_m", "duration_s", "radius_m"}
+    speed, acceleration, segments = start_speed_mps, 2.0, []
+    for number, leg in enumerate(legs, 1):
+        kind = leg_kind(number, leg, ("accelerate_to_mps", "drive_s", "turn_deg", "stop_s", "wait_s"), allowed)
+        acceleration = positive_value(number, leg, "acceleration_mps2", acceleration)
+        segment = {"acceleration": acceleration, "yaw_rate": 0.0}
+        for given, name, factor in (
+            ("grade_percent", "slope", 0.01),
+            ("load_roll_deg", "load_roll", pi / 180.0),
+            ("load_pitch_deg", "load_pitch", pi / 180.0),
+            ("load_down_m", "load_down", 1.0),
+        ):
+            if given in leg:
+                segment[name] = float(leg[given]) * factor
+        if kind in ("accelerate_to_mps", "stop_s"):
+            new = leg[kind] if kind == "accelerate_to_mps" else 0.0
+            reaching = abs(new - speed) / acceleration + 6.0 / speed_bandwidth
+            segment["duration"] = reaching + leg["stop_s"] if kind == "stop_s" else leg.get("duration_s", reaching)
+            speed = new
+        elif kind == "turn_deg":
+            angle = radians(leg["turn_deg"])
+            if speed <= 0.0:
+                raise InputError(f"leg {number}: turn_deg = {leg['turn_deg']}: a stationary car cannot turn")
+            if ("duration_s" in leg) == ("radius_m" in leg):
+                raise InputError(f"leg {number}: turn_deg needs either duration_s or radius_m")
+            radius = positive_value(number, leg, "radius_m", 1.0)
+            duration = positive_value(number, leg, "duration_s", abs(angle) * radius / speed)
+            segment |= {"duration": duration, "yaw_rate": angle / duration}
+        else:
+            segment["duration"] = leg[kind]
+        segments.append(segment | {"speed": speed})
+    return SCRIPT.table(segments)
+
+
+# The section [vehicle] of a car: engine, wind, load, drive.
+
+
+@lru_cache(maxsize=16)
+def _car(engine_components: int) -> Vehicle:
+    return car(engine_components)
+
+
+class CarLeg(Section):
+    """One leg of a drive: exactly one of accelerate_to_mps, drive_s, turn_deg, stop_s, wait_s."""
+
+    accelerate_to_mps: Number | None = key(
+        None, "change to this speed; the leg ends when it is reached, or after duration_s", "m/s", ge=0, le=100
+    )
+    drive_s: Number | None = key(None, "drive straight on for this time", "s", gt=0, le=86400)
+    turn_deg: Number | None = key(
+        None, "turn by this angle, right positive, with duration_s or radius_m", "deg", ge=-3600, le=3600
+    )
+    stop_s: Number | None = key(None, "brake, then stand for this time", "s", gt=0, le=86400)
+    wait_s: Number | None = key(None, "keep speed and direction for this time", "s", gt=0, le=86400)
+    duration_s: Number | None = key(None, "duration of the turn or of the change of speed", "s", gt=0, le=86400)
+    radius_m: Number | None = key(None, "radius of the turn", "m", gt=0, le=1e6)
+    acceleration_mps2: Number | None = key(None, "largest acceleration, from this leg on (initially 2)", "m/s2", gt=0, le=15)
+    grade_percent: Number | None = key(None, "slope of the road, from this leg on", "%", ge=-40, le=40)
+    load_roll_deg: Number | None = key(None, "roll due to the load, from this leg on", "deg", ge=-10, le=10)
+    load_pitch_deg: Number | None = key(None, "pitch due to the load, from this leg on", "deg", ge=-10, le=10)
+    load_down_m: Number | None = key(None, "displacement down due to the load, from this leg on", "m", ge=-0.2, le=0.2)
+
+
+class CarSection(VehicleSection):
+    """A car: parked if its legs only wait, otherwise driving."""
+
+    traits: ClassVar[VehicleTraits] = CAR_TRAITS
+
+    kind: Literal["car"] = key(..., "kind of vehicle")
+    engine: Engine = key((), "the engine's vibration")
+    wind_roll_sigma_deg: Number = key(0.0, "roll due to wind, standard deviation", "deg", ge=0, le=5)
+    wind_pitch_sigma_deg: Number = key(0.0, "pitch due to wind, standard deviation", "deg", ge=0, le=5)
+    wind_correlation_s: Number = key(3.0, "correlation time of the wind", "s", ge=0.01, le=1e6)
+    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", ge=0, le=100)
+    legs: tuple[CarLeg, ...] = key((), "the drive, leg by leg; a parked car only waits", max_length=MAX_LEGS)
+    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+
+    @property
+    def in_place(self) -> bool:
+        """Whether it is parked."""
+        return self.start_speed_mps == 0.0 and all(leg.wait_s is not None for leg in self.legs)
+
+    @property
+    def fastest_mps(self) -> float:
+        """A speed over the ground that it does not exceed, unless it is steered."""
+        return fastest(self.start_speed_mps, self.legs, "accelerate_to_mps") + MARGIN_MPS
+
+    def vehicle(self) -> Vehicle:
+        """Equations of motion."""
+        return _car(max(1, len(self.engine)))
+
+    def rows(self, start: StartSection) -> dict[str, Any]:
+        """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
+        return {
+            **engine_rows(self.engine),
+            "wind_roll_sigma": radians(self.wind_roll_sigma_deg),
+            "wind_pitch_sigma": radians(self.wind_pitch_sigma_deg),
+            "wind_time_constant": self.wind_correlation_s,
+            "start_speed": self.start_speed_mps,
+            "segments": in_legs(lambda: car_route(dumped(self.legs), self.start_speed_mps)),
+            "segments_repeat": float(self.repeat_legs),
+        }

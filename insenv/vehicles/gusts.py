@@ -15,7 +15,7 @@ import casadi as ca
 from insenv.core.elementary import normal_pair
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.vehicles.tracker import Tracker
+from insenv.vehicles.script import Tracker
 
 
 @dataclass(frozen=True)

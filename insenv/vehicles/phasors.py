@@ -16,7 +16,7 @@ import casadi as ca
 from insenv.core.elementary import TWO_PI, sin_cos
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.vehicles.nodes import EDGE, INNER
+from insenv.vehicles.truth import EDGE, INNER
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Surroundings of a moored ship that commands change: the size of its motion, and a wave that passes.
 
 The motion of the scenario is multiplied by a size that follows the command ``sea`` slowly; the height of a passing wave, which
-follows the command ``wave``, lifts the ship and heels it.  The rates of both are tracked (`insenv.vehicles.tracker`), so that
+follows the command ``wave``, lifts the ship and heels it.  The rates of both are tracked (`insenv.vehicles.script`), so that
 acceleration and attitude rate never jump.  At size 1 without a wave the motion is that of the scenario, to the bit.
 """
 
@@ -14,8 +14,8 @@ from typing import Any
 from insenv.core.elementary import select
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.vehicles.tracker import Tracker, along_all, derivative_all
-from insenv.vehicles.traits import StickCommand
+from insenv.vehicles.script import Tracker, along_all, derivative_all
+from insenv.vehicles.section import StickCommand
 
 COMMANDS = (
     Row("sea", "Size of the ship's motion relative to that of the scenario", start=1.0, lower=0.0, upper=3.0),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from insenv.scenario import Scenario
 from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
 from insenv.sensors.grade_file import grade_of
-from insenv.sensors.imu_figures import unit_of
+from insenv.sensors.grades import unit_of
 from insenv.web.controls import Setting
 from insenv.web.keys import unit_suffix
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.core.progress import Progress
+from insenv.core.runner import Progress
 from insenv.core.tables import Vector
 from insenv.estimators import Estimator
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids

@@ -13,22 +13,24 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.output import as_path, atomic, check_output_file
 from insenv.base.toml import validated
 from insenv.core.model import Model
-from insenv.core.progress import Progress
+from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import CHANNELS
+from insenv.report.page import assembled, check_size
 from insenv.report.page.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
 from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas
-from insenv.scenario.choice import named_estimators
 from insenv.scenario.chunks import recording_interval
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
+from insenv.scenario.files import named_estimators
 from insenv.scenario.tracks.fmu_section import FmuSection
 from insenv.scenario.tracks.section import RecordedSection
 from insenv.web.controls import Control, Option, with_values
@@ -333,3 +335,36 @@ def _ranges(seeds: Sequence[int]) -> list[list[int]]:
 def _base64(numbers: Vector) -> str:
     """The bytes of float64 numbers, little endian."""
     return base64.b64encode(np.ascontiguousarray(numbers, dtype="<f8").tobytes()).decode()
+
+
+# `page`: a scenario and its estimators as one HTML file that simulates in a browser.
+
+
+def page(
+    scenario: ScenarioLike,
+    output: str | Path,
+    estimators: EstimatorsLike | None = None,
+    *,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a scenario and estimators as one HTML file that simulates in a browser, with the numbers of `insenv.run`.
+
+    output: the file.  The other arguments are those of `insenv.run`.  The file needs no network and no other file; a browser
+    opens it from a disk or from a server.
+
+    Returns the path.  Raises `InputError` for an unknown name, a wrong value, an estimator that cannot run on this scenario
+    or goes back over a whole run, and for a file that cannot be written; `InsenvError` if there is no compiler to WebAssembly,
+    or if the page is too large.
+    """
+    check_progress(progress)
+    path = as_path("output", output)
+    check_output_file(path, ".html")
+    made = live(scenario, estimators, seed=seed, duration_s=duration_s, settings=settings)
+    text = assembled(made.plant.scenario.title, {"live": live_document(made, progress)})
+    check_size(text)
+    with atomic(path) as stream:
+        stream.write(text.encode("utf-8"))
+    return path

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from insenv.core import codegen, functions
+from insenv.core import codegen
 from insenv.core import compile as compiling
 from insenv.core.batch import make_batch
 from insenv.core.loops import plan
@@ -34,8 +34,8 @@ def test_loops_and_pieces_give_the_same_bits(monkeypatch, least, longest):
     model = Model("long", "long", Table(), state, Table(), rows, steps, lambda p, x: {"a": x.a, "b": x.b})
     slow = make_runner(model, None, "interpreter").run(20)
     monkeypatch.setattr(compiling, "WRITER", f"{least}, {longest}")  # other libraries than those of the code as it stands
-    monkeypatch.setattr(functions, "LONG", 50)
-    monkeypatch.setattr(functions, "plan", partial(plan, least=least, longest=longest))
+    monkeypatch.setattr(codegen, "LONG", 50)
+    monkeypatch.setattr(codegen, "plan", partial(plan, least=least, longest=longest))
     codegen._functions.cache_clear()
     source = codegen.native_source(model)
     assert "PIECE void many_3(" in source

@@ -12,7 +12,7 @@ from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import ecef_kf, get
-from insenv.estimators.parts import two_sample
+from insenv.estimators.parts.strapdown import turned, velocity_change
 from insenv.scenario import load
 from insenv.scenario.chunks import input_rows
 
@@ -33,7 +33,7 @@ def test_attitude_over_two_samples():
         for turn in Rotation.from_rotvec((rate + growth * t[:, None]) * 2 * h / steps):
             true = true * turn
         first, second = (rate * h + growth * (b * b - a * a) / 2 for a, b in ((0, h), (h, 2 * h)))
-        found = vectorized(two_sample.turned, 4, 3, 3)(start.as_quat(scalar_first=True), first, second)
+        found = vectorized(turned, 4, 3, 3)(start.as_quat(scalar_first=True), first, second)
         errors.append((Rotation.from_quat(found, scalar_first=True) * true.inv()).magnitude())
     assert errors[0] < 1e-5
     assert errors[0] / errors[1] > 11
@@ -48,7 +48,7 @@ def test_velocity_change_over_two_samples():
     coning = np.cross(rate, growth) * t[:, None] ** 3 / 12
     true = Rotation.from_rotvec(angle + coning).apply(force + jerk * t[:, None]).sum(axis=0) * 2 * h / n
     parts = [v * h + g * (b * b - a * a) / 2 for v, g in ((rate, growth), (force, jerk)) for a, b in ((0, h), (h, 2 * h))]
-    found = vectorized(two_sample.velocity_change, 3, 3, 3, 3)(*parts)
+    found = vectorized(velocity_change, 3, 3, 3, 3)(*parts)
     assert np.abs(found - true).max() < 1e-5 * np.abs(true).max()
 
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from insenv import run
 from insenv.core.numeric import vectorized
 from insenv.estimators import q_method
-from insenv.estimators.parts.eigen import largest_eigenvector
+from insenv.estimators.parts.inertial_vectors import largest_eigenvector
 from insenv.estimators.q_method import FILTER, SECTIONS, davenport
 from insenv.scenario import load
 

@@ -13,7 +13,7 @@ from command_line import call, refused
 import insenv
 from insenv.base.errors import InputError
 from insenv.export import to_dataframes
-from insenv.export.nmea import nmea_text
+from insenv.export.geo import nmea_text
 
 
 @pytest.fixture(scope="module")

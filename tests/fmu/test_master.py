@@ -11,8 +11,7 @@ from fmu_tools import scratch
 from insenv import run
 from insenv.base.errors import InputError, InsenvError
 from insenv.fmu import export_ssp, master, run_ssp, stepping
-from insenv.fmu.instance import Instance
-from insenv.fmu.ports import Ports, Step
+from insenv.fmu.instance import Instance, Ports, Step
 from insenv.fmu.stepping import Plan
 
 backends = pytest.mark.parametrize("backend", ("native", "interpreter"))

@@ -7,8 +7,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.estimators.fusion import history
-from insenv.estimators.fusion.navigation import Navigation
-from insenv.estimators.fusion.retraction import corrected, navigation_corrected
+from insenv.estimators.fusion.navigation import Navigation, corrected, navigation_corrected
 from insenv.estimators.loosely_coupled import FILTER
 from insenv.estimators.parts import strapdown
 

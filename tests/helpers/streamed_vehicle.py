@@ -11,7 +11,7 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.answers import answers
 from insenv.mavlink.messages import DEFAULT_HZ
 from insenv.mavlink.parameters import NEVER
-from insenv.mavlink.wire.further import DEFINITIONS
+from insenv.mavlink.wire.frames import DEFINITIONS
 from insenv.scenario import load
 
 PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"

@@ -8,7 +8,7 @@ from typing import Any
 
 from insenv import record
 from insenv.export import log_tables
-from insenv.export.toml_text import toml_text
+from insenv.export.text_log import toml_text
 from insenv.scenario import load, parse
 
 LEVER_ARM_M = [-1.2, 0.3, -1.0]

@@ -13,8 +13,7 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule
 from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
 from insenv.mavlink.surroundings import BAROMETER_HZ, MAGNETOMETER_HZ
-from insenv.mavlink.wire.frames import Statistics, split
-from insenv.mavlink.wire.further import DEFINITIONS, further_messages
+from insenv.mavlink.wire.frames import DEFINITIONS, Statistics, further_messages, split
 from insenv.scenario import load
 
 

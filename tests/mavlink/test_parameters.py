@@ -10,7 +10,7 @@ from insenv import estimators
 from insenv.base.errors import InputError
 from insenv.mavlink.parameters import NEVER, NEXT_ALIGNMENT, NOW
 from insenv.scenario import build, load
-from insenv.sensors.short_names import LONGEST_NAME, elements
+from insenv.sensors.grades import LONGEST_NAME, elements
 
 
 def asked(vehicle, name, index=-1):

@@ -13,7 +13,7 @@ from insenv.evaluation.errors import ATTITUDE, Track
 from insenv.evaluation.health import course
 from insenv.report import OutputFolder, write_files
 from insenv.report.figures import draw
-from insenv.report.outages import outages
+from insenv.report.run_data import outages
 
 
 def test_it_shows_every_channel_and_leaves_matplotlib_as_it_was():

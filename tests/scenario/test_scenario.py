@@ -19,8 +19,7 @@ from insenv.base.resources import scenario_folder
 from insenv.core.runner import make_runner
 from insenv.estimators import registry
 from insenv.scenario import build, json_schema, load, names, parse
-from insenv.scenario.description import KnowledgeSection
-from insenv.scenario.gravity_section import GravitySection
+from insenv.scenario.description import GravitySection, KnowledgeSection
 from insenv.sensors import ImuSection
 from insenv.testing import check_keys
 

@@ -7,8 +7,7 @@ from lone_vehicle import DEG, history
 from insenv import testing
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles import registry
-from insenv.vehicles.multirotor import SCRIPT
-from insenv.vehicles.multirotor_section import MultirotorLeg, flight
+from insenv.vehicles.multirotor import SCRIPT, MultirotorLeg, flight
 
 
 def test_it_flies_turns_and_climbs_as_its_legs_say() -> None:

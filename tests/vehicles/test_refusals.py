@@ -6,7 +6,7 @@ from insenv.base.errors import InputError
 from insenv.vehicles import Hull, car_route, flight_plan, irregular_sea, regular_sway
 from insenv.vehicles.car import SCRIPT
 from insenv.vehicles.multirotor import SCRIPT as FLIGHT
-from insenv.vehicles.multirotor_section import MultirotorLeg, flight
+from insenv.vehicles.multirotor import MultirotorLeg, flight
 from insenv.vehicles.script import N_SEGMENTS
 
 

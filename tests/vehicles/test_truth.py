@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from insenv.core.runner import make_runner
 from insenv.vehicles import truth_instant
-from insenv.vehicles.nodes import PLACES
+from insenv.vehicles.truth import PLACES
 
 OMEGA_IE = 7.292115e-5
 

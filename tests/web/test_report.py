@@ -10,8 +10,8 @@ from selenium.webdriver import ActionChains
 from selenium.webdriver.common.by import By
 
 import insenv
-from insenv.report.page.arrays import BYTES, Pool, kept_records
 from insenv.report.page.of_run import in_a_turn, run_document, run_page
+from insenv.report.page.panels import BYTES, Pool, kept_records
 from insenv.report.tables import error_rows, number
 
 DURATION = 60.0

@@ -1,7 +1,7 @@
 """The measurements of a fusion filter.
 
 An `Aid` is one function of the navigation state: what its instrument should show minus what it shows.  Whoever adds one writes
-that equation; its derivatives come from differentiation (`insenv.estimators.fusion.retraction`), and gating, counting and
+that equation; its derivatives come from differentiation (`insenv.estimators.fusion.navigation`), and gating, counting and
 smoothing are shared.
 """
 

@@ -19,7 +19,7 @@ from insenv.core.tables import Table
 from insenv.estimators.fusion.aid import Aid, gate_row, noise_variance
 from insenv.estimators.fusion.error_state import constant, drifting
 from insenv.estimators.fusion.navigation import Navigation
-from insenv.estimators.parts.gauss_markov import correlated_again
+from insenv.estimators.parts.kalman import correlated_again
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.sensors.instruments import BAROMETER
 

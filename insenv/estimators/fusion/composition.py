@@ -25,14 +25,20 @@ from insenv.estimators.fusion import history
 from insenv.estimators.fusion.aid import Aid, repeated
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.measurement import update
-from insenv.estimators.fusion.navigation import corrected_increments
-from insenv.estimators.fusion.retraction import corrected, linear
-from insenv.estimators.parts import motion_errors, rows, strapdown
-from insenv.estimators.parts.error_model import GYRO, POSITION, TILT, VELOCITY, Interval, navigation_transition
-from insenv.estimators.parts.gauss_markov import decay, driven_variance
-from insenv.estimators.parts.invariant import covariance_after
-from insenv.estimators.parts.kalman import Update, propagate
-from insenv.estimators.parts.rest_bias import bias_of_tilt
+from insenv.estimators.fusion.navigation import corrected, corrected_increments, linear
+from insenv.estimators.parts import rows, strapdown
+from insenv.estimators.parts.error_model import (
+    GYRO,
+    POSITION,
+    TILT,
+    VELOCITY,
+    Interval,
+    bias_of_tilt,
+    covariance_after,
+    navigation_transition,
+    variances,
+)
+from insenv.estimators.parts.kalman import Update, decay, driven_variance, propagate
 
 NAVIGATION = 9
 """Number of errors of position, velocity and attitude, which come first."""
@@ -261,7 +267,7 @@ class Composition:
 
     def covariance(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
         """Propagate the covariance and the estimated errors over the samples since the last time."""
-        by_rotation, by_thrust = motion_errors.variances(p, x.stretch_angle, x.stretch_change_w)
+        by_rotation, by_thrust = variances(p, x.stretch_angle, x.stretch_change_w)
         noise = [
             ca.SX.zeros(3),
             ca.repmat(p.velocity_random_walk**2 * x.stretch + by_thrust, 3, 1),

@@ -5,31 +5,173 @@ Where nobody names states and aids, `presets` chooses them by the unit, the inst
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import cos, radians
+from math import cos, hypot, radians, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.core.model import Values
+from insenv.core.tables import Table
 from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import history, unknown_start
 from insenv.estimators.fusion.aid import Aid
-from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
+from insenv.estimators.fusion.available import AIDS, OF_AID, OF_UNIT, STATES, composition
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import ErrorState
-from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.in_place import SHAKEN
-from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC
-from insenv.estimators.fusion.prepared import prepared, untold_mounting
-from insenv.estimators.fusion.presets import HOLDING, aids_of, states_of, told_of_unit
+from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC, UNTOLD_ARM
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
+from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
+from insenv.estimators.parts.finding import Finding
 from insenv.estimators.velocity_integration.estimator import OLDEST
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 from insenv.geodesy import OMEGA_IE
+from insenv.sensors.instruments import TOLD
+
+# Which states and aids a filter has where nobody says: by the unit, the instruments and the vehicle.
+#
+# A state is worth its place if what it does exceeds a share of what the unit's white noise does in a minute: a scale factor or
+# a misalignment in a manoeuvre (`insenv.estimators.parts.error_model`), an error of an instrument if it is told at all. On a
+# turntable, which turns gravity from axis to axis, every error of the unit that is told is worth it.
+
+WORTH = 0.1
+MINUTE = 60.0
+FLOATING = ("ship", "multirotor")
+"""Kinds of vehicle that never stand still."""
+HOLDING = ("gnss", "dvl", "odometer")
+"""Sensors, and their aids, that hold the horizontal velocity, also of a vehicle that is steered away."""
+PARKED = ("car", "aircraft")
+"""Kinds of vehicle that stand still where they stay in place."""
+HOVERING = ("multirotor",)
+"""Kinds of vehicle whose turns and accelerations are too small to show a scale factor or a misalignment."""
+
+
+def aids_of(drive: Drive) -> tuple[str, ...]:
+    """The aids of a drive: those of its instruments, and what the vehicle itself tells.
+
+    Where nothing but rest holds the velocity of a vehicle that is known to stay, rest is not detected: detection asks whether
+    the estimate agrees, and one that is 3 standard deviations off takes a parked vehicle for one that accelerates.
+    """
+    wheels = drive.vehicle == "car" and "odometer" in drive.sensors
+    parked = bool(drive.in_place and drive.vehicle in PARKED and drive.sensors.isdisjoint(HOLDING))
+    stays = drive.vehicle == TURNTABLE or parked
+    own = {"zero_velocity": not stays and drive.vehicle not in FLOATING, "non_holonomic": wheels, "in_place": stays}
+    return tuple(id for id, aid in AIDS.items() if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
+
+
+def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[str, ...]:
+    """The states, beside the biases, of a filter with these aids."""
+    rows = known.rows
+    found = told_of_unit(known) if drive.vehicle == TURNTABLE else _shown_by_manoeuvres(known, drive)
+    for aid in aids:
+        found += [state.name for state in OF_AID.get(aid, ()) if _told(rows, STATES[state.name].sigma)]
+    if NON_HOLONOMIC.id in aids and untold_mounting(known):
+        found.append(MOUNTING.name)
+    return tuple(dict.fromkeys(found))
+
+
+def told_of_unit(known: Knowledge) -> list[str]:
+    """The states of the unit beside its biases whose standard deviation is told."""
+    rows = known.rows
+    return [state for state in OF_UNIT if _told(rows, STATES[state].sigma)]
+
+
+def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
+    sheet = known.sensors
+    manoeuvre = {
+        "gyro": COHERENT_ANGLE / max(sheet.angle_random_walk * sqrt(MINUTE), 1e-12),
+        "accel": COHERENT_SPEED / max(sheet.velocity_random_walk * sqrt(MINUTE), 1e-12),
+    }
+    found: list[str] = []
+    for triad, effect in manoeuvre.items():
+        if drive.in_place or drive.vehicle in HOVERING:  # no manoeuvre shows them
+            continue
+        found += [
+            f"{triad}_{error}"
+            for error in ("scale", "misalignment")
+            if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
+        ]
+    return found
+
+
+def _told(rows: dict[str, Any], sigma: str) -> bool:
+    return bool(np.any(np.asarray(rows.get(sigma, 0.0)) > 0.0))
+
+
+# Parameters of a composition from what is known of the start and the unit.
+
+
+def untold_mounting(known: Knowledge) -> bool:
+    """Whether nothing is told of how the inertial unit is mounted to the wheels."""
+    return "odometer_lever_arm_b" not in known.instruments
+
+
+def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[str, Any]:
+    """Parameter rows (SI, by name) of a filter that estimates `states`.
+
+    What a state stands for is taken out of what a filter without it counts instead: out of the bias that gravity makes of a
+    scale factor, a misalignment or a g-sensitivity, and out of the process noise of manoeuvres
+    (`insenv.estimators.parts.error_model`).
+    """
+    rows, sheet = known.rows_of(table), known.sensors
+    for name in TOLD.names:  # an error that is not told, of a state that was asked for, has the size that its row starts with
+        if name in rows and not np.any(rows[name]) and table[name].flat_start().any():
+            del rows[name]
+    if untold_mounting(known) and "non_holonomic_arm_sigma" in table:
+        rows["non_holonomic_arm_sigma"] = UNTOLD_ARM
+    bare = {"gyro": {"gyro_g_sensitivity"}, "accel": {"accel_scale", "accel_misalignment"}}
+    for triad, needed in bare.items():
+        sigma = getattr(sheet, f"bare_{triad}_bias_sigma")
+        if sigma > 0 and all(name in states or getattr(sheet, f"{name}_sigma") == 0 for name in needed):
+            rows[f"{triad}_bias_sigma"] = sigma
+            rows[f"{triad}_correlation_time"] = getattr(sheet, f"bare_{triad}_correlation_time")
+    for triad, row in (("gyro", "rotation_error"), ("accel", "thrust_error")):
+        named = (f"{triad}_scale", f"{triad}_misalignment")
+        estimated = hypot(*(getattr(sheet, f"{name}_sigma") for name in named if name in states))
+        rows[row] = sqrt(max(getattr(known, row) ** 2 - estimated**2, 0.0))
+    return rows
+
+
+# What the estimated errors of a run tell: an error many times as large as it was said to be.
+
+SURPRISING = 5.0
+"""Standard deviations of the start from which an estimate is called surprising.
+
+The estimate of an error that was drawn with the stated sigma stays below it: among 40 errors it exceeds 5 by
+chance in 2 runs of 100 000.
+"""
+
+
+def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Of each state: its estimate at the end is beyond `SURPRISING` of its standard deviations at the start.
+
+    parameters: rows by name, SI.  Of a Gauss-Markov error the stationary standard deviation counts, about 0; of a constant one
+    that of the start, about the start.
+    """
+    p, found = Values(**parameters), []
+    for state in states:
+        sigma = _numbers(parameters[state.sigma] if state.time else state.start_sigma(p), state.size)
+        begun = np.zeros(state.size) if state.time or state.started is None else _numbers(state.started(p), state.size)
+        sentence = (
+            f"the estimate of {state.name} is {{ratio}} times the standard deviation told of it ({state.sigma}): the "
+            "instrument, its description or that sigma is wrong"
+        )
+        found.append(Finding(state.name, sentence, np.where(sigma > 0.0, sigma, np.inf), begun, SURPRISING))
+    return tuple(found)
+
+
+def _numbers(value: Any, size: int) -> NDArray[np.float64]:
+    """A number or a CasADi matrix as (size) numbers."""
+    import casadi as ca
+
+    return np.broadcast_to(np.ravel(np.array(ca.evalf(ca.SX(value)))), (size,))
+
 
 ID = "fusion"
 _SECTIONS = tuple(f"[{sensor}]" for aid in AIDS.values() for sensor in aid.sensors)

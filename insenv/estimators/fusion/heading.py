@@ -18,7 +18,7 @@ from insenv.estimators.fusion.aid import Aid, gate_row, noise_variance
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import strapdown
-from insenv.estimators.parts.gauss_markov import correlated_again
+from insenv.estimators.parts.kalman import correlated_again
 from insenv.sensors.instruments import HEADING
 
 _TOLD = HEADING.told

@@ -16,7 +16,7 @@ import casadi as ca
 
 from insenv.estimators.fusion.error_state import ErrorState, constant, sigma_row
 from insenv.estimators.parts import rows
-from insenv.estimators.parts.rest_bias import bias_sigma
+from insenv.estimators.parts.error_model import bias_sigma
 
 COUPLINGS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 """Row and column of the couplings xy, xz, yx, yz, zx, zy."""

@@ -11,12 +11,10 @@ from insenv.core import symmetric
 from insenv.core.elementary import maximum, select
 from insenv.estimators.fusion.aid import Aid, Spread
 from insenv.estimators.fusion.error_state import ErrorState
-from insenv.estimators.fusion.navigation import Navigation
-from insenv.estimators.fusion.retraction import linear
-from insenv.estimators.parts.counting import counted
+from insenv.estimators.fusion.navigation import Navigation, linear
 from insenv.estimators.parts.error_model import TILT
 from insenv.estimators.parts.kalman import Scalar, Update, innovation_variance, measure
-from insenv.estimators.parts.rows import COUNTED
+from insenv.estimators.parts.rows import COUNTED, counted
 
 
 def update(

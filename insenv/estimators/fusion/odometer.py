@@ -25,7 +25,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.fusion.aid import Aid, Spread, beyond_linear, gate_row, noise_variance, waited
 from insenv.estimators.fusion.error_state import constant, sigma_row
 from insenv.estimators.fusion.navigation import Navigation
-from insenv.estimators.parts.gauss_markov import correlated_again
+from insenv.estimators.parts.kalman import correlated_again
 from insenv.sensors.instruments import ODOMETER
 
 _TOLD = ODOMETER.told

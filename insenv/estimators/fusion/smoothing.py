@@ -16,10 +16,9 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.fusion import unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
-from insenv.estimators.fusion.retraction import corrected, navigation_corrected
+from insenv.estimators.fusion.navigation import corrected, navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
-from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
-from insenv.estimators.parts.invariant import covariance_after
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, covariance_after
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 WANTED = Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True)

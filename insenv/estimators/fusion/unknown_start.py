@@ -34,15 +34,13 @@ from insenv.estimators.contract import Drive, Knowledge
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.measurement import spread_of
-from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.fusion.navigation import Navigation, corrected, linear
 from insenv.estimators.fusion.omitted import Omitted
-from insenv.estimators.fusion.retraction import corrected, linear
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
-from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY
+from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, bias_sigma
 from insenv.estimators.parts.finding import SIGMA, TIME, Finding, Reached
 from insenv.estimators.parts.kalman import innovation_variance
-from insenv.estimators.parts.rest_bias import bias_sigma
 from insenv.estimators.velocity_integration import estimator as alignment
 from insenv.estimators.velocity_integration import source, wahba
 from insenv.estimators.velocity_integration.errors import q_ni

@@ -9,7 +9,7 @@ from s = 0, L = 0 at the end:
 
     scalar measurement of sensitivity H, gain K, innovation e of variance S:
         s <- (I - K H)^T s + H^T e / S,   L <- (I - K H)^T L (I - K H) + H^T H / S
-    turn T of the errors with the correction of the attitude, after the last scalar (`insenv.estimators.parts.invariant`):
+    turn T of the errors with the correction of the attitude, after the last scalar (`insenv.estimators.parts.error_model`):
         s <- T^T s,   L <- T^T L T
     transition to the instant:
         s <- Phi^T s,   L <- Phi^T L Phi
@@ -33,8 +33,7 @@ import casadi as ca
 from insenv.core import symmetric
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts.error_model import TILT
-from insenv.estimators.parts.invariant import adjoint_before, turn_of, turned, with_platform
+from insenv.estimators.parts.error_model import TILT, adjoint_before, turn_of, turned, with_platform
 from insenv.estimators.parts.kalman import Update, weight_and_gain
 
 

@@ -23,12 +23,17 @@ paper.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
+from insenv import attitude, geodesy
 from insenv.attitude import skew
+from insenv.core import symmetric
+from insenv.core.elementary import maximum, select, sin_cos
+from insenv.estimators.parts.kalman import Update
 from insenv.geodesy import GRAVITY_CHANGE, MEAN_RADIUS, OMEGA_IE
 
 N = 15
@@ -62,3 +67,154 @@ def navigation_transition(interval: Interval, gravity: Any) -> Any:
     A[VELOCITY, TILT] = skew(interval.delta_velocity_w)
     A[TILT, TILT] = -skew(interval.omega_ie_w + interval.omega_ew_w) * dt
     return A
+
+
+# The errors of velocity and attitude as one error of a group: a correction turns both.
+#
+# A correction turns the platform by psi.  What a filter has not measured, above all the heading of a vehicle at rest, is an
+# error about the vertical *as the platform shows it*.  The errors of velocity and attitude (w) therefore turn with the
+# platform, and their covariance with them:
+#
+#     e <- T e,   P <- T P T^T,   T = 1 but for the blocks C of velocity and attitude,   C = exp([psi x])
+#
+# Without that turn an error of heading that was none of velocity becomes one: the next measurement of velocity seems to measure
+# the heading, and the stated sigma falls without a cause.  With it, velocity and attitude have the left-invariant error
+# R^T (v^ - v), R^T R^ in other axes, to first order.  The error of position keeps its axes: it is known apart from errors that
+# do not turn, those of receiver and barometer, and turning it alone would seem to measure it.
+#
+# Sources: Barrau and Bonnabel (2017), "The invariant extended Kalman filter as a stable observer", IEEE Trans. Automatic
+# Control 62, 1797-1812; biases make the filter an imperfect one, for which convergence is not proved.
+
+TURNING = (VELOCITY, TILT)
+"""The parts of the error that turn."""
+
+
+def turned(matrix: Any, turns: Sequence[tuple[slice, Any]]) -> Any:
+    """T M T^T for a matrix (n x n) over the error, T = 1 but for the blocks `turns`: a part of the error and its turn."""
+    for part, turn in turns:
+        matrix[part, :] = turn @ matrix[part, :]
+    for part, turn in turns:
+        matrix[:, part] = matrix[:, part] @ turn.T
+    return matrix
+
+
+def with_platform(turn: Any) -> tuple[tuple[slice, Any], ...]:
+    """The blocks of T; turn: C (3x3), or its transpose for the way back."""
+    return tuple((part, turn) for part in TURNING)
+
+
+def turn_of(psi: Any) -> Any:
+    """C (3x3) of a correction psi (3, rad, w)."""
+    return attitude.to_dcm(attitude.from_rotation_vector(psi))
+
+
+def covariance_after(update: Update, n: int, share: Any = 1.0) -> Any:
+    """Covariance triangle of n errors after an update whose correction has been taken out of the state.
+
+    share: 1; 0 leaves the covariance as the conventional Kalman filter of small angles does.
+    """
+    turn = turn_of(update.correction[TILT] * share)
+    return symmetric.triangle(turned(symmetric.full(update.stored, n), with_platform(turn)))
+
+
+def adjoint_before(adjoint: Any, psi: Any) -> Any:
+    """T^T s for the adjoint s (n) of the error after a correction psi."""
+    found = ca.SX(adjoint)
+    for part in TURNING:
+        found[part] = turn_of(psi).T @ adjoint[part]
+    return found
+
+
+# From a coarse alignment in place to an error-state filter: the covariance of attitude and sensor biases.
+#
+# What biases do to an alignment in place does not average out, so attitude and biases are correlated from the start. In
+# place, with the misalignment phi and the biases left in the measurements (b, in n) as in (12) and (22) of the ECEF
+# fine-alignment paper, the specific force and the Earth's rotation balance at
+#
+#     phi_N = b_aE / g,   phi_E = -b_aN / g,   phi_D = b_gE / (omega_ie cos L) - phi_N tan L
+#
+# A filter that starts without these correlations takes the attitude for a measurement of its own, and states too little.
+
+LEAST_NOISE = 1e-12  # rad^2
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """Covariances after an alignment in place: of phi (3x3, rad^2), and of phi with the biases (3x3 each), in n."""
+
+    tilt: Any
+    tilt_accel: Any
+    tilt_gyro: Any
+
+
+def aligned(sigma: Any, latitude: Any, gravity: Any, gyro_bias_sigma: Any, accel_bias_sigma: Any) -> Aligned:
+    """Covariances of an alignment that states `sigma` (3, rad, about n); biases SI, latitude rad, gravity m/s^2.
+
+    What `sigma` has beyond the effect of the biases is noise, independent in the three axes.
+    """
+    s, c = sin_cos(latitude)
+    c = maximum(c, 1e-6)
+    by_accel, by_gyro = ca.SX(3, 3), ca.SX(3, 3)
+    by_accel[0, 1], by_accel[1, 0], by_accel[2, 1] = 1 / gravity, -1 / gravity, -s / (c * gravity)
+    by_gyro[2, 1] = 1 / (geodesy.OMEGA_IE * c)
+    tilt_accel, tilt_gyro = by_accel * accel_bias_sigma**2, by_gyro * gyro_bias_sigma**2
+    biases = tilt_accel @ by_accel.T + tilt_gyro @ by_gyro.T
+    noise = maximum(sigma**2 - ca.diag(biases), LEAST_NOISE)
+    return Aligned(biases + ca.diag(noise), tilt_accel, tilt_gyro)
+
+
+# The start of a gyro bias that comes from a time at rest: its error, which the errors of the start attitude share.
+#
+# At rest a gyro measures its bias and the Earth's rate. The bias is the mean rate minus the Earth's rate in the attitude of
+# the start, so an error of that attitude leaves a part of the Earth's rate in the bias. With psi the small rotation of
+# `insenv.estimators.parts.error_model` (the computed attitude is I - [psi x] times the true one) the bias that is left, true
+# minus estimated, is
+#
+#     C_bn (psi x w_ie)
+#
+# times the part of the bias that comes from the rest. The two errors cancel in the rate of the attitude, so a heading that is
+# found later corrects the bias with it.
+
+
+def bias_of_tilt(p: Any) -> Any:
+    """Derivative (3x3) of the start gyro bias that is left (rad/s, b) with respect to psi (rad, n)."""
+    C_bn = attitude.to_dcm(attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)).T
+    return -p.start_rest_share * (C_bn @ attitude.skew(geodesy.earth_rate_n(p.start_latitude)))
+
+
+def bias_sigma(p: Any) -> Any:
+    """Standard deviation (rad/s) of the start gyro bias for the start attitude."""
+    return select(p.start_gyro_bias_error > 0, p.start_gyro_bias_error, p.gyro_bias_sigma)
+
+
+# Errors of the unit that are proportional to the motion, as process noise of a filter without states for them.
+#
+# Scale factors and misalignments are constant, and what they do comes and goes with each turn: it accumulates in a manoeuvre
+# and reverses in the next. As noise they are white over manoeuvres of the sizes below.
+
+COHERENT_ANGLE = 1.0  # rad
+COHERENT_SPEED = 10.0  # m/s
+ROUNDED = 0.9
+"""Part of the unit's value down to which a value set by hand counts as the same."""
+
+
+def understated(unit: Mapping[str, Any], given: Mapping[str, Any]) -> tuple[str, ...]:
+    """Sentences about errors that are set smaller than the unit's: the filter then states too small sigmas in motion.
+
+    unit, given: parameters (by row name) as the data sheet of the unit gives them, and as they are set.
+    """
+    return tuple(
+        f"{name} = {1000 * float(given[name]):.2g} mrad is set, that of the unit is {1000 * float(unit[name]):.2g} mrad: in "
+        "and after manoeuvres the stated sigmas are too small"
+        for name in ("rotation_error", "thrust_error")
+        if name in given and name in unit and float(given[name]) < ROUNDED * float(unit[name])
+    )
+
+
+def variances(p: Any, rotation: Any, change: Any) -> tuple[Any, Any]:
+    """Variances to add to each attitude (rad^2) and velocity (m^2/s^2) error over an interval.
+
+    p: rows of `rows.MOTION_ERRORS`. rotation (3, rad), change (3, m/s): of attitude and velocity in the interval.
+    """
+    turned, pushed = ca.sqrt(ca.sumsqr(rotation)), ca.sqrt(ca.sumsqr(change))
+    return p.rotation_error**2 * COHERENT_ANGLE * turned, p.thrust_error**2 * COHERENT_SPEED * pushed

@@ -26,7 +26,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Knowledge
 from insenv.estimators.parts import rows
 from insenv.estimators.parts.fir import BLOCK_S
-from insenv.estimators.parts.increments import MEMORY, compensated, remembered
+from insenv.estimators.parts.strapdown import MEMORY, compensated, remembered
 
 FRAME = Table((
     Row("q_ib", "Attitude since the start: takes b components to components in b at the start", "1", (4,), "i", (1, 0, 0, 0)),

@@ -14,9 +14,10 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
-from insenv.estimators.parts import counting, lever_arm, strapdown
-from insenv.estimators.parts.gauss_markov import correlated_again
+from insenv.estimators.parts import lever_arm, strapdown
+from insenv.estimators.parts.kalman import correlated_again
 from insenv.estimators.parts.rows import FIX_HEALTH
+from insenv.estimators.parts.rows import counted as counting_counted
 
 OLDEST = 0.5
 """s: of a fix, over which acceleration and angular acceleration are taken as constant.
@@ -91,5 +92,5 @@ def correlated_variance(p: Any, since: Any) -> Any:
 
 
 def counted(x: Any, present: Any, accept: Any, ratio: Any) -> dict[str, Any]:
-    """Rows of `rows.FIX_HEALTH` after a fix, position and velocity apart; arguments (6 each) as for `counting.counted`."""
-    return counting.counted(x, FIX_HEALTH.names, (slice(0, 3), slice(3, 6)), present, accept, ratio)
+    """Rows of `rows.FIX_HEALTH` after a fix, position and velocity apart; arguments (6 each) as for `counting_counted`."""
+    return counting_counted(x, FIX_HEALTH.names, (slice(0, 3), slice(3, 6)), present, accept, ratio)

@@ -39,8 +39,8 @@ import casadi as ca
 
 from insenv.attitude import skew
 from insenv.core.elementary import exp
-from insenv.estimators.parts.gauss_markov import decays, driven_variance
-from insenv.estimators.parts.rest_bias import bias_of_tilt, bias_sigma
+from insenv.estimators.parts.error_model import bias_of_tilt, bias_sigma
+from insenv.estimators.parts.kalman import decays, driven_variance
 from insenv.geodesy import MEAN_RADIUS, NOMINAL_GRAVITY
 
 N = 16

@@ -33,7 +33,7 @@ from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame, rows
 from insenv.estimators.parts.frozen_frame import horizontal_earth_rate, q_n0n, turned
-from insenv.estimators.parts.increments import MEMORY
+from insenv.estimators.parts.strapdown import MEMORY
 
 CHAIN = 4
 FEATURES = 6

@@ -4,7 +4,7 @@ Frame w is NED turned about Down by the wander angle and moves with the vehicle 
 is singular at the poles. Position is the quaternion q_ew (w components to e components) and the height. No trigonometry
 is evaluated.
 
-Increments are compensated to third order in the sample interval (`insenv.estimators.parts.increments`), and Earth terms
+Increments are compensated to third order in the sample interval (`insenv.estimators.parts.strapdown`), and Earth terms
 are those of the middle of the interval. Source of the wander-azimuth form: Groves (2013), section 5.5.
 """
 
@@ -19,7 +19,47 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import select
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts.increments import MEMORY, compensated, remembered
+
+# Rotation and velocity change of an inertial sample: coning, sculling and rotation compensation.
+#
+# Rate and specific force of the body are taken as linear in time over the present sample and the one before; the results
+# are of third order in the sample interval.
+#
+# Sources: Savage, "Strapdown inertial navigation integration algorithm design", J. Guidance 21 (1998), part 1 for coning,
+# part 2 for sculling and rotation compensation; the last product of rotation compensation is the second-order term of a
+# constant rotation.
+
+MEMORY = Table((
+    Row("previous_delta_angle", "Bias-corrected delta angle of the previous sample", "rad", (3,), "b"),
+    Row("previous_delta_velocity", "Bias-corrected delta velocity of the previous sample", "m/s", (3,), "b"),
+    Row("samples", "Number of samples so far", "1"),
+))  # fmt: skip
+"""State rows: the previous sample."""
+
+
+def compensated(x: Any, delta_angle: Any, delta_velocity: Any) -> tuple[Any, Any]:
+    """Rotation vector of the sample and its velocity change in the body axes at its start (3, rad; 3, m/s; b).
+
+    x: rows of `MEMORY`. delta_angle, delta_velocity: increments with known errors subtracted.
+    """
+    # the first sample has no predecessor, so the second counts twice: by the same linear fit to the two samples, coning
+    # and sculling of the first equal those of the second
+    weight = select(x.samples == 1, 2 / 12, 1 / 12)
+    before_angle, before_velocity = x.previous_delta_angle, x.previous_delta_velocity
+    rotation = delta_angle + weight * ca.cross(before_angle, delta_angle)
+    turned = ca.cross(delta_angle, delta_velocity)
+    sculling = ca.cross(before_angle, delta_velocity) + ca.cross(before_velocity, delta_angle)
+    return rotation, delta_velocity + 0.5 * turned + (1 / 6) * ca.cross(delta_angle, turned) + weight * sculling
+
+
+def remembered(x: Any, delta_angle: Any, delta_velocity: Any) -> dict[str, Any]:
+    """Rows of `MEMORY` after the sample."""
+    return {
+        "previous_delta_angle": delta_angle,
+        "previous_delta_velocity": delta_velocity,
+        "samples": x.samples + 1,
+    }
+
 
 NAVIGATION_STATE = Table((
     Row("q_wb", "Attitude: takes b components to w components", "1", (4,), "w", start=(1, 0, 0, 0)),
@@ -189,3 +229,48 @@ def _axis_w(q_ew: Any) -> Any:
     """The Earth's axis in w: third row of C_ew."""
     w, x, y, z = ca.vertsplit(q_ew)
     return ca.vertcat(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
+
+
+# Two gyro samples at once: quaternion recursion of third order and velocity change of the ECEF fine-alignment paper.
+#
+# The paper's quaternion is Jekeli's, the conjugate of ours: its (31) acts on conj(q_eb), and its (35) is then C_eb. The
+# conjugate of ``B(w) conj(q)`` is the Hamilton product ``q (0, w)``, so (30) becomes one product q r with r built from
+# three pure quaternions. The tests compare this form with the paper's matrices, and both with scipy.
+
+
+def rates(first: Any, second: Any) -> tuple[Any, Any, Any]:
+    """Rate times the double interval at its start, middle and end (3 each, rad), from the two samples: (32)-(34).
+
+    The rate is taken as linear in time. first, second: delta angles relative to the target frame (3, rad, b).
+    """
+    return 3 * first - second, first + second, 3 * second - first
+
+
+def turned(q: Any, first: Any, second: Any) -> Any:
+    """q_eb (4) after two samples, of norm 1 within the recursion's error (fourth order): (30).
+
+    first, second: delta angles relative to e (3, rad, b), with the Earth's rotation subtracted as in (28), (29).
+    """
+    start, middle, end = (ca.vertcat(0, w) for w in rates(first, second))
+    product = attitude.multiply
+    one = ca.SX([1, 0, 0, 0])
+    r = (
+        one
+        + (end + 4 * middle + start) / 12
+        + product(product(start, middle), one + end / 4) / 12
+        + product(middle - start / 2, end) / 12
+    )
+    return product(q, r)
+
+
+def velocity_change(first: Any, second: Any, first_velocity: Any, second_velocity: Any) -> Any:
+    """Integral of C(t) f over the two samples in the body axes at their start (3, m/s).
+
+    first, second: delta angles (3, rad) relative to the target frame of C; the rest: delta velocities (3, m/s,
+    b). Rates and specific force are taken as linear in time. Savage, J. Guidance 21 (1998), part 2: rotation
+    compensation to second order and two-sample sculling.
+    """
+    angle, velocity = first + second, first_velocity + second_velocity
+    swept = ca.cross(angle, velocity)
+    sculling = ca.cross(first, second_velocity) + ca.cross(first_velocity, second)
+    return velocity + swept / 2 + ca.cross(angle, swept) / 6 + sculling * (2 / 3)

@@ -10,7 +10,8 @@ from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import select
-from insenv.estimators.parts import frozen_frame, motion_errors
+from insenv.estimators.parts import frozen_frame
+from insenv.estimators.parts.error_model import variances
 from insenv.estimators.parts.kalman import propagate
 from insenv.estimators.velocity_integration.source import (
     ACCEL,
@@ -45,7 +46,7 @@ def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
     A = ca.SX(N, N)
     A[ALPHA, DRIFT] = -skew(x.stretch_alpha)
     A[DRIFT, GYRO] = A[ALPHA, ACCEL] = x.stretch_C_ib
-    by_rotation, _ = motion_errors.variances(p, x.stretch_angle, ca.SX.zeros(3))
+    by_rotation, _ = variances(p, x.stretch_angle, ca.SX.zeros(3))
     noise = ca.vertcat(
         ca.repmat(p.angle_random_walk**2 * x.stretch + by_rotation, 3, 1),
         ca.repmat(p.velocity_random_walk**2 * x.stretch, 3, 1),

@@ -13,9 +13,8 @@ import numpy as np
 from insenv import geodesy
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.parts.finding import SIGMA, TIME, Finding, Reached
-from insenv.estimators.velocity_integration.fixes import FIXES
 from insenv.estimators.velocity_integration.log import LOG, finds_north
-from insenv.estimators.velocity_integration.source import LARGEST_LINEAR
+from insenv.estimators.velocity_integration.source import FIXES, LARGEST_LINEAR
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time

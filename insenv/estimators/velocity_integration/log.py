@@ -17,7 +17,7 @@ from insenv.attitude import skew
 from insenv.core.elementary import maximum, select, sin_cos
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import rows
-from insenv.estimators.parts.rest_bias import bias_sigma
+from insenv.estimators.parts.error_model import bias_sigma
 from insenv.estimators.velocity_integration.source import (
     ALPHA,
     DRIFT,

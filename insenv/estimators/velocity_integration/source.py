@@ -11,7 +11,8 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core.tables import Table
-from insenv.estimators.parts import frozen_frame, lever_arm
+from insenv.estimators.parts import frozen_frame, lever_arm, rows
+from insenv.sensors.instruments import GNSS_TOLD
 
 DRIFT, ALPHA, MEAN, SUM, KEPT, GYRO, ACCEL, OF_VECTOR = (slice(i, i + 3) for i in range(0, 24, 3))
 OF_SCALAR, N = 24, 25
@@ -91,3 +92,39 @@ def pull_rate(velocity_n: Any, latitude: Any, longitude: Any, height: Any, q_i0e
 def earth_turn(x: Any, age: Any) -> Any:
     """Takes e components `age` seconds ago to i0 components (4)."""
     return frozen_frame.q_n0n(frozen_frame.turned(x.half_turn, -age), ca.SX(EARTH_AXIS))
+
+
+# GNSS: the velocity of the antenna over the Earth; lever arm and delay of the fixes are its constant errors.
+
+LONGEST_GAP = 20.0
+"""s: beta is then wrong by g a T^3 / (12 R) and by the Coriolis term of what a turn adds: for an aircraft by 0.05 m/s."""
+
+
+def _seen(p: Any, x: Any, u: Any, kept: Any) -> Seen:
+    q_i0e = earth_turn(x, u.gnss_age)
+    place = {"latitude": u.gnss_latitude, "longitude": u.gnss_longitude, "height": u.gnss_height}
+    C_en = geodesy.C_en(u.gnss_latitude, u.gnss_longitude)
+    alpha, alpha_rate, by_arm, _ = at_point(x, p.antenna_lever_arm, u.gnss_age)
+    error = ca.SX(3, N)
+    # of the velocity that a delay misses, gravity's part is a constant and counts as little as that of alpha and beta
+    error[:, ALPHA], error[:, OF_VECTOR], error[:, OF_SCALAR] = ca.SX.eye(3), by_arm, alpha_rate
+    return Seen(
+        alpha=alpha,
+        error=error,
+        velocity=attitude.rotate(q_i0e, C_en @ u.gnss_velocity_n),
+        pull_rate=pull_rate(u.gnss_velocity_n, u.gnss_latitude, u.gnss_longitude, u.gnss_height, q_i0e),
+        variance=(u.gnss_velocity_sigma[0] ** 2 + u.gnss_velocity_sigma[1] ** 2) / 2,
+        place={**place, "velocity_n": u.gnss_velocity_n},
+    )
+
+
+FIXES = Source(
+    arrives="gnss_velocity_valid",
+    age="gnss_age",
+    inputs=rows.FIX_INPUTS,
+    parameters=rows.LEVER_ARM + GNSS_TOLD,
+    sigma=lambda p: ca.vertcat(p.antenna_lever_arm_sigma, p.gnss_delay_sigma),
+    seen=_seen,
+    exact=lambda p, of_alpha, of_beta: of_alpha,
+    longest_gap=LONGEST_GAP,
+)

@@ -49,10 +49,10 @@ from insenv.core import symmetric
 from insenv.core.elementary import exp, maximum, select, sin_cos
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts import frozen_frame, lever_arm, rest_bias, rows
-from insenv.estimators.parts.eigen import largest_eigenvector
-from insenv.estimators.parts.increments import MEMORY
-from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA, davenport
+from insenv.estimators.parts import frozen_frame, lever_arm, rows
+from insenv.estimators.parts.error_model import bias_sigma
+from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA, davenport, largest_eigenvector
+from insenv.estimators.parts.strapdown import MEMORY
 from insenv.estimators.velocity_integration.errors import collected, covariance, q_ni, variance_n
 from insenv.estimators.velocity_integration.source import KEPT, LARGEST_LINEAR, SUM, N, Source
 
@@ -143,7 +143,7 @@ class VelocityIntegration:
 
     def start(self, p: Any) -> dict[str, Any]:
         """The constant errors are as the data sheets state them; all else is without error at the start."""
-        biases = ca.repmat(rest_bias.bias_sigma(p), 3, 1), ca.repmat(p.accel_bias_sigma, 3, 1)
+        biases = ca.repmat(bias_sigma(p), 3, 1), ca.repmat(p.accel_bias_sigma, 3, 1)
         sigma = ca.vertcat(ca.SX.zeros(12), ca.repmat(UNKNOWN, 3, 1), *biases, self.source.sigma(p))
         return {**self.source.start(p), "covariance": symmetric.triangle(ca.diag(sigma * sigma))}
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.evaluation.limits.steps import Steps
-from insenv.sensors.flicker import PARTS, SIGMA, TIMES
+from insenv.sensors.imu_tables import FLICKER_PARTS, FLICKER_SIGMA, FLICKER_TIMES
 
 Array = NDArray[np.float64]
 
@@ -71,8 +71,10 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
         found.append(source("bias", triad, turn_on, walk=row(f"{name}_rate_random_walk", 3) ** 2))
         times = np.maximum(row(f"{name}_instability_time", 3), shortest)
         found.append(source("in-run bias", triad, row(f"{name}_instability_sigma", 3) ** 2, time=times))
-        floor = SIGMA * row(f"{name}_flicker", 3)
-        found += [source(f"flicker {part}", triad, floor**2, time=np.full(3, TIMES[part])) for part in range(PARTS)]
+        floor = FLICKER_SIGMA * row(f"{name}_flicker", 3)
+        found += [
+            source(f"flicker {part}", triad, floor**2, time=np.full(3, FLICKER_TIMES[part])) for part in range(FLICKER_PARTS)
+        ]
         found.append(source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
         found.append(source("thermal scale factor", triad, row(f"{name}_scale_factor_slope", 3) ** 2))
         matrix = np.zeros(9)

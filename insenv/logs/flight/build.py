@@ -24,8 +24,7 @@ from insenv.logs.flight.series import AnySeries, FixSeries, Flight, FlightFormat
 from insenv.logs.inertial import implausible, increments
 from insenv.logs.instruments import told
 from insenv.logs.motion import rest_until
-from insenv.logs.readings import Readings
-from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, Source
+from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
 from insenv.logs.resources import read_bytes
 from insenv.logs.sampling import sampling
 from insenv.logs.units import Array, wrap

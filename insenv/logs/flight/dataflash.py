@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
-from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.series import (
     FIX_3D,
     GAUSS,
@@ -33,7 +32,7 @@ from insenv.logs.flight.series import (
     reading,
     three_sigmas,
 )
-from insenv.logs.readings import Readings
+from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
 from insenv.logs.units import Array, standard_height
 
 HEAD = b"\xa3\x95"

@@ -30,7 +30,7 @@ from insenv.logs.flight.series import (
     SolutionSeries,
     reading,
 )
-from insenv.logs.readings import Readings
+from insenv.logs.recorded import Readings
 from insenv.logs.units import Array
 
 FLU = np.array([1.0, -1.0, -1.0])

@@ -11,8 +11,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from insenv.logs.readings import Readings
-from insenv.logs.recorded import GnssFixes, Reference
+from insenv.logs.recorded import GnssFixes, Readings, Reference
 from insenv.logs.units import Array
 
 FIX_3D = 3

@@ -15,7 +15,6 @@ import numpy as np
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.records import TelemetryLog, messages
 from insenv.logs.flight.series import (
     AZIMUTH_SIGMA,
@@ -33,7 +32,7 @@ from insenv.logs.flight.series import (
     reading,
     three_sigmas,
 )
-from insenv.logs.readings import Readings
+from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
 from insenv.logs.units import Array
 
 _DEG_E7 = np.pi / 180.0 * 1e-7

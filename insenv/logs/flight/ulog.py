@@ -31,7 +31,7 @@ from insenv.logs.flight.series import (
     reading,
     three_sigmas,
 )
-from insenv.logs.readings import Readings
+from insenv.logs.recorded import Readings
 from insenv.logs.units import Array
 
 MAGIC = b"ULog\x01\x12\x35"

@@ -8,9 +8,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
+from insenv import geodesy
 from insenv.core.tables import Vector
+
+if TYPE_CHECKING:
+    from insenv.mavlink.vehicle import Vehicle
+
 
 _Lockstep = TypeVar("_Lockstep", bound="Lockstep")
 
@@ -117,3 +124,91 @@ class Lockstep(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+# How many samples one answer of an autopilot covers, and how long to wait for it.
+#
+# An autopilot whose controller runs at half the sample rate answers every second sample.  Waiting for the others
+# would cost the full timeout each time, so the number is learnt: an answer that comes early counts at once, one that comes
+# late after two equal gaps.
+
+SHORTEST_WAIT_S = 0.2
+"""Least time after which a missing answer is given up, s."""
+_MARGIN, _KEPT = 10.0, 0.99
+"""Factor on the slowest answer; what remains of it at each later answer."""
+
+
+class Cadence:
+    """The pattern of an autopilot's answers.
+
+    patience: the longest wait (s), kept until answers have shown how fast they are.  samples: covered by an answer.
+    """
+
+    def __init__(self, patience: float) -> None:
+        self._patience = patience
+        self.samples = 1
+        self._since = 0
+        self._candidate = 0
+        self._slowest: float | None = None
+
+    def sent(self) -> bool:
+        """Count a sample; whether its answer is due."""
+        self._since += 1
+        return self._since >= self.samples
+
+    @property
+    def wait_s(self) -> float:
+        """How long to wait for an answer that is due (s)."""
+        if self._slowest is None:
+            return self._patience
+        return min(self._patience, max(SHORTEST_WAIT_S, _MARGIN * self._slowest))
+
+    def answered(self, waited_s: float | None = None) -> None:
+        """Count an answer.  waited_s: how long it took since its sample; None if the simulator did not wait."""
+        if waited_s is not None:
+            self._slowest = max(waited_s, _KEPT * (self._slowest or 0.0))
+        gap, self._since = self._since, 0
+        if 0 < gap < self.samples or gap == self._candidate:
+            self.samples = gap
+        self._candidate = gap if gap > self.samples else 0
+
+
+# The simulated vehicle's motion for the lockstep, and an autopilot's outputs as its commands.
+
+AXIS = 1000
+
+
+def moving(vehicle: Vehicle) -> Move:
+    """The steps of a vehicle as its motion relative to home; its messages are discarded."""
+    simulation = vehicle.simulation
+
+    def step() -> Motion:
+        vehicle.step()
+        truth, increment = simulation.truth, simulation.last_increment
+        place = truth["latitude"], truth["longitude"], truth["height"]
+        return Motion(
+            time=simulation.time,
+            rate_ib_b=increment[:3] / simulation.interval,
+            specific_force_b=increment[3:] / simulation.interval,
+            position_n=np.array(geodesy.numeric.ned_offset(*place, *vehicle.view.home)),
+            velocity_n=np.array(truth["velocity_n"]),
+            q_nb=np.array(truth["q_nb"]),
+        )
+
+    return step
+
+
+def steering(vehicle: Vehicle, channels: tuple[int, int, int, int]) -> Act:
+    """A function that steers the vehicle with an autopilot's outputs as if they were a joystick's axes.
+
+    channels: those of pitch, roll, throttle and yaw, from 0.  The vehicles have no rudders but follow commands of
+    speed, turn rate, bank and climb rate, which the outputs set in proportion.
+    """
+    pitch, roll, throttle, yaw = channels
+
+    def act(controls: Controls) -> None:
+        if controls.armed and vehicle.simulation.commands:
+            x, y, z, r = (round(AXIS * min(max(controls.values[c], -1.0), 1.0)) for c in (pitch, roll, throttle, yaw))
+            vehicle.steer(x, y, z, r)
+
+    return act

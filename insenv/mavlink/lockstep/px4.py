@@ -15,8 +15,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Any
 
 from insenv.base.errors import InputError
-from insenv.mavlink.lockstep.cadence import Cadence
-from insenv.mavlink.lockstep.contract import Act, Answer, Controls, Lockstep, Messages, Stop, ignore, no_answer
+from insenv.mavlink.lockstep.contract import Act, Answer, Cadence, Controls, Lockstep, Messages, Stop, ignore, no_answer
 from insenv.mavlink.messages import DEFAULT_HZ
 from insenv.mavlink.pacing import Pacer
 from insenv.mavlink.wire import Link, open_link

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from insenv.base.errors import InsenvError
-from insenv.base.json_text import to_json
+from insenv.base.output import to_json
 from insenv.base.resources import web_folder
 
 LIMIT = 2_000_000

@@ -7,16 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from insenv.base.json_text import to_json
+from insenv.base.output import to_json
 from insenv.base.version import __version__
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
 from insenv.report import tracks
-from insenv.report.outages import has_fixes, without_fixes
-from insenv.report.page.arrays import BYTES, Array, Pool, kept_records
 from insenv.report.page.html import assembled
-from insenv.report.page.panels import TRUTH_GROUP, TimePanel, section, table, track_panel
-from insenv.report.run_data import RunData
+from insenv.report.page.panels import BYTES, TRUTH_GROUP, Array, Pool, TimePanel, kept_records, section, table, track_panel
+from insenv.report.run_data import RunData, has_fixes, without_fixes
 from insenv.report.scales import threshold_of
 from insenv.report.tables import (
     ESTIMATE_COLUMNS,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import model_validator
@@ -14,13 +16,14 @@ from pydantic import model_validator
 from insenv.attitude.numeric import to_euler
 from insenv.base.errors import InputError, nearest
 from insenv.base.installing import need
-from insenv.base.toml import Section, key
+from insenv.base.toml import Section, key, read_toml
 from insenv.scenario.tracks.points import Points
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
     from insenv.logs import RecordedLog
+
 
 Column = str | int
 Rows = list[tuple[float, float, float, float]]
@@ -286,3 +289,30 @@ _READERS: dict[str, Callable[[Path, Columns], Points]] = {
 }
 _WITH_TRACKS: dict[str, Callable[[Path], list[tuple[str, Rows]]]] = {".gpx": _gpx, ".kml": _kml}
 """Files that may hold several tracks: the readers of all, by name."""
+
+
+# The fingerprint of the file of a track, which changes with whatever the track is read from.
+
+
+def fingerprint(path: Path) -> str:
+    """SHA-256 of a file, of the contents of an archive, or of a description of a log and the files that it names.
+
+    Raises `InputError` for a file that cannot be read; a file that a description names is left to the reader of the log.
+    """
+    from insenv.logs.resources import read_bytes  # which needs scenarios
+
+    digest = hashlib.sha256(read_bytes(str(path), Path())[1])
+    if path.suffix.lower() == ".toml":
+        for file in _files_of(read_toml(path)):
+            with suppress(InputError):
+                digest.update(hashlib.sha256(read_bytes(file, path.resolve().parent)[1]).digest())
+    return digest.hexdigest()
+
+
+def _files_of(data: Mapping[str, Any]) -> Iterator[str]:
+    """The files that a description of a log names."""
+    for name, value in data.items():
+        found = value.get("file") if isinstance(value, Mapping) else value if name == "flight" else None
+        for file in found if isinstance(found, list) else [found]:
+            if isinstance(file, str) and file:
+                yield file

@@ -13,13 +13,11 @@ from pydantic import model_validator
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Positive, key
 from insenv.geodesy import POLAR_RADIUS
-from insenv.scenario.tracks.fingerprint import fingerprint
 from insenv.scenario.tracks.points import Points, checked
-from insenv.scenario.tracks.readers import Column, Columns, formats, points_of
+from insenv.scenario.tracks.readers import Column, Columns, fingerprint, formats, points_of
 from insenv.scenario.tracks.shape import Shape, shaped, start_of
 from insenv.vehicles.section import MARGIN_MPS, StartSection, VehicleSection
-from insenv.vehicles.splines import DEGREE
-from insenv.vehicles.track import SIZES, track
+from insenv.vehicles.track import DEGREE, SIZES, track
 from insenv.vehicles.truth import Vehicle
 
 SHORTEST_KNOT_S = 0.05

@@ -15,7 +15,7 @@ from insenv.base.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.geodesy.numeric import radii
 from insenv.scenario.tracks.points import Points
-from insenv.vehicles.splines import Spline, smoothed
+from insenv.vehicles.track import Spline, smoothed
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from insenv.base.json_text import finite, to_json
+from insenv.base.output import finite, to_json
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.tables import label, number, since, table_of
 from insenv.studies.campaign.intervals import Array, Estimate, student

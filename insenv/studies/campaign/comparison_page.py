@@ -6,8 +6,7 @@ from typing import Any
 
 from insenv.base.version import __version__
 from insenv.report.page import assembled
-from insenv.report.page.arrays import Pool, kept_records
-from insenv.report.page.panels import intervals_panel, section, table
+from insenv.report.page.panels import Pool, intervals_panel, kept_records, section, table
 from insenv.report.tables import label
 from insenv.studies.campaign.campaign_page import (
     campaign_page_facts,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.json_text import finite, to_json
+from insenv.base.output import finite, to_json
 from insenv.base.style import save
 from insenv.evaluation import sentences
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY

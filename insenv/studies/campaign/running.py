@@ -14,8 +14,7 @@ from insenv.base.errors import InputError, InsenvError
 from insenv.base.output import as_path
 from insenv.base.version import __version__
 from insenv.core.compile import NoRoomError, batch_library_path
-from insenv.core.progress import Progress, check_progress
-from insenv.core.runner import resolve_backend
+from insenv.core.runner import Progress, check_progress, resolve_backend
 from insenv.estimators import Estimator, get_all
 from insenv.estimators.settings import Settings
 from insenv.scenario import ScenarioLike, with_settings

@@ -12,7 +12,7 @@ import numpy as np
 
 from insenv.base.errors import InputError, nearest
 from insenv.core import noise
-from insenv.scenario.grades import grade_value
+from insenv.scenario.files import grade_value
 from insenv.studies.campaign.distributions import Distribution, parse_distribution
 
 FIXED = {

@@ -11,9 +11,8 @@ from insenv import InputError
 from insenv.core.runner import make_runner
 from insenv.estimators.contract import Drive, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import fusion
+from insenv.estimators.fusion.family import aids_of, prepared
 from insenv.estimators.fusion.odometer import UNTOLD_ARM
-from insenv.estimators.fusion.prepared import prepared
-from insenv.estimators.fusion.presets import aids_of
 from insenv.scenario import build, load, parse
 from insenv.scenario.chunks import input_rows
 

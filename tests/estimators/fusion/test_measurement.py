@@ -10,8 +10,7 @@ from insenv.core.model import Values
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.measurement import update
-from insenv.estimators.fusion.navigation import Navigation, corrected_increments
-from insenv.estimators.fusion.retraction import corrected
+from insenv.estimators.fusion.navigation import Navigation, corrected, corrected_increments
 
 UNIT = ("gyro_g_sensitivity", "gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment")
 

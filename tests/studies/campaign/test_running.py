@@ -15,7 +15,7 @@ import pytest
 from campaigns import same, slow_ship, small_plan
 
 from insenv.base.errors import InputError, InsenvError
-from insenv.studies.campaign import Folder, cluster, make_plan, pieces, processes, run_campaign, running, threads
+from insenv.studies.campaign import Folder, block, cluster, make_plan, processes, run_campaign, running, threads
 from insenv.studies.campaign import block as block_module
 from insenv.studies.campaign.block import StoppedError, run_block
 
@@ -178,7 +178,7 @@ def test_an_interruption_ends_blocks_that_run(tmp_path, pool, after_s):
 
 @pytest.mark.parametrize("looks", [1, 3, 30])
 def test_a_block_goes_on_from_where_it_was_stopped(monkeypatch, looks):
-    monkeypatch.setattr(pieces, "PIECE_S", 1e-9)  # one sample a piece
+    monkeypatch.setattr(block, "PIECE_S", 1e-9)  # one sample a piece
     plan, asked = small_plan(8), []
 
     def stopped():
@@ -195,7 +195,7 @@ def test_a_block_goes_on_from_where_it_was_stopped(monkeypatch, looks):
 
 @posix
 def test_an_interrupted_block_is_kept_and_finished(tmp_path, monkeypatch):
-    monkeypatch.setattr(pieces, "PIECE_S", 1e-9)
+    monkeypatch.setattr(block, "PIECE_S", 1e-9)
     plan = replace(small_plan(8), block_samples=1000)
     original, asked = block_module.run_block, []
 

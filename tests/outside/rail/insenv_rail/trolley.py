@@ -8,7 +8,7 @@ import casadi as ca
 
 from insenv import Row, Table, Vehicle, VehicleSection
 from insenv.base.toml import Number, key
-from insenv.vehicles.nodes import PLACES
+from insenv.vehicles.truth import PLACES
 
 
 @lru_cache

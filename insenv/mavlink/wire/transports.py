@@ -1,0 +1,439 @@
+"""Links over streams of bytes: TCP, as server or client, and serial lines.
+
+Frames that a peer does not read are kept in a bounded buffer; when it is full, whole frames are dropped for that peer
+only.  A TCP peer that reads nothing for some time is disconnected.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import select
+import socket
+import time
+from abc import abstractmethod
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+from insenv.base.errors import InputError
+from insenv.base.installing import need
+from insenv.mavlink.wire.address import endpoint, parse_address, resolve
+from insenv.mavlink.wire.link import Clock, Link
+from insenv.mavlink.wire.peers import DatagramPeer, Peer, StreamPeer
+from insenv.mavlink.wire.signing import Signing
+
+MOST_CLIENTS = 16
+STALLED_S = 30.0
+"""A client that reads nothing for so long while frames are pending is disconnected."""
+RETRY_S = 1.0
+CONNECT_S = 5.0
+ACCEPTS_PER_CALL = 8
+READ_BYTES = 16384
+"""Bytes read from one peer per call: some ten times what 64 messages consume."""
+
+
+@dataclass(eq=False)
+class _End(StreamPeer):
+    """A peer with its socket or serial line, and the time (clock, s) at which it last read something."""
+
+    device: Any = None
+    took: float = 0.0
+
+
+class _StreamLink(Link):
+    """What TCP and serial lines share: exchange with the buffers of a peer."""
+
+    @abstractmethod
+    def _read(self, end: _End, size: int) -> bytes | None:
+        """Read up to `size` bytes: b"" when there are none, None when the peer is gone."""
+
+    @abstractmethod
+    def _write(self, end: _End, data: memoryview) -> int | None:
+        """Write, and return the number of bytes accepted: None when the peer is gone."""
+
+    @abstractmethod
+    def _lost(self, end: _End) -> None:
+        """Handle the loss of a peer."""
+
+    def _transmit(self, peer: Peer, frame: bytes) -> bool:
+        assert isinstance(peer, _End)
+        if peer not in self._peers or not peer.push_frame(frame):
+            return False
+        self._flush(peer)
+        return True
+
+    def _flush(self, end: _End) -> bool:
+        """Send pending frames as far as they are accepted; False when the peer is gone."""
+        while end.outbox:
+            data = end.outbox[0]
+            taken = self._write(end, data)
+            if taken is None:
+                self._lost(end)
+                return False
+            if taken:
+                end.took = self._clock()
+                end.waiting -= taken
+            if taken < len(data):
+                end.outbox[0] = data[taken:]
+                return True
+            end.outbox.popleft()
+        return True
+
+    def _exchange(self, end: _End) -> None:
+        if not end.outbox:
+            end.took = self._clock()
+        if not self._flush(end):
+            return
+        if self._clock() - end.took > STALLED_S:
+            self._lost(end)
+            return
+        size = min(READ_BYTES, end.room())
+        if size > 0 and not end.has_input():
+            piece = self._read(end, size)
+            if piece is None:
+                self._lost(end)
+            elif piece:
+                self.statistics.received_bytes += len(piece)
+                end.take(piece)
+
+    def _ends(self) -> Iterator[_End]:
+        """The peers; they may be removed meanwhile."""
+        for peer in list(self._peers):
+            assert isinstance(peer, _End)
+            yield peer
+
+    def _exchange_all(self) -> None:
+        for end in self._ends():
+            self._exchange(end)
+
+    def _sources(self) -> list[Any]:
+        return [end.device for end in self._ends()]
+
+
+class _TcpLink(_StreamLink):
+    def _read(self, end: _End, size: int) -> bytes | None:
+        try:
+            return end.device.recv(size) or None
+        except BlockingIOError:
+            return b""
+        except OSError:
+            return None
+
+    def _write(self, end: _End, data: memoryview) -> int | None:
+        try:
+            return end.device.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            return None
+
+    def _lost(self, end: _End) -> None:
+        end.device.close()
+        end.live = False
+        if end in self._peers:
+            self._peers.remove(end)
+
+    def _add(self, device: socket.socket, name: str, *, fixed: bool) -> None:
+        device.setblocking(False)
+        device.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        now = self._clock()
+        peer = _End(name, name, now, fixed=fixed, live=True, sequence=self._sequence, device=device, took=now)
+        self._peers.append(peer)
+
+    def _close_peers(self) -> None:
+        for end in self._ends():
+            self._flush(end)
+            end.device.close()
+        self._peers.clear()
+
+
+class TcpServerLink(_TcpLink):
+    """``tcpin``: every client that connects is a peer."""
+
+    def _open(self) -> None:
+        address = self.address
+        family, place = resolve(address, socket.SOCK_STREAM)
+        self._listener = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            self._listener.setblocking(False)
+            if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows, where SO_REUSEADDR lets two servers share a port
+                self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
+            else:
+                self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._listener.bind(place)
+            self._listener.listen(ACCEPTS_PER_CALL)
+            self.address = replace(address, port=self._listener.getsockname()[1])
+        except OSError as error:
+            self._listener.close()
+            raise InputError(f"address {address}: {error.strerror or error}") from None
+
+    def _pump(self) -> None:
+        for _ in range(ACCEPTS_PER_CALL):
+            try:
+                device, source = self._listener.accept()
+            except OSError:  # no client, or one that is gone already
+                break
+            if len(self._peers) >= MOST_CLIENTS:
+                device.close()
+                self.statistics.refused_peers += 1
+                continue
+            self._add(device, endpoint(*source[:2]), fixed=False)
+        self._exchange_all()
+
+    def _sources(self) -> list[Any]:
+        return [self._listener, *super()._sources()]
+
+    def _close(self) -> None:
+        self._close_peers()
+        self._listener.close()
+
+
+class TcpClientLink(_TcpLink):
+    """``tcpout``: connects, and reconnects when the connection is lost."""
+
+    def _open(self) -> None:
+        self._family, self._place = resolve(self.address, socket.SOCK_STREAM)
+        self._trial: socket.socket | None = None
+        self._next = self._began = self._clock()
+        self._pump()
+
+    def _pump(self) -> None:
+        if not self._peers:
+            self._connect()
+        self._exchange_all()
+
+    def _connect(self) -> None:
+        now = self._clock()
+        if self._trial is None:
+            if now < self._next:
+                return
+            self._next, self._began = now + RETRY_S, now
+            self._trial = socket.socket(self._family, socket.SOCK_STREAM)
+            self._trial.setblocking(False)
+            self._trial.connect_ex(self._place)
+        trial = self._trial
+        if trial.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self._give_up()
+            return
+        try:
+            trial.getpeername()
+        except OSError:  # not connected yet
+            if now - self._began > CONNECT_S:
+                self._give_up()
+            return
+        if trial.getpeername() == trial.getsockname():  # TCP can connect to itself where nobody listens
+            self._give_up()
+            return
+        self._trial = None
+        self._add(trial, endpoint(self.address.host, self.address.port), fixed=True)
+
+    def _give_up(self) -> None:
+        if self._trial is not None:
+            self._trial.close()
+            self._trial = None
+
+    def _close(self) -> None:
+        self._give_up()
+        self._close_peers()
+
+
+class SerialLink(_StreamLink):
+    """``serial``: one permanent peer."""
+
+    def _open(self) -> None:
+        address, now = self.address, self._clock()
+        need(f"address {address}", "serial", package="pyserial", extra="serial")
+        import serial
+
+        try:
+            line = serial.Serial(address.host, address.port, timeout=0, write_timeout=0, exclusive=True)
+        except (serial.SerialException, ValueError, OSError) as error:
+            raise InputError(f"address {address}: the device does not open: {error}") from None
+        self._gone: tuple[type[Exception], ...] = (serial.SerialException, OSError)
+        self._peers.append(_End(address.host, address.host, now, fixed=True, live=True, device=line, took=now))
+
+    def _pump(self) -> None:
+        self._exchange_all()
+
+    def _read(self, end: _End, size: int) -> bytes | None:
+        try:
+            return end.device.read(size)
+        except self._gone:
+            return b""
+
+    def _write(self, end: _End, data: memoryview) -> int | None:
+        try:
+            # pyserial would retry for ever while the line accepts nothing
+            if os.name == "posix" and not select.select((), (end.device,), (), 0)[1]:
+                return 0
+            return end.device.write(data) or 0
+        except self._gone:
+            return 0
+
+    def _sources(self) -> list[Any]:
+        return super()._sources() if os.name == "posix" else []  # elsewhere select watches sockets only
+
+    def _lost(self, end: _End) -> None:
+        # a serial line cannot be disconnected: discard what is pending and continue
+        end.outbox.clear()
+        end.waiting, end.took = 0, self._clock()
+
+    def _close(self) -> None:
+        for end in self._ends():
+            end.device.close()
+
+
+# Links over UDP: to one place, or to everyone who sends MAVLink to our port.
+
+MOST_PEERS = 16
+MOST_STRANGERS = 64
+"""Largest number of senders that are not peers: no verified message, or no free place.  More replace the oldest."""
+EXPIRY_S = 20.0
+"""A peer that has been silent for so long is dropped: ground stations send a heartbeat each second."""
+READS_PER_CALL = 512
+LARGEST = 4096
+"""Bytes of the largest datagram accepted: routers put several frames into one."""
+BUFFER_BYTES = 1 << 20
+
+
+class DatagramLink(Link):
+    """``udpin`` and ``udpout``.
+
+    ``udpout`` has one fixed peer, and receives from others only where that is a broadcast or multicast address.
+    """
+
+    def _open(self) -> None:
+        address = self.address
+        family, target = resolve(address, socket.SOCK_DGRAM)
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._connected = False
+        self._by_key: dict[Any, DatagramPeer] = {}
+        self._fixed: DatagramPeer | None = None
+        try:
+            self._socket.setblocking(False)
+            for option in (socket.SO_RCVBUF, socket.SO_SNDBUF):
+                self._socket.setsockopt(socket.SOL_SOCKET, option, BUFFER_BYTES)
+            if address.kind == "udpin":
+                self._socket.bind(target)
+                self.address = replace(address, port=self._socket.getsockname()[1])
+            else:
+                self._aim(target)
+        except OSError as error:
+            self._socket.close()
+            raise InputError(f"address {address}: {error.strerror or error}") from None
+
+    def _aim(self, target: Any) -> None:
+        if not ipaddress.ip_address(target[0].partition("%")[0]).is_multicast:
+            try:
+                # a connected socket receives from this place only
+                self._socket.connect(target)
+                self._connected = True
+            except PermissionError:  # a broadcast address
+                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        peer = DatagramPeer(endpoint(self.address.host, self.address.port), target, self._clock(), fixed=True, live=True)
+        self._peers.append(peer)
+        self._by_key[target] = self._fixed = peer
+
+    def _transmit(self, peer: Peer, frame: bytes) -> bool:
+        for _ in range(2):
+            try:
+                if self._connected:
+                    self._socket.send(frame)
+                else:
+                    self._socket.sendto(frame, peer.key)  # type: ignore[call-overload]
+            except ConnectionError:
+                continue  # the report of an earlier datagram that was refused; this one has not been sent yet
+            except OSError:
+                return False  # a full buffer, or no network
+            return True
+        return False
+
+    def _pump(self) -> None:
+        self._expire()
+        for _ in range(READS_PER_CALL):
+            try:
+                datagram, source = self._socket.recvfrom(LARGEST + 1)
+            except BlockingIOError:
+                return
+            except OSError:
+                continue  # the report of a datagram that was refused
+            self.statistics.received_bytes += len(datagram)
+            if len(datagram) > LARGEST:
+                self.statistics.oversized += 1
+                continue
+            peer = self._fixed if self._fixed is not None and self._connected else self._from(source)
+            if not peer.take(datagram):
+                self.statistics.overflowed += 1
+
+    def _from(self, source: Any) -> DatagramPeer:
+        known = self._by_key.get(source)
+        if known is not None:
+            return known
+        strangers = [peer for peer in self._peers if not peer.live]
+        if len(strangers) >= MOST_STRANGERS:
+            self._forget(strangers[0])
+            self.statistics.refused_peers += 1
+        peer = DatagramPeer(endpoint(*source[:2]), source, self._clock())
+        self._peers.append(peer)
+        self._by_key[source] = peer
+        return peer
+
+    def _heard(self, peer: Peer, message: Any) -> None:
+        room = peer.live or sum(p.live for p in self._peers) < MOST_PEERS
+        super()._heard(peer, message)
+        if not room:
+            # it is answered but gets no telemetry: present peers keep their places
+            peer.live = False
+            self.statistics.refused_peers += 1
+
+    def _expire(self) -> None:
+        now = self._clock()
+        for peer in [p for p in self._peers if not p.fixed and now - (p.since if p.heard is None else p.heard) > EXPIRY_S]:
+            self._forget(peer)
+
+    def _forget(self, peer: Peer) -> None:
+        self._peers.remove(peer)
+        with suppress(KeyError):
+            del self._by_key[peer.key]
+
+    def _sources(self) -> list[Any]:
+        return [self._socket]
+
+    def _close(self) -> None:
+        self._socket.close()
+
+
+# Open a link by its address.
+
+_LINKS: dict[str, type[Link]] = {
+    "udpout": DatagramLink,
+    "udpin": DatagramLink,
+    "tcpin": TcpServerLink,
+    "tcpout": TcpClientLink,
+    "serial": SerialLink,
+}
+
+
+def open_link(
+    address: str,
+    *,
+    signing: Signing | None = None,
+    system: int = 1,
+    component: int = 1,
+    clock: Clock = time.monotonic,
+    number: int | None = None,
+) -> Link:
+    """Open a link.
+
+    address: ``udpout:HOST:PORT`` sends to one place; ``udpin:HOST:PORT`` to everyone who sends MAVLink to it;
+    ``tcpin:HOST:PORT`` to every client; ``tcpout:HOST:PORT`` connects, and reconnects when the connection is lost;
+    ``serial:DEVICE:BAUD``.  Without HOST: the loopback address.  Port 0 of an ``in`` address selects a free port
+    (`link.address.port`).  signing: signs outgoing frames and rejects all that are not signed with the same key.
+    system, component: the sender that messages state, 1 to 255.  clock: seconds, for the expiry of peers.  number: the
+    link number in its signatures, where several links share one `signing`.  Raises `InputError`: a wrong address, an
+    unknown host, a port in use, a device that does not open, pyserial not installed.
+    """
+    parsed = parse_address(address)
+    return _LINKS[parsed.kind](parsed, signing, system, component, clock, number)
