@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -33,7 +32,7 @@ def allan(
     from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
     from insenv.studies.allan import allan as measure
-    from insenv.studies.allan_report import assumed, check_grade, document, tables, write_files, write_grade
+    from insenv.studies.allan_result import assumed, check_grade, document, write_files, write_grade
 
     check_grade(grade)
     folder = None if out is None else OutputFolder(out)
@@ -46,6 +45,4 @@ def allan(
     told = [] if grade is None else [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit']
     told += [assumed(found)] if at is not None else []
     unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
-    print_result(
-        written, as_json, partial(document, found, None if at is None else str(at)), partial(tables, found), unwritten, told
-    )
+    print_result(document(found, None if at is None else str(at)), written, as_json, unwritten, told)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated
 
 import typer
@@ -25,17 +24,16 @@ def budget(
     """Say which source of error dominates: each alone, and all but it, on the same seeds."""
     from insenv.cli.output import print_result, working
     from insenv.estimators.settings import parsed_settings
-    from insenv.report import OutputFolder
+    from insenv.report import OutputFolder, write_document
     from insenv.report.tables import runs_of
     from insenv.scenario import load
     from insenv.studies.budget import budget as share_out
-    from insenv.studies.budget_presentation import budget_document, budget_tables, write_budget
 
     id, given = one(estimator) or "", parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
     with working(f"{loaded.name}, {runs_of(runs)}") as progress:
         found = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
-        written = None if folder is None else write_budget(found, folder, not no_figure)
+        written = None if folder is None else write_document(found.document(), folder, not no_figure)
     unwritten = "--out DIR writes the page, the figure and the contributions over time"
-    print_result(written, as_json, partial(budget_document, found), partial(budget_tables, found), unwritten)
+    print_result(found.document(), written, as_json, unwritten)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
@@ -48,11 +47,10 @@ def campaign(
     """Run a scenario many times (Monte Carlo); print the statistics of the errors beside their theoretical limit."""
     from insenv.cli.output import print_result, working
     from insenv.estimators.settings import parsed_settings
-    from insenv.report import OutputFolder
+    from insenv.report import OutputFolder, write_document
     from insenv.report.tables import runs_of
     from insenv.studies.campaign import compare, make_plans, parse_variation, run_campaigns, stores_of
-    from insenv.studies.campaign.comparison import comparison_document, comparison_tables, write_comparison
-    from insenv.studies.campaign.presentation import campaign_document, campaign_tables, write_campaign
+    from insenv.studies.campaign.comparison import write_comparison
     from insenv.studies.campaign.tables import check_format
 
     if resume and out is None:
@@ -76,17 +74,13 @@ def campaign(
         if folder is not None:
             kind = table or ""
             written = (
-                write_campaign(summaries[0], folder, not no_figure, kind)
+                write_document(summaries[0].document(kind), folder, not no_figure)
                 if compared is None
                 else write_comparison(compared, folder, not no_figure, kind)
             )
     unwritten = "--out DIR keeps the page, every run, and the blocks from which --resume continues"
-    if compared is None:
-        found = summaries[0]
-        document, tables = partial(campaign_document, found), partial(campaign_tables, found)
-    else:
-        document, tables = partial(comparison_document, compared), partial(comparison_tables, compared)
-    print_result(written, as_json, document, tables, unwritten, further=["blocks/" if compared is None else "*/blocks/"])
+    document = summaries[0].document() if compared is None else compared.document()
+    print_result(document, written, as_json, unwritten, further=["blocks/" if compared is None else "*/blocks/"])
 
 
 def _workers(workers: int | None, scheduler: str | None) -> Workers | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.progress import Progress
 
-    from insenv.report import FilesWritten
+    from insenv.report.document import Block, Document
+    from insenv.report.files import FilesWritten
 
 
 COMPILER = "insenv.core.compile"
@@ -49,13 +50,15 @@ def print_line(text: str = "", stderr: bool = False) -> None:
     print(text, file=sys.stderr if stderr else sys.stdout)
 
 
-def print_parts(parts: Iterable[RenderableType]) -> None:
+def print_blocks(blocks: Iterable[Block]) -> None:
     """Print tables and lines on stdout."""
     from rich.table import Table
 
+    from insenv.report.console import rendered
+
     console = _console()
     width = console.width
-    for part in parts:
+    for part in rendered(blocks):
         # a table is not cut in a narrow terminal, which breaks the lines itself
         needed = console.measure(part, options=console.options.update(width=MOST))
         console.width = max(width, needed.maximum if isinstance(part, Table) else needed.minimum)
@@ -74,10 +77,9 @@ def _show(console: Console, part: RenderableType) -> None:
 
 
 def print_result(
+    document: Document,
     written: FilesWritten | None,
     as_json: bool,
-    document: Callable[[list[str]], Any],
-    parts: Callable[[], Iterable[RenderableType]],
     unwritten: str,
     lines: Iterable[str] = (),
     further: Sequence[str] = (),
@@ -85,15 +87,15 @@ def print_result(
     """Print the result of a command: one JSON document, or tables, then `lines`, then which files are where.
 
     written: the files of --out; None: without it, and `unwritten` says what it would do.  further: names of folders beside
-    these files.  document: called with the paths written.  What was omitted goes to stderr.
+    these files.  What was omitted goes to stderr.
     """
     paths = [str(path) for path in written.paths] if written else []
     if written and written.note:
         print_line(f"insenv: {written.note}", stderr=True)
     if as_json:
-        print_json(document(paths))
+        print_json(document.as_json(paths))
         return
-    print_parts(parts())
+    print_blocks(document.blocks())
     print_line()
     for line in lines:
         print_line(line)

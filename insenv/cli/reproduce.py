@@ -17,8 +17,9 @@ def reproduce(
     as_json: Json = False,
 ) -> None:
     """Repeat the tests of the papers; print the published values, those of the printed form, insenv's, and the limit."""
-    from insenv.cli.output import print_json, print_line, print_parts, working
+    from insenv.cli.output import print_blocks, print_json, print_line, working
     from insenv.report import OutputFolder
+    from insenv.report.document import Line
     from insenv.report.tables import number
     from insenv.reproduce import PAPERS, chosen, conditions, figure, footnotes
     from insenv.reproduce import reproduce as measure
@@ -40,11 +41,11 @@ def reproduce(
     for name, quantities in found.items():
         marks, notes = footnotes(q.note for q in quantities)
         print_line()
-        print_parts((f"{name}: {PAPERS[name]}", f"conditions: {conditions(name)}", *notes))
+        print_blocks(map(Line, (f"{name}: {PAPERS[name]}", f"conditions: {conditions(name)}", *notes)))
         print_line()
         print_line(_columns(("published", "as printed", "ours", "limit", "ours/limit", "seeds")))
         for q, mark in zip(quantities, marks, strict=True):
-            print_parts((f"{q.quantity}{mark}" + (f", {q.unit}" if q.unit else ""),))
+            print_blocks([Line(f"{q.quantity}{mark}" + (f", {q.unit}" if q.unit else ""))])
             print_line(_columns((*map(number, (q.published, q.printed_form, q.ours, q.limit, q.ratio)), str(q.seeds))))
     if written:
         print_line(f"written: {', '.join(str(path) for path in written)}")

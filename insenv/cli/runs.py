@@ -163,9 +163,8 @@ def _written(
 ) -> Callable[[], None]:
     """Write the files, those of other formats (`more`) and `documents` in the page; return what prints the report."""
     from insenv.cli.output import print_result
-    from insenv.report import document, write_files
-    from insenv.report.tables import comparison
+    from insenv.report import run_document, write_files
 
     written = None if folder is None else write_files(report, folder, figure, more, documents)
     unwritten = "--out DIR writes the page, the figure and every array of the run"
-    return partial(print_result, written, as_json, partial(document, report), partial(comparison, report), unwritten)
+    return partial(print_result, run_document(report), written, as_json, unwritten)

@@ -55,7 +55,7 @@ def stream(
     from insenv.mavlink.score import Score
     from insenv.mavlink.score_report import report_of
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
-    from insenv.report import OutputFolder, document, write_files
+    from insenv.report import OutputFolder, run_document, write_files
     from insenv.scenario import load
 
     loaded = load(scenario)
@@ -89,7 +89,7 @@ def stream(
             if vehicle.score is not None:
                 report = report_of(vehicle.score)
                 files = write_files(report, folder).paths if folder is not None and report.results else ()
-                summary["score"] = document(report, [str(path) for path in files])
+                summary["score"] = run_document(report).as_json([str(path) for path in files])
         written(lambda: print_json(summary) if as_json else _print_summary(summary, report), request)
 
 
@@ -233,8 +233,8 @@ def _sigmas(tilt_deg: float, heading_deg: float) -> str:
 
 
 def _print_summary(summary: dict[str, Any], report: Report | None = None) -> None:
-    from insenv.cli.output import print_line, print_parts
-    from insenv.report.tables import comparison
+    from insenv.cli.output import print_blocks, print_line
+    from insenv.report import run_document
 
     link, late = summary["link"], summary["lateness_ms"]
     total = sum(summary["sent"].values())
@@ -253,6 +253,6 @@ def _print_summary(summary: dict[str, Any], report: Report | None = None) -> Non
         print_line(f"written: {summary['tlog']}")
     if report is not None:
         print_line()
-        print_parts(comparison(report))
+        print_blocks(run_document(report).blocks())
         if files := summary["score"].get("files"):
             print_line(f"written: {', '.join(files)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated, Optional
 
 import typer
@@ -37,9 +36,8 @@ def tune(
     """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
     from insenv.cli.output import print_result, working
     from insenv.estimators.settings import parsed_settings
-    from insenv.report import OutputFolder
+    from insenv.report import OutputFolder, write_document
     from insenv.studies.tune import tune as search
-    from insenv.studies.tune_result import tuning_document, tuning_tables, write_tuning
 
     id, given = one(estimator) or "", parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
@@ -48,7 +46,7 @@ def tune(
             source, id, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
             duration_s=duration, settings=given, progress=progress,
         )  # fmt: skip
-        written = None if folder is None else write_tuning(found, folder, not no_figure)
+        written = None if folder is None else write_document(found.document(), folder, not no_figure)
     lines = [found.toml()] if found.is_better else []
     unwritten = f"--out DIR writes {'this section' if found.is_better else 'what was found'}, the page and the figure"
-    print_result(written, as_json, partial(tuning_document, found), partial(tuning_tables, found), unwritten, lines)
+    print_result(found.document(), written, as_json, unwritten, lines)

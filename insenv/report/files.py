@@ -22,10 +22,11 @@ from insenv.base.output import as_path, staged, to_json
 from insenv.base.style import save
 from insenv.core.tables import Row
 from insenv.evaluation.errors import Result
-from insenv.report.document import document
+from insenv.report.document import Document
 from insenv.report.figures import draw, drawable
 from insenv.report.page import run_page
 from insenv.report.run_data import RunData
+from insenv.report.tables import run_document
 
 FORMAT = "insenv-results"
 VERSION = 1
@@ -113,13 +114,13 @@ def write_files(
         "format": FORMAT,
         "version": VERSION,
         "title": report.title,
-        "run": document(report),
+        "run": run_document(report).as_json(),
         "arrays": described,
     }
     with folder.staged() as part:
         with part(names[0]).open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, meta=np.array(to_json(meta, indent=None)), **arrays)
-        text = to_json(document(report, [str(path) for path in paths])) + "\n"
+        text = to_json(run_document(report).as_json([str(path) for path in paths])) + "\n"
         part(names[1]).write_text(text, encoding="ascii")
         if figure:
             part(f"{name}.html").write_text(run_page(report, documents), encoding="utf-8", newline="\n")
@@ -127,6 +128,32 @@ def write_files(
             save(draw(report), {kind: part(f"{name}.{kind}") for kind in ("png", "svg")})
         write_contents(more or {}, part)
     return FilesWritten(paths, note)
+
+
+def write_document(document: Document, folder: OutputFolder, figure: bool = True) -> FilesWritten:
+    """Write the files of a document: its texts, NAME.npz, NAME.json; if `figure`, its page and, with matplotlib, its figure.
+
+    Raises `InsenvError` if that fails; then none of them is written.  The JSON document names the files without the folder, so
+    that equal results are equal files.
+    """
+    note = no_matplotlib() if figure and document.figure else ""
+    page, draw_figure = (document.page, None if note else document.figure) if figure else (None, None)
+    kinds = {"npz": document.arrays, "json": True, "html": page, "png": draw_figure, "svg": draw_figure}
+    made = [f"{document.name}.{kind}" for kind, there in kinds.items() if there]
+    names = [*document.texts, *made, *document.further]
+    with folder.staged() as part:
+        write_contents(document.texts, part)
+        if document.arrays is not None:
+            with part(f"{document.name}.npz").open("wb") as stream:
+                np.savez_compressed(stream, allow_pickle=False, **document.arrays())
+        part(f"{document.name}.json").write_text(to_json(document.as_json(names)) + "\n", encoding="ascii")
+        for name, write in document.further.items():
+            write(part(name))
+        if page is not None:
+            part(f"{document.name}.html").write_text(page(), encoding="utf-8", newline="\n")
+        if draw_figure is not None:
+            save(draw_figure(), {kind: part(f"{document.name}.{kind}") for kind in ("png", "svg")})
+    return FilesWritten(tuple(folder.path / name for name in names), note)
 
 
 def write_contents(contents: Mapping[str, str | bytes], part: Callable[[str], Path]) -> None:

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING
 
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
 from insenv.evaluation.nis import WRONG
+from insenv.report.document import Block, Document, Grid, Line
 from insenv.report.run_data import RunData
 
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-    from rich.table import Table
-
-_CHANNEL, _NUMBER, _GAP = 13, 8, 2
 _NAMES = {
     **{f"{name}_deg": f"{name} [deg]" for name in ("roll", "pitch", "heading", "latitude", "longitude")},
     **{f"{name}_m": f"{name} [m]" for name in ("north", "east", "down", "height")},
@@ -42,32 +38,36 @@ def number(value: float | None) -> str:
     return f"{value:.{digits}f}"
 
 
-def comparison(report: RunData) -> Iterator[RenderableType]:
+def run_document(report: RunData) -> Document:
+    """What is printed of a run or replay, and its JSON form: with `published` if there are results of others."""
+    values = report.as_json()
+    if report.published:
+        values["published"] = [{"name": name, "rms": dict(rms)} for name, rms in report.published]
+    return Document("run", values, partial(comparison, report))
+
+
+def comparison(report: RunData) -> Iterator[Block]:
     """The printed lines and tables of a run, top to bottom: heading, one table per estimator, notes.
 
     No line is longer than `WIDTH`, unless a single word is.
     """
-    from rich.text import Text
-
-    title = Text(report.scenario, "bold")
-    if report.title and report.title != report.scenario:
-        title.append(f": {report.title}", "not bold")
-    yield title
-    yield Text(", ".join(facts(report)))
+    named = report.title and report.title != report.scenario
+    yield Line(report.scenario, "bold", f": {report.title}" if named else "")
+    yield Line(", ".join(facts(report)))
     for result in report.results:
-        yield Text()
+        yield Line()
         yield from _of_result(result, report)
-    yield Text()
+    yield Line()
     if any(result.errors for result in report.results):
         shown = {name for result in report.results if result.errors for name in error_columns(result)}
-        yield Text("final: at the end; all others: over the statistics' time", "dim")
+        yield Line("final: at the end; all others: over the statistics' time", "dim")
         meanings = {"stated": "stated: the estimator's own 1 sigma", "limit": "limit: theory's 1 sigma"}
         if told := [meaning for name, meaning in meanings.items() if name in shown]:
-            yield Text("; ".join(told), "dim")
+            yield Line("; ".join(told), "dim")
         if "limit" in shown:
-            yield Text(within(1), "dim")
+            yield Line(within(1), "dim")
     for note in report.notes:
-        yield Text(f"note: {note}")
+        yield Line(f"note: {note}")
 
 
 def facts(report: RunData) -> list[str]:
@@ -141,51 +141,36 @@ def unit_rows(result: Result) -> list[tuple[str, ...]]:
     ]
 
 
-def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
-    from rich.text import Text
-
-    line = Text(result.estimator, "bold")
+def _of_result(result: Result, report: RunData) -> Iterator[Block]:
     shown = [name for name in CHANNELS if name in result.errors]
     start = "over the whole run" if result.from_s <= 0 else f"from {result.from_s:g} s on"
     # no time is known of an estimate that came from outside
     facts_of = [f"statistics {start}"] if shown else []
     facts_of += [f"{number(result.us_per_sample)} us a sample"] if isfinite(result.us_per_sample) else []
-    line.append(f"   {', '.join(facts_of)}", "not bold")
-    yield line
+    yield Line(result.estimator, "bold", f"   {', '.join(facts_of)}")
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
     if shown:
         columns = error_columns(result)
-        table = table_of(*columns, *["published"][: len(published)])
+        rows: list[Sequence[str | Line]] = []
         for channel, (text, values) in zip(shown, error_rows(result), strict=True):
-            cells = {column: Text(number(value)) for column, value in values.items()}
-            cells["rms"].stylize("bold")
+            cells = {column: Line(number(value), "bold" if column == "rms" else "") for column, value in values.items()}
             if columns[-1].startswith("rms/") and (values[columns[-1]] or 0.0) > 3:
-                cells[columns[-1]].stylize("yellow")
-            table.add_row(
-                text,
-                *cells.values(),
-                *(number(figures.get(channel)) for _, figures in published[:1]),
-            )
+                cells[columns[-1]] = Line(cells[columns[-1]].text, "yellow")
+            rows.append((text, *cells.values(), *(number(figures.get(channel)) for _, figures in published[:1])))
+        yield Grid((*columns, *["published"][: len(published)]), rows)
     else:
-        table = table_of(*ESTIMATE_COLUMNS)
-        for row in estimate_rows(result):
-            table.add_row(*row)
-    yield table
+        yield Grid(ESTIMATE_COLUMNS, estimate_rows(result))
     for place, (name, figures) in enumerate(published):  # only one further column fits
         listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
-        yield Text(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
+        yield Line(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
     if result.health is not None:
-        style = "yellow" if result.health.verdict in WRONG else ""
         for place, told in enumerate(result.health.lines):
-            yield Text(f"{'  ' if place else 'health: '}{told}", style)
+            yield Line(f"{'  ' if place else 'health: '}{told}", "yellow" if result.health.verdict in WRONG else "")
     for note in result.notes:
-        yield Text(f"note: {note}")
+        yield Line(f"note: {note}")
     if result.unit:
-        yield Text()
-        unit = table_of(*unit_columns(result))
-        for cells_of in unit_rows(result):
-            unit.add_row(*cells_of)
-        yield unit
+        yield Line()
+        yield Grid(unit_columns(result), unit_rows(result))
 
 
 def estimate_rows(result: Result) -> list[tuple[str, str, str]]:
@@ -206,15 +191,3 @@ def estimate_rows(result: Result) -> list[tuple[str, str, str]]:
         stated = number(result.sigma[channel][-1]) if channel in result.sigma else "-"
         rows.append((label(name), text, f"{stated} m" if channel != name else stated))
     return rows
-
-
-def table_of(first: str, *columns: str, least: int = _NUMBER - 1, gap: int = _GAP) -> Table:
-    """An empty table: a column of labels, and columns of numbers of at least `least` characters, `gap` + 1 apart."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, gap, 0, 0))
-    table.add_column(first, no_wrap=True, min_width=_CHANNEL)
-    for name in columns:
-        table.add_column(name, justify="right", min_width=least, no_wrap=True)
-    return table

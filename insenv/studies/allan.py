@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from insenv.base.output import as_path
 from insenv.core.runner import Progress, check_progress
 from insenv.logs import RecordedLog, load
 from insenv.logs.assumed_unit import assumed_unit
-from insenv.sensors import units
-from insenv.sensors.grades import ImuGrade
 from insenv.studies.allan_deviation import Curve, allantools, curve
-from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Figure, Terms, fit
-from insenv.studies.rest import Part, part_of
+from insenv.studies.allan_result import SensorNoise, UnitNoise
+from insenv.studies.noise_terms import Terms, fit
+from insenv.studies.rest import part_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Picture
+    pass
 
 Array = NDArray[np.float64]
 
@@ -42,149 +39,6 @@ FILTER_S, FILTER_RISE = 1.0, 1.05
 """Up to this averaging time, and above this rise of the white noise in an octave, a low-pass filter is looked for."""
 
 AXES = tuple(f"{sensor} {axis}" for sensor in ("gyro", "accel") for axis in "xyz")
-_ARW, _VRW = float(units.deg_sqrt_h_to_rad_sqrt_s(1.0)), float(units.ug_sqrt_hz_to_m_s_sqrt_s(1.0))
-_DEG_H, _UG = float(units.deg_h_to_rad_s(1.0)), float(units.ug_to_m_s2(1.0))
-SCALES: Mapping[str, Mapping[str, tuple[str, float]]] = {
-    "gyro": {
-        WHITE: ("gyro_arw_deg_sqrt_h", _ARW),
-        QUANTIZATION: ("gyro_quantum_arcsec", float(units.arcsec_to_rad(1.0)) / 12**0.5),
-        FLICKER: ("gyro_flicker_deg_h", _DEG_H),
-        WALK: ("gyro_rrw_deg_h_sqrt_h", float(units.deg_h_sqrt_h_to_rad_s_sqrt_s(1.0))),
-        MARKOV: ("gyro_instability_deg_h", _DEG_H),
-        TIME: ("gyro_instability_time_s", 1.0),
-    },
-    "accel": {
-        WHITE: ("accel_vrw_ug_sqrt_hz", _VRW),
-        QUANTIZATION: ("accel_quantum_m_s", 1.0 / 12**0.5),
-        FLICKER: ("accel_flicker_ug", _UG),
-        WALK: ("accel_rrw_ug_sqrt_h", float(units.ug_sqrt_h_to_m_s2_sqrt_s(1.0))),
-        MARKOV: ("accel_instability_ug", _UG),
-        TIME: ("accel_instability_time_s", 1.0),
-    },
-}
-"""Data-sheet figure of each term, and its unit in SI; the figure of quantization is the size of a count, sqrt(12) Q."""
-
-
-@dataclass(frozen=True, eq=False)
-class SensorNoise:
-    """The noise of one axis, or of the three axes of a triad together.
-
-    name: "gyro x" ... "accel z", "gyro", "accel"; curve: its Allan deviation; terms: None for an axis without noise;
-    warnings: what spoils the curve; distrust: why the figures are not those of the unit, empty if they are.
-    """
-
-    name: str
-    curve: Curve
-    terms: Terms | None
-    warnings: tuple[str, ...]
-    distrust: str = ""
-
-    @property
-    def kind(self) -> str:
-        """ "gyro" or "accel"."""
-        return self.name.split()[0]
-
-    @property
-    def white_key(self) -> str:
-        """Data-sheet key of the white noise."""
-        return SCALES[self.kind][WHITE][0]
-
-    @property
-    def unit(self) -> str:
-        """Unit of the deviation in tables, figures and documents."""
-        return "deg/h" if self.kind == "gyro" else "ug"
-
-    @property
-    def scale(self) -> float:
-        """That unit in SI."""
-        return _DEG_H if self.kind == "gyro" else _UG
-
-    def figures(self) -> dict[str, Figure]:
-        """The fitted figures by data-sheet key."""
-        found = {} if self.terms is None else self.terms.figures
-        return {SCALES[self.kind][name][0]: _scaled(each, SCALES[self.kind][name][1]) for name, each in found.items()}
-
-    def upper(self) -> dict[str, float]:
-        """Upper bounds (95 %) of the terms that were not seen, by data-sheet key."""
-        found = {} if self.terms is None else self.terms.upper
-        return {SCALES[self.kind][name][0]: bound / SCALES[self.kind][name][1] for name, bound in found.items()}
-
-    def floor(self) -> Figure | None:
-        """The bias instability of a data sheet, the lowest Allan deviation [deg/h or ug]; None while it still falls."""
-        if self.terms is None or not self.terms.slow:
-            return None
-        fitted = self.terms.variance(self.curve.tau)
-        at = int(np.nanargmin(np.where(np.isfinite(self.terms.freedom), fitted, np.nan)))
-        freedom, value = float(self.terms.freedom[at]), float(np.sqrt(fitted[at])) / self.scale
-        low, high = (value * (freedom / float(chi2.ppf(level, freedom))) ** 0.5 for level in (0.975, 0.025))
-        return Figure(value, low, high)
-
-
-def _scaled(figure: Figure, unit: float) -> Figure:
-    return Figure(figure.value / unit, figure.low / unit, figure.high / unit)
-
-
-@dataclass(frozen=True, eq=False)
-class UnitNoise:
-    """What a log shows of its inertial unit.
-
-    log: its name; part: the samples used; axes: the six axes; triads: gyros and accelerometers, three axes together;
-    assumed: the class of unit that everything else is taken from, and the sentence that says so.
-    """
-
-    log: str
-    part: Part
-    axes: tuple[SensorNoise, ...]
-    triads: tuple[SensorNoise, SensorNoise]
-    assumed: ImuGrade
-    assumption: str
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """All warnings: of the samples, and of the axes."""
-        grouped: dict[str, list[str]] = {}
-        for axis in self.axes:
-            for text in axis.warnings:
-                grouped.setdefault(text, []).append(axis.name)
-        return (*self.part.warnings, *(f"{', '.join(names)}: {text}" for text, names in grouped.items()))
-
-    def grade(self) -> ImuGrade:
-        """The grade: noise as measured, of the three axes together; all else is that of the assumed class.
-
-        So is the noise of gyros or accelerometers whose figures are not trusted.
-        """
-        trusted = [triad for triad in self.triads if not triad.distrust]
-        measured = {key: each.value for triad in trusted for key, each in triad.figures().items()}
-        noise = {key: 0.0 for triad in trusted for key, _ in SCALES[triad.kind].values() if not key.endswith("_time_s")}
-        also = {"gyro": ("gyro_white_deg_h",), "accel": ("accel_white_ug", "accel_vrw_m_s_sqrt_h")}
-        others = {key: 0.0 for triad in trusted for key in also[triad.kind]}
-        unlimited = ImuGrade("", "")
-        ranges = {name: getattr(unlimited, name) for name in ("gyro_range_deg_s", "accel_range_g")}
-        times = {name: getattr(unlimited, name) for name in (f"{triad.kind}_instability_time_s" for triad in trusted)}
-        sources = {"": self.assumption}
-        sources |= dict.fromkeys(measured, f"insenv allan, {self.part.end_s - self.part.begin_s:.6g} s of {self.log}")
-        title = f"Unit of {self.log}"[:120]
-        return replace(self.assumed, title=title, sources=sources, **{**others, **noise, **ranges, **times, **measured})
-
-    def as_json(self) -> dict[str, Any]:
-        """The documented JSON form (docs/json.md)."""
-        from insenv.studies.allan_report import document
-
-        return document(self)
-
-    def figure(self) -> Picture:
-        """The Allan deviations with the fitted terms.  Raises `InputError` if matplotlib is not installed."""
-        from insenv.report.notebook import require_matplotlib
-        from insenv.studies.allan_report import draw
-
-        require_matplotlib()
-        return draw(self)
-
-    def write_grade(self, path: str | Path) -> Path:
-        """Write the grade file, for ``grade = "FILE.toml"``; return its path.  Raises `InputError`."""
-        from insenv.studies.allan_report import write_grade
-
-        return write_grade(self, as_path("path", path))
 
 
 def allan(

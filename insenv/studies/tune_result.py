@@ -4,24 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.output import finite, to_json
-from insenv.base.style import COLOURS, LIMIT, legend, page, save, title
-from insenv.report import FilesWritten, OutputFolder
-from insenv.report.files import no_matplotlib
+from insenv.base.style import COLOURS, LIMIT, legend, page, title
+from insenv.base.version import __version__
+from insenv.report.document import Block, Document, Grid, Line
+from insenv.report.files import FilesWritten, OutputFolder, write_document
 from insenv.report.notebook import require_matplotlib
-from insenv.report.tables import label, number, table_of
+from insenv.report.page import assembled
+from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, intervals_panel, section, table
+from insenv.report.tables import label, number
 from insenv.studies.campaign.intervals import Estimate
 from insenv.studies.tune_parameters import Parameter
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
+
 
 Array = NDArray[np.float64]
 NAME = "tuning"
@@ -116,7 +119,12 @@ class Tuning:
 
         Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
         """
-        return write_tuning(self, OutputFolder(folder), figure)
+        return write_document(self.document(), OutputFolder(folder), figure)
+
+    def document(self) -> Document:
+        """What is printed and kept of it."""
+        texts, page = {f"{NAME}.toml": self.toml()}, partial(tuning_page, self)
+        return Document(NAME, self.as_json(), partial(tuning_blocks, self), texts, page=page, figure=self.plot)
 
     def __repr__(self) -> str:
         if not self.is_better:
@@ -124,35 +132,25 @@ class Tuning:
         return f"Tuning of {self.estimator} on {self.source}: better on {self.judged_on}\n{self.toml()}"
 
 
-def tuning_document(found: Tuning, files: Sequence[str] = ()) -> dict[str, Any]:
-    """The documented JSON form; with `files` (paths written) if there are any."""
-    return finite({**found.as_json(), **({"files": list(files)} if files else {})})
-
-
-def tuning_tables(found: Tuning) -> Iterator[RenderableType]:
+def tuning_blocks(found: Tuning) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    from rich.text import Text
-
-    yield Text(f"{found.source}: {found.estimator}", "bold")
-    yield Text(f"sought on {found.trained_on}, judged on {found.judged_on}")
-    yield Text()
-    table = table_of(*PARAMETER_COLUMNS)
-    for row in parameter_rows(found):
-        table.add_row(*row)
-    yield table
-    yield Text()
+    yield Line(f"{found.source}: {found.estimator}", "bold")
+    yield Line(f"sought on {found.trained_on}, judged on {found.judged_on}")
+    yield Line()
+    yield Grid(PARAMETER_COLUMNS, parameter_rows(found))
+    yield Line()
     if found.channels:
-        table = table_of(*CHANNEL_COLUMNS)
+        rows: list[Sequence[str | Line]] = []
         for channel, (name, before, after, ratio, *others) in zip(found.channels, channel_rows(found), strict=True):
             real = channel.ratio.low > 1.0 or channel.ratio.high < 1.0
-            table.add_row(name, before, after, Text(ratio, "bold" if real else ""), *others)
-        yield table
+            rows.append((name, before, after, Line(ratio, "bold" if real else ""), *others))
+        yield Grid(CHANNEL_COLUMNS, rows)
     for sentence in sentences(found):
-        yield Text(sentence)
+        yield Line(sentence)
     if not found.is_better:
-        yield Text("no better than by chance on data not seen before: keep the present tuning", "yellow")
+        yield Line("no better than by chance on data not seen before: keep the present tuning", "yellow")
     for note in found.notes:
-        yield Text(f"note: {note}")
+        yield Line(f"note: {note}")
 
 
 def parameter_rows(found: Tuning) -> list[tuple[str, ...]]:
@@ -184,24 +182,6 @@ def sentences(found: Tuning) -> tuple[str, ...]:
 
 def _shown(value: float | list[float]) -> str:
     return ", ".join(map(number, value)) if isinstance(value, list) else number(value)
-
-
-def write_tuning(found: Tuning, folder: OutputFolder, figure: bool = True) -> FilesWritten:
-    """Write tuning.toml, tuning.json; if `figure`, the page tuning.html, and, with matplotlib, tuning.png and tuning.svg."""
-    from insenv.studies.tune_page import tuning_page
-
-    note = no_matplotlib() if figure else ""
-    drawn = figure and not note
-    kinds = ["toml", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
-    names = [f"{NAME}.{kind}" for kind in kinds]
-    with folder.staged() as part:
-        part(names[0]).write_text(found.toml(), encoding="utf-8")
-        part(names[1]).write_text(to_json(tuning_document(found, names)) + "\n", encoding="ascii")
-        if figure:
-            part(f"{NAME}.html").write_text(tuning_page(found), encoding="utf-8", newline="\n")
-        if drawn:
-            save(draw_tuning(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
-    return FilesWritten(tuple(folder.path / name for name in names), note)
 
 
 def draw_tuning(found: Tuning) -> Figure:
@@ -238,3 +218,51 @@ def draw_tuning(found: Tuning) -> Figure:
         title(figure, f"{found.source}: tuning of {found.estimator}")
         legend(figure, handles, columns=3)
         return figure
+
+
+# The page of a tuning: what was changed, the errors before and after, and the search, as one document for the front end.
+
+
+def tuning_page(found: Tuning) -> str:
+    """The HTML of a tuning."""
+    return assembled(f"{found.source}: tuning of {found.estimator}", {"report": tuning_page_document(found)})
+
+
+def tuning_page_document(found: Tuning) -> dict[str, Any]:
+    """The document of the page of a tuning (web/README.md)."""
+    pool = Pool()
+    factors = [
+        (parameter.key, float(factor), None, None) for parameter, factor in zip(found.parameters, found.factors, strict=True)
+    ]
+    ratios = [(label(one.name), one.ratio.value, one.ratio.low, one.ratio.high) for one in found.channels]
+    changes = [intervals_panel("Factors on the parameters", factors)]
+    changes += [intervals_panel(f"rms after / before, 95 %, on {found.judged_on}", ratios)] if ratios else []
+    tables = [table("Parameters", PARAMETER_COLUMNS, parameter_rows(found))]
+    tables += [table(f"Errors on {found.judged_on}", CHANNEL_COLUMNS, channel_rows(found))] if ratios else []
+    return {
+        "kind": "report",
+        "version": __version__,
+        "name": f"{found.source}: {found.estimator}",
+        "title": "Tuning" if found.is_better else "Tuning: no better than by chance, keep the present one",
+        "facts": [f"sought on {found.trained_on}", f"judged on {found.judged_on}", f"{number(found.duration_s)} s"],
+        "truth": "before",
+        "axis": {"name": "Generation", "unit": "", "whole": True},
+        "legend": [{"name": "best of a population"}, {"name": "median of a population"}],
+        "tables": tables,
+        "explained": [f"{sentence}." for sentence in sentences(found)],
+        "notes": list(found.notes),
+        "sections": [
+            section("Before and after", changes, columns=2),
+            section("The search", [_history(found, pool)], columns=1),
+        ],
+        "arrays": pool.as_json(),
+    }
+
+
+def _history(found: Tuning, pool: Pool) -> dict[str, Any]:
+    generations = np.arange(1.0, len(found.history) + 1)
+    panel = TimePanel(pool, f"Objective on {found.trained_on}", "1", generations)
+    panel.curve(TRUTH_GROUP, np.full(len(generations), found.start))
+    for group in (1, 0):
+        panel.curve(group, found.history[:, group])
+    return panel.as_json()

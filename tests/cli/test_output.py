@@ -10,9 +10,9 @@ from contextlib import suppress
 
 import pytest
 
-from insenv.cli.output import compiling_noticed, print_parts
+from insenv.cli.output import compiling_noticed, print_blocks
 from insenv.core.compile import COMPILED, COMPILING, LOG
-from insenv.report.tables import table_of
+from insenv.report.document import Grid
 
 
 def test_a_compilation_is_said_once_though_a_package_has_given_the_root_logger_a_handler(capsys, caplog):
@@ -25,9 +25,7 @@ def test_a_compilation_is_said_once_though_a_package_has_given_the_root_logger_a
 
 def test_a_table_wider_than_the_screen_is_not_cut(capsys):
     cell = "walk 25.2 [19.4, 31.5] deg/h/sqrt(h), " * 4
-    table = table_of("first", "second")
-    table.add_row("a b", cell)
-    print_parts([table])
+    print_blocks([Grid(("first", "second"), [("a b", cell)])])
     assert cell.strip() in capsys.readouterr().out
 
 

@@ -11,13 +11,14 @@ from made_up_reports import PLACE, report, result
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.installing import install_extra
 from insenv.evaluation.errors import ATTITUDE
-from insenv.report import OutputFolder, document, to_json, write_files
+from insenv.report import OutputFolder, run_document, to_json, write_files
 from insenv.report.files import file_name
 
 
 def test_no_nan_in_json():
     bad = result(errors={"roll_deg": np.full(200, np.nan)}, limit={"roll_deg": math.inf})
-    parsed = json.loads(to_json(document(report(bad))), parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
+    text = to_json(run_document(report(bad)).as_json())
+    parsed = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
     assert parsed["results"][0]["rms"] == {"roll_deg": None} and parsed["results"][0]["limit"] == {"roll_deg": None}
     assert to_json({"é": np.float64(1.5), "n": np.array([1, 2])}, indent=None) == '{"\\u00e9": 1.5, "n": [1, 2]}'
 
@@ -30,14 +31,14 @@ def test_npz_round_trip(tmp_path):
         meta = json.loads(file["meta"].item())
         arrays = {name: file[name] for name in file.files if name != "meta"}
     assert set(meta["arrays"]) == set(arrays)
-    assert meta["format"] == "insenv-results" and meta["run"] == document(made)
+    assert meta["format"] == "insenv-results" and meta["run"] == run_document(made).as_json()
     assert np.array_equal(arrays["truth/latitude"], PLACE["latitude"])
     assert np.array_equal(arrays["q-method/errors/heading_deg"], made.results[1].errors["heading_deg"])
     assert np.array_equal(arrays["loosely-coupled/outputs/q_nb"], made.results[0].outputs["q_nb"])
     for name, about in meta["arrays"].items():
         assert about["unit"] and about["meaning"] and about["shape"] == list(arrays[name].shape), name
     assert meta["arrays"]["truth/velocity_n"]["unit"] == "m/s" and meta["arrays"]["truth/velocity_n"]["frame"] == "n"
-    assert json.loads(written.paths[1].read_text()) == document(made, [str(p) for p in written.paths])
+    assert json.loads(written.paths[1].read_text()) == run_document(made).as_json([str(p) for p in written.paths])
     (tmp_path / "plain").write_text("")
     assert written.paths[0].stat().st_mode == (tmp_path / "plain").stat().st_mode, "others read it as the umask says"
 

@@ -10,14 +10,15 @@ from rich.console import Console
 
 from insenv import attitude, run
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
-from insenv.report import comparison
+from insenv.report import run_document
+from insenv.report.console import rendered
 from insenv.report.tables import error_rows
 
 
 def printed(made):
     with open("/dev/null", "w") as nowhere:
         console = Console(width=80, markup=False, highlight=False, record=True, file=nowhere)
-        for part in comparison(made):
+        for part in rendered(run_document(made).blocks()):
             console.print(part)
         return console.export_text().replace(" \n", "\n")
 

@@ -11,7 +11,7 @@ from insenv import record, replay, write
 from insenv.base.errors import InputError
 from insenv.estimators import get
 from insenv.logs.description import InitialSection
-from insenv.report import document
+from insenv.report import run_document
 from insenv.runs.replay_start import initial_knowledge
 from insenv.scenario import load
 
@@ -27,7 +27,7 @@ def test_without_a_grade_the_stated_sigma_is_honest(grade, seconds):
     result = report.results[0]
     for name in ("north_m", "east_m", "down_m", "roll_deg", "heading_deg"):
         assert beyond(result, name, result.time > seconds / 3) < 0.01, name
-    said = [note for note in document(report)["notes"] if "gives no grade of its inertial unit" in note]
+    said = [note for note in run_document(report).values["notes"] if "gives no grade of its inertial unit" in note]
     assert len(said) == 1 and "deg/sqrt(h)" in said[0] and "class" in said[0]
 
 

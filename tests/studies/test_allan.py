@@ -19,7 +19,7 @@ from insenv.scenario import build
 from insenv.sensors import IMU_GRADES
 from insenv.studies.allan import AXES, sensor_noise
 from insenv.studies.allan_deviation import curve
-from insenv.studies.allan_report import grade_text
+from insenv.studies.allan_result import grade_text
 from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, fit, markov_variance
 
 RATE = 20.0

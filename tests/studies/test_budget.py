@@ -17,8 +17,7 @@ from insenv.scenario import build, error_sources, load
 from insenv.scenario.error_sources import sensors_of
 from insenv.sensors import IMU, registry
 from insenv.studies import budget as budget_module
-from insenv.studies import budget_presentation
-from insenv.studies.budget_page import budget_page_document
+from insenv.studies.budget_result import budget_page_document
 from insenv.studies.switches import packed, switch_off, switchable
 
 OMEGA = 7.292115e-5
@@ -173,7 +172,7 @@ def test_runs_that_diverge_are_left_out_and_said(monkeypatch):
     assert np.isfinite(found.without).all() and np.isfinite(found.alone[1:]).all()
     assert any(f"{found.sources[0]} alone" in note and "interaction" in note for note in found.notes)
     assert np.isfinite(found.whole).all() and not np.array_equal(found.whole, whole.whole)
-    document = strict(json.dumps(budget_presentation.budget_document(found)))
+    document = strict(json.dumps(found.document().as_json()))
     assert document["sources"][0]["alone"]["roll_deg"] is None
 
 

@@ -14,20 +14,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from insenv.base.output import finite, to_json
-from insenv.report import FilesWritten, OutputFolder
-from insenv.report.tables import label, number, since, table_of
+from insenv.base.version import __version__
+from insenv.report import Document, FilesWritten, OutputFolder, write_document
+from insenv.report.document import Block, Grid, Line
+from insenv.report.page import assembled
+from insenv.report.page.panels import Pool, intervals_panel, kept_records, section, table
+from insenv.report.tables import label, number, since
 from insenv.studies.campaign.intervals import Array, Estimate, student
-from insenv.studies.campaign.presentation import campaign_document, campaign_tables, write_campaign
+from insenv.studies.campaign.presentation import (
+    campaign_blocks,
+    campaign_page_facts,
+    campaign_page_notes,
+    campaign_page_tables,
+    course_sections,
+    explained,
+)
 from insenv.studies.campaign.summary import Summary
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    pass
+
 
 NAME = "comparison"
 PAIR_COLUMNS = ("rms", "ratio", "from", "to", "difference", "smaller in")
@@ -117,7 +129,7 @@ class Comparison:
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
         return {
-            "campaigns": [campaign_document(summary) for summary in self.summaries.values()],
+            "campaigns": [summary.document().as_json() for summary in self.summaries.values()],
             "compared_with": self.first,
             "paired": [
                 {"estimator": id, "errors": {name: pair.as_json() for name, pair in pairs.items()}}
@@ -132,6 +144,10 @@ class Comparison:
         table: as of `Summary.save`.  Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
         """
         return write_comparison(self, OutputFolder(folder), figure, table)
+
+    def document(self) -> Document:
+        """What is printed and kept of it, beside the documents of the campaigns."""
+        return Document(NAME, self.as_json(), partial(comparison_blocks, self), page=partial(comparison_page, self))
 
     def __repr__(self) -> str:
         lines = [repr(summary) for summary in self.summaries.values()]
@@ -152,29 +168,22 @@ def compare(summaries: Sequence[Summary]) -> Comparison:
     return Comparison({summary.plan.estimator: summary for summary in summaries}, pairs)
 
 
-def comparison_document(found: Comparison, files: Sequence[str] = ()) -> dict[str, Any]:
-    """The documented JSON form; with `files` (paths written) if there are any."""
-    return finite({**found.as_json(), **({"files": list(files)} if files else {})})
-
-
-def comparison_tables(found: Comparison) -> Iterator[RenderableType]:
+def comparison_blocks(found: Comparison) -> Iterator[Block]:
     """The printed lines and tables: those of each campaign, then the paired differences."""
-    from rich.text import Text
-
     for summary in found.summaries.values():
-        yield from campaign_tables(summary)
-        yield Text()
+        yield from campaign_blocks(summary)
+        yield Line()
     for id, pairs in found.pairs.items():
-        yield Text(f"{id} compared with {found.first}, run by run", "bold")
-        table = table_of(*PAIR_COLUMNS)
+        yield Line(f"{id} compared with {found.first}, run by run", "bold")
+        rows: list[Sequence[str | Line]] = []
         for pair, (name, ratio, *others) in zip(pairs.values(), pair_rows(pairs), strict=True):
-            table.add_row(name, Text(ratio, "bold" if pair.is_real else ""), *others)
-        yield table
-        yield Text()
-    yield Text(f"{PAIR_MEANINGS[0]}; bold: not 1", "dim")
-    yield Text(PAIR_MEANINGS[1], "dim")
+            rows.append((name, Line(ratio, "bold" if pair.is_real else ""), *others))
+        yield Grid(PAIR_COLUMNS, rows)
+        yield Line()
+    yield Line(f"{PAIR_MEANINGS[0]}; bold: not 1", "dim")
+    yield Line(PAIR_MEANINGS[1], "dim")
     for note in found.notes:
-        yield Text(f"note: {note}")
+        yield Line(f"note: {note}")
 
 
 def pair_rows(pairs: Mapping[str, Paired]) -> list[tuple[str, ...]]:
@@ -191,14 +200,52 @@ def pair_rows(pairs: Mapping[str, Paired]) -> list[tuple[str, ...]]:
 
 def write_comparison(found: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
     """Write the files of each campaign to DIR/ID and comparison.json to DIR; if `figure`, the page comparison.html too."""
-    from insenv.studies.campaign.comparison_page import comparison_page
+    parts = [write_document(one.document(table), OutputFolder(folder.path / id), figure) for id, one in found.summaries.items()]
+    own = write_document(found.document(), folder, figure)
+    return FilesWritten((*own.paths, *(path for part in parts for path in part.paths)), parts[0].note)
 
-    parts = [write_campaign(one, OutputFolder(folder.path / id), figure, table) for id, one in found.summaries.items()]
-    with folder.staged() as part:
-        part(f"{NAME}.json").write_text(to_json(comparison_document(found)) + "\n", encoding="ascii")
-        if figure:
-            part(f"{NAME}.html").write_text(comparison_page(found), encoding="utf-8", newline="\n")
-    names = [f"{NAME}.json", *([f"{NAME}.html"] if figure else [])]
-    return FilesWritten(
-        (*(folder.path / name for name in names), *(path for part in parts for path in part.paths)), parts[0].note
-    )
+
+# The page of a comparison of estimators on the same runs: their tables, paired differences and errors over time.
+
+
+def comparison_page(found: Comparison) -> str:
+    """The HTML of a comparison."""
+    document = comparison_page_document(found)
+    return assembled(document["name"], {"report": document})
+
+
+def comparison_page_document(found: Comparison) -> dict[str, Any]:
+    """The document of the page of a comparison (web/README.md)."""
+    ids, campaigns = list(found.summaries), list(found.summaries.values())
+    pool, plan = Pool(), campaigns[0].plan
+    keep = kept_records(len(campaigns[0].time), sum(5 * len(one.courses) for one in campaigns) + 1)
+    tables = [
+        table(f"{id} compared with {found.first}, run by run", PAIR_COLUMNS, pair_rows(pairs), group=ids.index(id))
+        for id, pairs in found.pairs.items()
+    ]
+    for place, (id, one) in enumerate(found.summaries.items()):
+        tables += campaign_page_tables(one, id, place)
+    ratios = [
+        intervals_panel(
+            f"{id}: rms over that of {found.first}, 95 %",
+            [(label(name), pair.ratio.value, pair.ratio.low, pair.ratio.high) for name, pair in pairs.items()],
+        )
+        for id, pairs in found.pairs.items()
+    ]
+    return {
+        "kind": "report",
+        "version": __version__,
+        "name": f"{plan.name}: {' and '.join(ids)}",
+        "title": str(plan.scenario.get("title", "")),
+        "facts": campaign_page_facts(campaigns[0]),
+        "truth": "truth",
+        "shares": True,
+        "legend": [{"name": f"{id}, median of the runs"} for id in ids],
+        "tables": tables,
+        "explained": list(
+            dict.fromkeys([*(f"{one}." for one in PAIR_MEANINGS), *(t for one in campaigns for t in explained(one))])
+        ),
+        "notes": [*found.notes, *(f"{id}: {note}" for id, one in found.summaries.items() for note in campaign_page_notes(one))],
+        "sections": [section("The difference", ratios, columns=2), *course_sections(campaigns, pool, keep)],
+        "arrays": pool.as_json(),
+    }

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.output import finite, to_json
-from insenv.base.style import save
+from insenv.base.output import to_json
+from insenv.base.version import __version__
 from insenv.evaluation import sentences
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
-from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
+from insenv.report.document import Block, Document, Grid, Line
 from insenv.report.notebook import data_frame, html_document
-from insenv.report.tables import label, number, runs_of, since, table_of, within
+from insenv.report.page import assembled
+from insenv.report.page.of_run import EXPLAINED, NAMES, unit_of
+from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, kept_records, section, table
+from insenv.report.scales import threshold_of
+from insenv.report.tables import label, number, runs_of, since, within
 from insenv.studies.campaign.campaign_figure import draw_campaign
 from insenv.studies.campaign.sensitivity import Sensitivity
 from insenv.studies.campaign.statistics import Statistics, named
@@ -25,60 +30,44 @@ from insenv.studies.campaign.variation import Variation
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-    from rich.console import RenderableType
 
 
 NAME = "campaign"
 
 
-def campaign_document(found: Statistics, files: Sequence[str] = ()) -> dict[str, Any]:
-    """The documented JSON form; with `files` (paths written) if there are any."""
-    return finite({**found.as_json(), **({"files": list(files)} if files else {})})
-
-
-def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
+def campaign_blocks(found: Statistics) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    from rich.text import Text
-
     plan = found.plan
-    yield Text(f"{plan.name}: {plan.estimator}", "bold")
-    yield Text(campaign_facts(found))
+    yield Line(f"{plan.name}: {plan.estimator}", "bold")
+    yield Line(campaign_facts(found))
     for variation in plan.variations:
-        yield Text(f"{variation.key} drawn {drawn(variation)}")
-    yield Text()
-    figures = found.figures()
-    table = table_of(*CAMPAIGN_COLUMNS)
+        yield Line(f"{variation.key} drawn {drawn(variation)}")
+    yield Line()
+    rows: list[Sequence[str | Line]] = []
     for text, (mean, rms, limit, ratio, stated) in campaign_rows(found):
-        warning = "yellow" if ratio is not None and ratio > 3 else ""
-        table.add_row(
-            text, number(mean), Text(number(rms), "bold"), number(limit), Text(number(ratio), warning), number(stated)
-        )
-    yield table
-    yield Text()
-    table = table_of("at the end", *(f"{p:g} %" for p in found.percentile_levels))
-    for name, row in figures.items():
-        table.add_row(label(name), *(number(value) for value in row["percentiles"].values()))
-    yield table
+        far = Line(number(ratio), "yellow" if ratio is not None and ratio > 3 else "")
+        rows.append((text, number(mean), Line(number(rms), "bold"), number(limit), far, number(stated)))
+    yield Grid(CAMPAIGN_COLUMNS, rows)
+    yield Line()
+    ends = [(label(name), *map(number, row["percentiles"].values())) for name, row in found.figures().items()]
+    yield Grid(("at the end", *(f"{p:g} %" for p in found.percentile_levels)), ends)
     for told in horizontal_lines(found):
-        yield Text()
-        yield Text(told)
-    yield Text()
-    for columns, rows in sensitivity_tables(found):
-        table = table_of(*columns, least=5, gap=1)
-        for cells in rows:
-            table.add_row(*cells)
-        yield table
+        yield Line()
+        yield Line(told)
+    yield Line()
+    for columns, cells in sensitivity_tables(found):
+        yield Grid(columns, cells, least=5, gap=1)
     if found.sensitivity:
-        yield Text(sensitivity_meaning(found), "dim")
-        yield Text()
+        yield Line(sensitivity_meaning(found), "dim")
+        yield Line()
     for meaning in meanings(found):
-        yield Text(meaning, "dim")
+        yield Line(meaning, "dim")
     for told in consistency_lines(found):
-        yield Text(told)
+        yield Line(told)
     for told in failed_lines(found):
-        yield Text(told, "yellow")
+        yield Line(told, "yellow")
     for note in found.notes:
-        yield Text(f"note: {note}")
+        yield Line(f"note: {note}")
 
 
 def horizontal_lines(found: Statistics) -> Iterator[str]:
@@ -201,33 +190,23 @@ def campaign_frame(found: Statistics) -> DataFrame:
     return data_frame(found.time, columns)
 
 
-def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
-    """Write campaign.npz and .json; if `figure`, the page campaign.html, and, with matplotlib, campaign.png and .svg.
+def campaign_document(found: Statistics, table: str = "") -> Document:
+    """What is printed and kept of a campaign.
 
-    table: format of a table of the runs, `runs.csv` or `runs.parquet`; empty: none.
+    table: format of a table of the runs, `runs.csv` or `runs.parquet`; empty: none.  Raises `InputError` for another format.
     """
-    from insenv.studies.campaign.campaign_page import campaign_page
-
     if table:
         check_format(table)
-    note = no_matplotlib() if figure else ""
-    drawn = figure and not note
-    tables = [f"runs.{table}"] if table else []
-    kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
-    names = [*(f"{NAME}.{kind}" for kind in kinds), *tables]
-    paths = tuple(folder.path / name for name in names)
-    with folder.staged() as part:
-        with part(names[0]).open("wb") as stream:
-            np.savez_compressed(stream, allow_pickle=False, **campaign_arrays(found))
-        text = to_json(campaign_document(found, names)) + "\n"  # without the folder, so that equal campaigns are equal files
-        part(names[1]).write_text(text, encoding="ascii")
-        for name in tables:
-            write_runs(found, part(name), table)
-        if figure:
-            part(f"{NAME}.html").write_text(campaign_page(found), encoding="utf-8", newline="\n")
-        if drawn:
-            save(draw_campaign(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
-    return FilesWritten(paths, note)
+    further = {f"runs.{table}": partial(write_runs, found, name=table)} if table else {}
+    return Document(
+        NAME,
+        found.as_json(),
+        partial(campaign_blocks, found),
+        arrays=partial(campaign_arrays, found),
+        page=partial(campaign_page, found),
+        figure=partial(draw_campaign, found),
+        further=further,
+    )
 
 
 def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
@@ -265,3 +244,121 @@ def _health_of(shares: Mapping[str, Any], what: str) -> str:
     if shares["nis"] is None:
         return verdicts
     return f"{verdicts}; mean NIS {number(shares['nis'])}, {100 * shares['refused']:.2g} % of the {what} refused"
+
+
+# The page of a campaign: its tables and the courses of its errors, as one document for the front end.
+
+GROUPS = (("Attitude error", ATTITUDE), ("Position error", POSITION), ("Velocity error", VELOCITY))
+
+
+def campaign_page(found: Statistics) -> str:
+    """The HTML of a campaign."""
+    return assembled(f"{found.plan.name}: {found.plan.estimator}", {"report": campaign_page_document(found)})
+
+
+def campaign_page_document(found: Statistics) -> dict[str, Any]:
+    """The document of the page of a campaign (web/README.md)."""
+    pool = Pool()
+    keep = kept_records(len(found.time), 8 * len(found.courses) + 2)
+    sections = course_sections([found], pool, keep)
+    if found.nees is not None:
+        sections.append(section("Consistency", [_nees(found, pool, keep)], columns=1))
+    plan = found.plan
+    return {
+        "kind": "report",
+        "version": __version__,
+        "name": f"{plan.name}: {plan.estimator}",
+        "title": str(plan.scenario.get("title", "")),
+        "facts": campaign_page_facts(found),
+        "truth": "truth",
+        "shares": True,
+        "legend": [{"name": "median of the runs"}],
+        "tables": campaign_page_tables(found),
+        "explained": explained(found),
+        "notes": campaign_page_notes(found),
+        "sections": sections,
+        "arrays": pool.as_json(),
+    }
+
+
+def campaign_page_facts(found: Statistics) -> list[str]:
+    """Runs, seeds and varied keys."""
+    return [campaign_facts(found), *(f"{one.key} drawn {drawn(one)}" for one in found.plan.variations)]
+
+
+def campaign_page_tables(found: Statistics, name: str = "", group: int | None = None) -> list[dict[str, Any]]:
+    """The tables that are printed.  name, group: of the estimator, if the page has several."""
+    rows = [(text, *map(number, values)) for text, values in campaign_rows(found)]
+    ratio = CAMPAIGN_COLUMNS.index("rms/limit")
+    above = [(k, ratio) for k, (_, values) in enumerate(campaign_rows(found)) if (values[ratio - 1] or 0.0) > 3.0]
+    start = [] if found.from_s <= 0 else [f"Statistics from {found.from_s:g} s on"]
+    levels = [f"{level:g} %" for level in found.percentile_levels]
+    ends = [(label(channel), *map(number, row["percentiles"].values())) for channel, row in found.figures().items()]
+    of = f": {name}" if name else ""
+    meaning = [sensitivity_meaning(found)]
+    sensitivities = [
+        table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group=group, below=meaning, wide=True)
+        for columns, cells in sensitivity_tables(found)
+    ]
+    return [
+        table(
+            f"Errors over the runs{of}", CAMPAIGN_COLUMNS, rows, group=group,
+            below=[*start, *consistency_lines(found)], warnings=above,
+        ),
+        table(
+            f"Percentiles of the errors at the end{of}", ("error", *levels), ends, group=group,
+            below=list(horizontal_lines(found)),
+        ),
+        *sensitivities,
+    ]  # fmt: skip
+
+
+def explained(found: Statistics) -> list[str]:
+    """What the columns of the tables mean."""
+    return [*(f"{meaning}." for meaning in meanings(found)), EXPLAINED["limit"]]
+
+
+def campaign_page_notes(found: Statistics) -> list[str]:
+    """The runs that failed, and what must be said of the campaign."""
+    return [*failed_lines(found), *found.notes]
+
+
+def course_sections(campaigns: Sequence[Statistics], pool: Pool, keep: Any) -> list[dict[str, Any]]:
+    """The errors over time of campaigns of the same runs, by channel; the place of a campaign is its group of curves."""
+    sections = []
+    for title, group in GROUPS:
+        shown = [name for name in group if any(name in one.courses for one in campaigns)]
+        if shown:
+            sections.append(section(title, [_course(campaigns, pool, keep, name) for name in shown]))
+    return sections
+
+
+def _course(campaigns: Sequence[Statistics], pool: Pool, keep: Any, name: str) -> dict[str, Any]:
+    """Median and bands of one channel, and the limit of the first campaign that has the channel."""
+    own = [(place, one, one.courses[name]) for place, one in enumerate(campaigns) if name in one.courses]
+    _, found, first = own[0]
+    reach = 0.0 if first.limit is None else float(np.nanmax(first.limit[-max(1, len(found.time) // 4) :]))
+    ends = [np.stack([course.percentiles[0], course.percentiles[-1]], 1).ravel() for _, _, course in own]
+    start = min(one.from_s for _, one, _ in own)
+    panel = TimePanel(
+        pool, NAMES[name], unit_of(name), found.time[keep], wraps=name in ATTITUDE,
+        threshold=threshold_of(ends, [reach] * len(ends)), from_s=start if start > 0 else None,
+    )  # fmt: skip
+    for place, _, course in own:
+        low, lower, _, upper, high = course.percentiles
+        panel.between(place, low[keep], high[keep])
+        panel.between(place, lower[keep], upper[keep], 1.6)
+    if first.limit is not None:
+        panel.curve(TRUTH_GROUP, first.limit[keep], "limit")
+    for place, _, course in own:
+        panel.curve(place, course.percentiles[2][keep])
+    return panel.as_json()
+
+
+def _nees(found: Statistics, pool: Pool, keep: Any) -> dict[str, Any]:
+    assert found.nees is not None
+    times = found.time[keep]
+    panel = TimePanel(pool, f"Mean NEES of {found.nees.degrees:g} states, with its 95 % bounds", "1", times)
+    panel.between(2, np.full(len(times), found.nees.low), np.full(len(times), found.nees.high))
+    panel.curve(0, found.nees.mean[keep])
+    return panel.as_json()

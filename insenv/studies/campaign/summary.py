@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import statistics_from
 from insenv.evaluation.health import Health, health, no_fix
-from insenv.report import FilesWritten, OutputFolder
+from insenv.report import Document, FilesWritten, OutputFolder, write_document
 from insenv.report.notebook import data_frame, require_matplotlib
 from insenv.studies.campaign.campaign_figure import draw_campaign
 from insenv.studies.campaign.limits import CampaignLimit
 from insenv.studies.campaign.model import Measured
 from insenv.studies.campaign.plan import Plan
-from insenv.studies.campaign.presentation import campaign_facts, campaign_frame, campaign_html, write_campaign
+from insenv.studies.campaign.presentation import campaign_document, campaign_facts, campaign_frame, campaign_html
 from insenv.studies.campaign.sensitivity import sensitivities
 from insenv.studies.campaign.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
 from insenv.studies.campaign.tables import run_columns
@@ -65,7 +65,11 @@ class Summary(Statistics):
 
         Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
         """
-        return write_campaign(self, OutputFolder(folder), figure, table)
+        return write_document(self.document(table), OutputFolder(folder), figure)
+
+    def document(self, table: str = "") -> Document:
+        """What is printed and kept of it; table: as of `save`."""
+        return campaign_document(self, table)
 
     def __repr__(self) -> str:
         lines = [f"{name}: rms {row['rms']:.3g}" for name, row in self.figures().items()]

@@ -14,8 +14,7 @@ from insenv.base.errors import InputError
 from insenv.estimators import get
 from insenv.scenario import load
 from insenv.studies.campaign import run_campaign
-from insenv.studies.campaign.comparison import compare, paired
-from insenv.studies.campaign.comparison_page import comparison_page_document
+from insenv.studies.campaign.comparison import compare, comparison_page_document, paired
 
 
 def test_paired_intervals_cover_a_known_difference():

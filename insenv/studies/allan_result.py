@@ -1,28 +1,33 @@
-"""What `insenv allan` prints, draws and writes."""
+"""The noise of a unit as `allan` finds it: its figures and its grade, and what is printed, drawn and written of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from insenv.base import style
 from insenv.base.errors import InputError
-from insenv.base.output import atomic, check_output_file, finite, to_json
+from insenv.base.output import as_path, atomic, check_output_file, finite, to_json
+from insenv.report.document import Block, Document, Grid, Line
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
-from insenv.report.tables import table_of
+from insenv.report.notebook import require_matplotlib
+from insenv.sensors import units
 from insenv.sensors.grade_file import SUFFIX, toml_text
-from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Figure
+from insenv.sensors.grades import ImuGrade
+from insenv.studies.allan_deviation import Curve
+from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Figure, Terms
+from insenv.studies.rest import Part
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Picture
-    from rich.console import RenderableType
 
-    from insenv.studies.allan import SensorNoise, UnitNoise
-    from insenv.studies.rest import Part
 
 GRADE_FILE = "unit.toml"
 """Name of the grade file in a folder of results."""
@@ -46,24 +51,156 @@ _MEANINGS = {
     "count": "count: quantization",
 }
 
+_ARW, _VRW = float(units.deg_sqrt_h_to_rad_sqrt_s(1.0)), float(units.ug_sqrt_hz_to_m_s_sqrt_s(1.0))
+_DEG_H, _UG = float(units.deg_h_to_rad_s(1.0)), float(units.ug_to_m_s2(1.0))
+SCALES: Mapping[str, Mapping[str, tuple[str, float]]] = {
+    "gyro": {
+        WHITE: ("gyro_arw_deg_sqrt_h", _ARW),
+        QUANTIZATION: ("gyro_quantum_arcsec", float(units.arcsec_to_rad(1.0)) / 12**0.5),
+        FLICKER: ("gyro_flicker_deg_h", _DEG_H),
+        WALK: ("gyro_rrw_deg_h_sqrt_h", float(units.deg_h_sqrt_h_to_rad_s_sqrt_s(1.0))),
+        MARKOV: ("gyro_instability_deg_h", _DEG_H),
+        TIME: ("gyro_instability_time_s", 1.0),
+    },
+    "accel": {
+        WHITE: ("accel_vrw_ug_sqrt_hz", _VRW),
+        QUANTIZATION: ("accel_quantum_m_s", 1.0 / 12**0.5),
+        FLICKER: ("accel_flicker_ug", _UG),
+        WALK: ("accel_rrw_ug_sqrt_h", float(units.ug_sqrt_h_to_m_s2_sqrt_s(1.0))),
+        MARKOV: ("accel_instability_ug", _UG),
+        TIME: ("accel_instability_time_s", 1.0),
+    },
+}
+"""Data-sheet figure of each term, and its unit in SI; the figure of quantization is the size of a count, sqrt(12) Q."""
 
-# --- document ----------------------------------------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class SensorNoise:
+    """The noise of one axis, or of the three axes of a triad together.
+
+    name: "gyro x" ... "accel z", "gyro", "accel"; curve: its Allan deviation; terms: None for an axis without noise;
+    warnings: what spoils the curve; distrust: why the figures are not those of the unit, empty if they are.
+    """
+
+    name: str
+    curve: Curve
+    terms: Terms | None
+    warnings: tuple[str, ...]
+    distrust: str = ""
+
+    @property
+    def kind(self) -> str:
+        """ "gyro" or "accel"."""
+        return self.name.split()[0]
+
+    @property
+    def white_key(self) -> str:
+        """Data-sheet key of the white noise."""
+        return SCALES[self.kind][WHITE][0]
+
+    @property
+    def unit(self) -> str:
+        """Unit of the deviation in tables, figures and documents."""
+        return "deg/h" if self.kind == "gyro" else "ug"
+
+    @property
+    def scale(self) -> float:
+        """That unit in SI."""
+        return _DEG_H if self.kind == "gyro" else _UG
+
+    def figures(self) -> dict[str, Figure]:
+        """The fitted figures by data-sheet key."""
+        found = {} if self.terms is None else self.terms.figures
+        return {SCALES[self.kind][name][0]: _scaled(each, SCALES[self.kind][name][1]) for name, each in found.items()}
+
+    def upper(self) -> dict[str, float]:
+        """Upper bounds (95 %) of the terms that were not seen, by data-sheet key."""
+        found = {} if self.terms is None else self.terms.upper
+        return {SCALES[self.kind][name][0]: bound / SCALES[self.kind][name][1] for name, bound in found.items()}
+
+    def floor(self) -> Figure | None:
+        """The bias instability of a data sheet, the lowest Allan deviation [deg/h or ug]; None while it still falls."""
+        if self.terms is None or not self.terms.slow:
+            return None
+        fitted = self.terms.variance(self.curve.tau)
+        at = int(np.nanargmin(np.where(np.isfinite(self.terms.freedom), fitted, np.nan)))
+        freedom, value = float(self.terms.freedom[at]), float(np.sqrt(fitted[at])) / self.scale
+        low, high = (value * (freedom / float(chi2.ppf(level, freedom))) ** 0.5 for level in (0.975, 0.025))
+        return Figure(value, low, high)
 
 
-def document(found: UnitNoise, grade_file: str | None = None, files: Sequence[str] = ()) -> dict[str, Any]:
-    """The documented JSON form (docs/json.md); grade_file, files: paths written."""
-    one = {
-        "log": found.log,
-        "from_s": found.part.begin_s,
-        "to_s": found.part.end_s,
-        "rate_hz": 1.0 / found.part.interval,
-        "axes": [_document_of(axis) for axis in found.axes],
-        "triads": [_document_of(triad) for triad in found.triads],
-        "warnings": list(found.warnings),
-        "grade": found.grade().figures(),
-        "grade_file": grade_file,
-    }
-    return finite({**one, **({"files": list(files)} if files else {})})
+def _scaled(figure: Figure, unit: float) -> Figure:
+    return Figure(figure.value / unit, figure.low / unit, figure.high / unit)
+
+
+@dataclass(frozen=True, eq=False)
+class UnitNoise:
+    """What a log shows of its inertial unit.
+
+    log: its name; part: the samples used; axes: the six axes; triads: gyros and accelerometers, three axes together;
+    assumed: the class of unit that everything else is taken from, and the sentence that says so.
+    """
+
+    log: str
+    part: Part
+    axes: tuple[SensorNoise, ...]
+    triads: tuple[SensorNoise, SensorNoise]
+    assumed: ImuGrade
+    assumption: str
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All warnings: of the samples, and of the axes."""
+        grouped: dict[str, list[str]] = {}
+        for axis in self.axes:
+            for text in axis.warnings:
+                grouped.setdefault(text, []).append(axis.name)
+        return (*self.part.warnings, *(f"{', '.join(names)}: {text}" for text, names in grouped.items()))
+
+    def grade(self) -> ImuGrade:
+        """The grade: noise as measured, of the three axes together; all else is that of the assumed class.
+
+        So is the noise of gyros or accelerometers whose figures are not trusted.
+        """
+        trusted = [triad for triad in self.triads if not triad.distrust]
+        measured = {key: each.value for triad in trusted for key, each in triad.figures().items()}
+        noise = {key: 0.0 for triad in trusted for key, _ in SCALES[triad.kind].values() if not key.endswith("_time_s")}
+        also = {"gyro": ("gyro_white_deg_h",), "accel": ("accel_white_ug", "accel_vrw_m_s_sqrt_h")}
+        others = {key: 0.0 for triad in trusted for key in also[triad.kind]}
+        unlimited = ImuGrade("", "")
+        ranges = {name: getattr(unlimited, name) for name in ("gyro_range_deg_s", "accel_range_g")}
+        times = {name: getattr(unlimited, name) for name in (f"{triad.kind}_instability_time_s" for triad in trusted)}
+        sources = {"": self.assumption}
+        sources |= dict.fromkeys(measured, f"insenv allan, {self.part.end_s - self.part.begin_s:.6g} s of {self.log}")
+        title = f"Unit of {self.log}"[:120]
+        return replace(self.assumed, title=title, sources=sources, **{**others, **noise, **ranges, **times, **measured})
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form (docs/json.md)."""
+        return dict(
+            finite(
+                {
+                    "log": self.log,
+                    "from_s": self.part.begin_s,
+                    "to_s": self.part.end_s,
+                    "rate_hz": 1.0 / self.part.interval,
+                    "axes": [_document_of(axis) for axis in self.axes],
+                    "triads": [_document_of(triad) for triad in self.triads],
+                    "warnings": list(self.warnings),
+                    "grade": self.grade().figures(),
+                    "grade_file": None,
+                }
+            )
+        )
+
+    def figure(self) -> Picture:
+        """The Allan deviations with the fitted terms.  Raises `InputError` if matplotlib is not installed."""
+        require_matplotlib()
+        return draw(self)
+
+    def write_grade(self, path: str | Path) -> Path:
+        """Write the grade file, for ``grade = "FILE.toml"``; return its path.  Raises `InputError`."""
+        return write_grade(self, as_path("path", path))
 
 
 def _document_of(noise: SensorNoise) -> dict[str, Any]:
@@ -89,32 +226,33 @@ def _document_of(noise: SensorNoise) -> dict[str, Any]:
     }
 
 
+def document(found: UnitNoise, grade_file: str | None = None) -> Document:
+    """What is printed and kept of the noise of a unit.  grade_file: the path written."""
+    return Document(FIGURE, {**found.as_json(), "grade_file": grade_file}, partial(blocks, found), figure=partial(draw, found))
+
+
 # --- tables --------------------------------------------------------------------------------------------
 
 
-def tables(found: UnitNoise) -> Iterator[RenderableType]:
+def blocks(found: UnitNoise) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    from rich.text import Text
-
     part = found.part
     lasts = part.end_s - part.begin_s
-    yield Text(found.log, "bold")
-    yield Text(f"{lasts:.6g} s {_of(part)} from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
+    yield Line(found.log, "bold")
+    yield Line(f"{lasts:.6g} s {_of(part)} from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
     rows = (*found.axes, *found.triads)
     columns = 4 if any(noise.floor() for noise in rows) else 3
     for kind, head in _HEADS.items():
-        yield Text()
-        table = table_of(*head[:columns], gap=1)
-        for noise in rows:
-            if noise.kind == kind:
-                name = noise.name if " " in noise.name else f"{noise.name}, all"
-                table.add_row(*(name, *_cells(noise))[:columns])
-        yield table
-    yield Text()
+        yield Line()
+        shown = [noise for noise in rows if noise.kind == kind]
+        names = [noise.name if " " in noise.name else f"{noise.name}, all" for noise in shown]
+        cells = [(name, *_cells(noise))[:columns] for name, noise in zip(names, shown, strict=True)]
+        yield Grid(head[:columns], cells, gap=1)
+    yield Line()
     for told in _explained(rows):
-        yield Text(told, "dim")
+        yield Line(told, "dim")
     for warning in found.warnings:
-        yield Text(f"warning: {warning}", "yellow")
+        yield Line(f"warning: {warning}", "yellow")
 
 
 def _of(part: Part) -> str:
@@ -295,7 +433,7 @@ def write_files(found: UnitNoise, folder: OutputFolder, grade_file: Path | None,
     names = [f"{FIGURE}.json", GRADE_FILE, *((f"{FIGURE}.png", f"{FIGURE}.svg") if drawn else ())]
     paths = tuple(folder.path / name for name in names)
     with folder.staged() as part:
-        text = to_json(document(found, str(grade_file or paths[1]), [str(path) for path in paths])) + "\n"
+        text = to_json(document(found, str(grade_file or paths[1])).as_json([str(path) for path in paths])) + "\n"
         part(names[0]).write_text(text, encoding="ascii")
         part(names[1]).write_text(grade_text(found), encoding="utf-8")
         if drawn:
