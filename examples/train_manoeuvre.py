@@ -81,7 +81,7 @@ def bound(seeds, **options):
     has this standard deviation; a normal posterior has the least mean of any loss that grows with the error (Anderson's
     lemma).
     """
-    from insenv.envs.commands import CAR_ACCELERATION, CAR_SLOW, CAR_SPEED
+    from insenv.envs.manoeuvre import CAR_ACCELERATION, CAR_SLOW, CAR_SPEED
 
     venv = gymnasium.make_vec(ID, len(seeds), **options)
     _, info = venv.reset(seed=[int(seed) for seed in seeds])

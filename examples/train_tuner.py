@@ -61,7 +61,7 @@ def best_fixed(seeds, passes, **options):
 
 def best_by_cma_es(seeds, evaluations, **options):
     """Search all components at once, by CMA-ES, for the best mean reward over the seeds."""
-    from insenv.studies.tune_search import search
+    from insenv.studies.tune import search
 
     def objective(logs):  # of the factors 10^(2 action)
         actions = np.repeat(logs / np.log(100.0), len(seeds), axis=0)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.runner import make_runner
+from insenv.evaluation.errors import UNITS
 from insenv.evaluation.limits.bound import bound_of_unit
-from insenv.evaluation.unit_errors import UNITS
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, load
 from insenv.scenario.limits import TRAJECTORY_SEED, prior_of

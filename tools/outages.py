@@ -25,8 +25,8 @@ from insenv.estimators import get_all
 from insenv.estimators.contract import Estimator
 from insenv.evaluation.limits.aids import Aid, View
 from insenv.evaluation.limits.bound import blocks_of, layout_of
-from insenv.evaluation.limits.mechanization import DV, PSI
 from insenv.evaluation.limits.paths import error_paths
+from insenv.evaluation.limits.steps import DV, PSI
 from insenv.scenario import build, load
 from insenv.scenario.limits import TRAJECTORY_SEED, prior_of
 

@@ -5,15 +5,79 @@ Every error is one line that names file, key, value, unit and what is allowed.
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError, WithJsonSchema
 
-from insenv.base.content import ARCHIVE, BINARY, EMPTY, OTHER, UTF16, content_of
 from insenv.base.errors import InputError, guess, nearest
+
+# What the bytes or the values of a file are, for the message to someone who gave the wrong file.
+
+ARCHIVE, BINARY, EMPTY, TABLE, UTF16 = "an archive", "a binary file", "empty", "a table of numbers", "text in UTF-16"
+NMEA, GPX, KML, OTHER = "sentences of NMEA 0183", "a GPX file", "a KML file", "text"
+_ARCHIVES = (b"\x1f\x8b", b"PK\x03\x04", b"\xfd7zXZ\x00", b"BZh", b"7z\xbc\xaf")
+_SEPARATORS = re.compile(r"[,;\t]| +")
+_SENTENCE = re.compile(r"[$!][A-Z]{5},[^\n]*\*[0-9A-Fa-f]{2}\s")
+_HEAD = 2000
+"""Characters in which the first element of a markup file begins."""
+_LINES = 20
+_BYTES = 65536
+
+
+def content_of(raw: bytes) -> str:
+    """What the bytes plainly are, one of the constants above; `OTHER` for text that is none of them."""
+    if not raw.strip():
+        return EMPTY
+    if raw.startswith(_ARCHIVES):
+        return ARCHIVE
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return UTF16
+    if b"\0" in raw or _share_of_controls(raw) > 0.02:
+        return BINARY
+    text = raw[:_BYTES].decode("utf-8-sig", errors="replace").lstrip()
+    if text.startswith("<"):
+        return next((content for tag, content in (("<gpx", GPX), ("<kml", KML)) if tag in text[:_HEAD]), OTHER)
+    if _SENTENCE.match(text):
+        return NMEA
+    return TABLE if _has_row_of_numbers(text) else OTHER
+
+
+def _share_of_controls(raw: bytes) -> float:
+    """Share of the bytes that no text has, in any encoding of 8 bits."""
+    part = raw[:_BYTES]
+    return sum(byte < 32 and byte not in b"\t\n\r\f\x1b" for byte in part) / len(part)
+
+
+def _has_row_of_numbers(text: str) -> bool:
+    for line in [line.strip() for line in text.splitlines() if line.strip()][:_LINES]:
+        fields = [field for field in _SEPARATORS.split(line) if field]
+        if len(fields) > 1 and all(map(_is_number, fields)):
+            return True
+    return False
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.strip('"'))
+    except ValueError:
+        return False
+    return True
+
+
+def is_scenario(data: Mapping[str, Any]) -> bool:
+    """Whether the file has a key that a scenario must have and a description of a log may not."""
+    return "vehicle" in data or "duration_s" in data
+
+
+def is_log(data: Mapping[str, Any]) -> bool:
+    """Whether the file names a flight log or the file of the inertial samples, as a scenario may not."""
+    imu = data.get("imu")
+    return "flight" in data or (isinstance(imu, Mapping) and "file" in imu)
+
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -111,7 +175,7 @@ def summary(section: type[Section]) -> str:
 def read_toml(path: str | Path, hints: Mapping[str, str] | None = None) -> dict[str, Any]:
     """The values of a TOML file, in UTF-8 with or without a byte order mark.
 
-    hints: end of the message about a file that is something else, by the constants of `insenv.base.content`; that of `OTHER`
+    hints: end of the message about a file that is something else, by the constants of `insenv.base.toml`; that of `OTHER`
     is for a name that does not end in .toml.
     Raises InputError: not found, not readable, empty, not UTF-8, not TOML.
     """
@@ -296,3 +360,58 @@ def _dict_value(annotation: Any) -> Any:
         return get_args(annotation)[1]
     found = (_dict_value(inner) for inner in get_args(annotation) if get_origin(annotation) is not Literal)
     return next((value for value in found if value is not None), None)
+
+
+# Types of values in a scenario file, in addition to those of `insenv.base.toml`.
+
+
+def _check_axes(value: object) -> object:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not number and not (isinstance(value, (list, tuple)) and len(value) == 3):
+        raise ValueError("must be a number, or a list of three, one for each axis")
+    return (value,) * 3 if number else tuple(value)  # type: ignore[arg-type]
+
+
+_check_axes.takes = "number or 3"  # type: ignore[attr-defined]  # for the table of keys
+
+
+def _check_pair(value: object) -> object:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise ValueError("must be a list of two, begin and end")
+    return tuple(value)
+
+
+PerAxis = Annotated[
+    tuple[Number, Number, Number],
+    BeforeValidator(_check_axes),
+    WithJsonSchema(
+        {"anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}]}
+    ),
+]
+"""One number for all three axes, or one for each."""
+
+
+def within(lower: float, upper: float, above: bool = False) -> AfterValidator:
+    """Validator: each number is from `lower` (`above`: excluded) to `upper`."""
+    limits = f"{'above' if above else 'from'} {plain(lower)} to {plain(upper)}"
+
+    def check(value: tuple[float, ...]) -> tuple[float, ...]:
+        if any(not lower <= number <= upper or (above and number == lower) for number in value):
+            raise ValueError(f"each must be {limits}")
+        return value
+
+    check.limits = limits  # type: ignore[attr-defined]  # for the table of keys
+    return AfterValidator(check)
+
+
+Rotation = Annotated[Vector3, within(-180.0, 180.0)]
+LeverArm = Annotated[Vector3, within(-1e3, 1e3)]
+NotNegative = Annotated[PerAxis, within(0.0, 1e5)]
+Sigmas = Annotated[PerAxis, within(0.0, 1e5, above=True)]
+
+Window = Annotated[tuple[Number, Number], BeforeValidator(_check_pair)]
+
+
+def one_of(names: Iterable[str]) -> WithJsonSchema:
+    """Annotation: in the JSON schema, the value is one of `names`.  It does not check the value."""
+    return WithJsonSchema({"type": "string", "enum": list(names)})

@@ -18,7 +18,7 @@ from insenv.runs.smoothed import Smoother
 from insenv.scenario import build, load
 from insenv.scenario.chunks import chunks, input_rows, recording_interval
 from insenv.studies.campaign import make_plan, run_campaign
-from insenv.studies.campaign.executors import cores
+from insenv.studies.campaign.running import cores
 
 REPETITIONS = 5
 DURATION_S = 120.0

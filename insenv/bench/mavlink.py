@@ -83,7 +83,7 @@ def _streamed() -> tuple[float, float, float, float]:
 @lru_cache(maxsize=1)
 def _empty() -> tuple[float, float, float, float]:
     """The same for a loop that only waits for its deadlines."""
-    from insenv.mavlink.pacing import Pacer
+    from insenv.mavlink.stream import Pacer
 
     pacer = Pacer(0.005, 1.0)
     begin, busy = time.monotonic(), time.process_time()

@@ -13,8 +13,17 @@ from itertools import pairwise
 from typing import Any
 
 from insenv.base import starting
-from insenv.cli.interruptions import BROKEN_PIPE, DONE, FAILED, INTERRUPTED, WRONG, Interruptions, ignore_from_now_on
-from insenv.cli.streams import drop_unwritten, prepare
+from insenv.cli.interruptions import (
+    BROKEN_PIPE,
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    WRONG,
+    Interruptions,
+    drop_unwritten,
+    ignore_from_now_on,
+    prepare,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

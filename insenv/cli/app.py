@@ -8,19 +8,14 @@ from typing import Annotated, Any
 import typer
 
 from insenv.cli import fmu
-from insenv.cli.allan import allan
-from insenv.cli.beginnings import examples, new
 from insenv.cli.bench import bench
-from insenv.cli.budget import budget
 from insenv.cli.campaign import campaign
-from insenv.cli.lists import list_all, schema
+from insenv.cli.lists import examples, list_all, new, schema
 from insenv.cli.options import HELP
-from insenv.cli.page import page
 from insenv.cli.reproduce import reproduce
-from insenv.cli.runs import replay, run
+from insenv.cli.runs import page, replay, run
 from insenv.cli.streaming import stream
-from insenv.cli.train import train
-from insenv.cli.tune import tune
+from insenv.cli.studies import allan, budget, train, tune
 
 app = typer.Typer(
     add_completion=False,

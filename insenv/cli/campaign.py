@@ -10,7 +10,7 @@ from insenv.base.errors import InputError
 from insenv.cli.options import Duration, FirstSeed, Json, NoFigure, Out, Scenario, Settings, deferred
 
 if TYPE_CHECKING:
-    from insenv.studies.campaign.executors import Workers
+    from insenv.studies.campaign.running import Workers
 
 
 @deferred
@@ -51,7 +51,7 @@ def campaign(
     from insenv.report.tables import runs_of
     from insenv.studies.campaign import compare, make_plans, parse_variation, run_campaigns, stores_of
     from insenv.studies.campaign.comparison import write_comparison
-    from insenv.studies.campaign.tables import check_format
+    from insenv.studies.campaign.presentation import check_format
 
     if resume and out is None:
         raise InputError("--resume continues from a folder: name it with --out DIR")

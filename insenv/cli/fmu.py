@@ -156,10 +156,9 @@ def run(
     """Run an FMU over sampled inputs, or the FMUs of an SSP file; print or write the outputs."""
     from insenv.base.output import check_output_file
     from insenv.cli.output import print_json, print_line, working
-    from insenv.fmu.master import run_ssp
     from insenv.fmu.reading import switched_inputs
-    from insenv.fmu.running import run, some
-    from insenv.fmu.series import read_csv, write_csv
+    from insenv.fmu.running import read_csv, run, some, write_csv
+    from insenv.fmu.system import run_ssp
 
     parameters = _scalars(set_)
     if output is not None:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import signal
+import sys
 import threading
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -62,3 +66,112 @@ def ignore_from_now_on() -> None:
         for number in SIGNALS:
             if signal.getsignal(number) is end:
                 signal.signal(number, signal.SIG_IGN)
+
+
+# Standard streams that are closed, whose reader has gone, or that lack characters.
+
+
+class ClosedOutput(io.TextIOBase):
+    """Stands for a standard output that was closed when the process began: whatever is written to it is an error."""
+
+    def write(self, text: str) -> int:
+        raise OSError(errno.EBADF, "standard output is closed")
+
+
+def prepare() -> None:
+    """Let the streams be written to, or fail with an error that says why.
+
+    Python has None for a closed stream, and the first file that is opened takes its place: tables would go into it.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
+    if sys.stdout is None:
+        sys.stdout = ClosedOutput()
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (as long as the process)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal may lack the characters of a title
+
+
+def drop_unwritten() -> None:
+    """Discard output that a closed pipe or a full disk has not accepted, which would raise an error at exit."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
+
+
+# How a command that runs without an end is ended: Ctrl-C, SIGTERM, SIGHUP and a closed terminal all mean the same.
+
+
+class Ending:
+    """Whether an end has been requested.
+
+    asked: whether a signal has arrived, or the terminal is gone.  orderly: whether a first signal only sets `asked`, for
+    the caller to look at; before that and at a second signal it interrupts (`KeyboardInterrupt`).
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.orderly = False
+
+    def __call__(self) -> bool:
+        """Whether to end."""
+        return self.asked
+
+
+@contextmanager
+def ending() -> Iterator[Ending]:
+    """Take SIGINT, SIGTERM and SIGHUP as requests to end during the block.
+
+    A shell starts the background jobs of a script with SIGINT ignored; here it counts nevertheless.  SIGHUP stays ignored
+    where it was (nohup).  Only the main thread can take signals: in others nothing is taken.
+    """
+    request = Ending()
+    if threading.current_thread() is not threading.main_thread():
+        yield request
+        return
+    interrupt = signal.getsignal(signal.SIGINT)
+
+    def take(number: int, frame: FrameType | None) -> None:
+        first, request.asked = not request.asked, True
+        if first and request.orderly:
+            return
+        if callable(interrupt):  # it keeps interruptions that CasADi would lose
+            interrupt(number, frame)
+        else:
+            raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, take) for number in _requests()}
+    try:
+        yield request
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _requests() -> list[int]:
+    hangup = getattr(signal, "SIGHUP", None)
+    ignored = hangup is None or signal.getsignal(hangup) is signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *([] if ignored or hangup is None else [hangup])]
+
+
+def written(write: Callable[[], None], request: Ending) -> None:
+    """Call `write`, which prints; a terminal that is gone after a request to end is no error."""
+    from insenv.cli.interruptions import drop_unwritten
+
+    try:
+        write()
+    except BrokenPipeError:
+        raise
+    except OSError:
+        if not request.asked:
+            raise
+        drop_unwritten()

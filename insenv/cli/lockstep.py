@@ -36,7 +36,7 @@ def lockstep(
 
     speed: None is 1 for PX4, which has no pace of its own, and 0 for ArduPilot, which keeps that of its --speedup.
     """
-    from insenv.cli.ending import ending, written
+    from insenv.cli.interruptions import ending, written
     from insenv.cli.output import print_json, print_line, working
     from insenv.cli.stream import checked_duration
     from insenv.mavlink import Vehicle
@@ -107,7 +107,7 @@ def _prepared(
     stack: ExitStack, kind: str, vehicle: Vehicle, to: str | None, tlog: Path | None, speed: float
 ) -> tuple[Lockstep, str]:
     """The simulator's side, and the address that it listens on."""
-    from insenv.mavlink.answers import answers
+    from insenv.mavlink.commands import answers
     from insenv.mavlink.lockstep import ArduPilotLockstep, Px4Lockstep, ardupilot, moving, px4, px4_messages, steering
 
     interval = vehicle.simulation.interval
@@ -130,7 +130,7 @@ def _prepared(
 
 def _recorded(stack: ExitStack, vehicle: Vehicle, simulate: Messages, tlog: Path) -> Messages:
     """The vehicle's step, with its messages written to a log that begins with its parameters and has a sequence of its own."""
-    from insenv.mavlink.answers import parameter_frames
+    from insenv.mavlink.commands import parameter_frames
     from insenv.mavlink.wire import TlogWriter, dialect
 
     recorder = stack.enter_context(TlogWriter(tlog))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import functools
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.exports import check_asked, exported, with_formats
 from insenv.cli.interruptions import DONE, FAILED
 from insenv.cli.options import (
     Duration,
@@ -31,6 +32,68 @@ if TYPE_CHECKING:
     from insenv.export.formats import Files
     from insenv.logs import RecordedLog
     from insenv.report import OutputFolder, Report
+
+
+# Options of `insenv run` and `insenv replay` that write results and sensors in the formats of other tools.
+
+OPTIONS = {
+    "csv": "write truth, estimate, errors and sigma as CSV.",
+    "gpx": "write truth and estimates as a GPX file.",
+    "kml": "write truth and estimates as a KML file.",
+    "bag": "write sensors, truth and estimates as a ROS 2 bag.",
+    "mcap": "write the same messages as an MCAP recording.",
+    "rerun": "write them as a recording for the Rerun viewer.",
+    "nmea": "write the fixes of the receiver as NMEA 0183.",
+    "log": "write the sensors as a log that `insenv replay` reads.",
+}
+"""Formats by name, each an option --NAME, and what it writes."""
+
+
+def with_formats(command: Callable[..., int]) -> Callable[..., int]:
+    """The command with an option for each format in place of its parameter `formats`, which gets the names asked for."""
+    parameters: list[inspect.Parameter] = []
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        if parameter.name != "formats":
+            parameters.append(parameter)
+            continue
+        for name, writes in OPTIONS.items():
+            option = Annotated[bool, typer.Option(f"--{name}", help=f"With --out: {writes}")]
+            parameters.append(parameter.replace(name=_PREFIX + name, default=False, annotation=option))
+
+    @functools.wraps(command)
+    def chosen(**given: Any) -> int:
+        formats = tuple(name for name in OPTIONS if given.pop(_PREFIX + name))
+        return command(**given, formats=formats)
+
+    chosen.__signature__ = inspect.Signature(parameters, return_annotation=int)  # type: ignore[attr-defined]
+    chosen.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return chosen
+
+
+_PREFIX = "as_"
+"""Before the name of a format, that of its parameter: `insenv replay` has an argument ``log``."""
+
+
+def check_asked(out: Path | None, chosen: Sequence[str]) -> tuple[str, ...]:
+    """The formats asked for.  Raises `InputError` if there is no folder for them, or a package is missing."""
+    if not chosen:  # without the import of all formats
+        return ()
+    from insenv.export import check_formats
+
+    if out is None:
+        raise InputError(f"--{chosen[0]} writes files: --out DIR names their folder")
+    return check_formats(chosen)
+
+
+def exported(report: Report, formats: tuple[str, ...], log: Callable[[], RecordedLog]) -> Files:
+    """The files of the formats by name.  log: the log of the same drive, made only if a format needs it."""
+    if not formats:
+        return {}
+    from insenv.export.formats import Given, contents_of, needs_log
+    from insenv.report.files import file_name
+
+    given = Given(report, log() if needs_log(formats) else None, file_name(report.scenario))
+    return contents_of(given, formats)
 
 
 class Start(str, Enum):
@@ -168,3 +231,52 @@ def _written(
     written = None if folder is None else write_files(report, folder, figure, more, documents)
     unwritten = "--out DIR writes the page, the figure and every array of the run"
     return partial(print_result, run_document(report), written, as_json, unwritten)
+
+
+# The command `insenv page`: a scenario and its estimators as one HTML file that simulates in a browser.
+
+
+@deferred
+def page(
+    scenario: Scenario,
+    estimators: Estimators = None,
+    output: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--output", "-o", parser=given_path, metavar="X.html", help="File to write; without it the page opens."),
+    ] = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    settings: Settings = None,
+    as_json: Json = False,
+) -> None:
+    """Write a scenario and estimators as one HTML file that simulates in a browser; without -o, open it."""
+    from insenv.cli.output import print_json, print_line, working
+    from insenv.estimators.settings import parsed_settings
+    from insenv.scenario import load
+    from insenv.web.live import page as write
+
+    given, loaded = parsed_settings(settings or []), load(scenario)
+    path = output or _kept(loaded.name)
+    with working(f"page of {loaded.name}") as progress:
+        write(loaded, path, estimators or None, seed=seed, duration_s=duration, settings=given, progress=progress)
+    opened = output is None and _open(path)
+    size = path.stat().st_size
+    if as_json:
+        print_json({"written": str(path), "bytes": size, "opened": opened})
+        return
+    print_line(f"{path}: {size / 1000:.0f} kB{'; opened in the browser' if opened else ''}")
+    if output is None and not opened:
+        print_line("no browser was found here: open this file in one")
+
+
+def _kept(name: str) -> Path:
+    """A file that outlives the command, for the browser."""
+    import tempfile
+
+    return Path(tempfile.mkdtemp(prefix="insenv-page-")) / f"{name or 'scenario'}.html"
+
+
+def _open(path: Path) -> bool:
+    import webbrowser
+
+    return webbrowser.open(path.resolve().as_uri())

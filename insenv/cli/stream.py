@@ -15,7 +15,7 @@ from insenv.base.errors import InputError
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from insenv.cli.ending import Ending
+    from insenv.cli.interruptions import Ending
     from insenv.evaluation.limits import Limit
     from insenv.mavlink import Stream
     from insenv.report import Report
@@ -48,12 +48,11 @@ def stream(
     as_json: bool,
 ) -> None:
     """Stream until the duration is over or an end is requested, and print a summary."""
-    from insenv.cli.ending import ending, written
+    from insenv.cli.interruptions import ending, written
     from insenv.cli.output import print_json
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
-    from insenv.mavlink.score import Score
-    from insenv.mavlink.score_report import report_of
+    from insenv.mavlink.score import Score, report_of
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
     from insenv.report import OutputFolder, run_document, write_files
     from insenv.scenario import load

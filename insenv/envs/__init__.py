@@ -9,10 +9,9 @@ The ids are `IDS`.  An observation contains what a navigator knows and measures;
 from insenv.base.registration import IDS, register
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
 from insenv.envs.estimation_task import estimate_action
-from insenv.envs.interface import Snapshot
 from insenv.envs.knowledge import knowledge_of
 from insenv.envs.manoeuvre import ManoeuvreEnv, ManoeuvreVectorEnv
-from insenv.envs.single import InertialEnv
+from insenv.envs.single import InertialEnv, Snapshot
 from insenv.envs.task import Task
 from insenv.envs.tuning import TuningEnv, TuningVectorEnv
 from insenv.envs.vector import InertialVectorEnv

@@ -19,7 +19,7 @@ from gymnasium.vector import AutoresetMode
 
 from insenv.base.errors import InputError
 from insenv.base.installing import need
-from insenv.envs.interface import Interface
+from insenv.envs.single import Interface
 
 need("insenv.envs.sb3", "stable_baselines3", package="Stable-Baselines3", extra="rl")
 from stable_baselines3.common.vec_env import VecEnv  # type: ignore[import-not-found,unused-ignore]  # noqa: E402

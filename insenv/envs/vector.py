@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.core.batch import Batch, make_batch
 from insenv.envs.checks import check_type, check_whole, is_whole, refused
-from insenv.envs.interface import Interface, Snapshot, places_of
 from insenv.envs.setup import Setup, checked_action
+from insenv.envs.single import Interface, Snapshot, places_of
 
 Array = NDArray[np.float64]
 Infos = dict[str, Any]

@@ -6,17 +6,91 @@ east and down of the truth; velocities in m/s.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from math import degrees, pi
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.base.errors import InputError, nearest
+from insenv.core.elementary import sin_cos, wrap_angle
+from insenv.core.model import Values
+from insenv.core.tables import Table
+from insenv.estimators.contract import TURNTABLE
 from insenv.evaluation import sentences
 from insenv.evaluation.health import Health
-from insenv.evaluation.unit_errors import UnitError
+from insenv.geodesy import STANDARD_GRAVITY
+
+# The result of a calibration: the errors of the inertial unit that a filter estimates, beside the true ones.
+
+DEG_H = degrees(1.0) * 3600.0
+UNITS = {
+    "gyro_bias": ("deg/h", DEG_H),
+    "accel_bias": ("ug", 1e6 / STANDARD_GRAVITY),
+    "gyro_g_sensitivity": ("deg/h/g", DEG_H * STANDARD_GRAVITY),
+    "gyro_scale": ("ppm", 1e6),
+    "accel_scale": ("ppm", 1e6),
+    "gyro_misalignment": ("urad", 1e6),
+    "accel_misalignment": ("urad", 1e6),
+}
+"""Unit in which an error state is shown, and the factor from SI."""
+_COMPONENTS = {3: ("x", "y", "z"), 6: ("xy", "xz", "yx", "yz", "zx", "zy")}
+
+
+@dataclass(frozen=True)
+class UnitError:
+    """One component of an error of the unit at the end of a run: estimate, standard deviation and truth, in `unit`.
+
+    name: that of the error state.  component: the body axis ("x" forward, "y" right, "z" down), or which axis couples into
+    which.  true: None where it is not known.
+    """
+
+    name: str
+    component: str
+    unit: str
+    estimate: float
+    sigma: float
+    true: float | None = None
+
+    @property
+    def error(self) -> float | None:
+        """Estimate minus truth."""
+        return None if self.true is None else self.estimate - self.true
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        return {
+            "name": self.name,
+            "component": self.component,
+            "unit": self.unit,
+            "estimate": self.estimate,
+            "sigma": self.sigma,
+            "true": self.true,
+            "error": self.error,
+        }
+
+
+def unit_errors(vehicle: str, outputs: Mapping[str, Array], true: Mapping[str, Array] | None = None) -> tuple[UnitError, ...]:
+    """The errors of the unit in an estimator's outputs (n, k) by row name, at the last record; none off a turntable.
+
+    vehicle: its kind.  true: `insenv.sensors.imu.true_unit_errors` (k,) by the same names, or None.
+    """
+    found: list[UnitError] = []
+    if vehicle != TURNTABLE:
+        return ()
+    for name, (unit, factor) in UNITS.items():
+        if f"{name}_estimate_sigma" not in outputs:
+            continue
+        estimates, sigmas = (factor * outputs[row][-1] for row in (name, f"{name}_estimate_sigma"))
+        actual = [None] * len(estimates) if true is None else [float(factor * value) for value in true[name]]
+        columns = zip(_COMPONENTS[len(estimates)], estimates, sigmas, actual, strict=True)
+        found += [UnitError(name, axis, unit, float(estimate), float(sigma), known) for axis, estimate, sigma, known in columns]
+    return tuple(found)
+
 
 Array = NDArray[np.float64]
 
@@ -203,3 +277,141 @@ def stated_sigma(outputs: dict[str, Array]) -> dict[str, Array]:
 def wrapped_deg(angle_deg: Array) -> Array:
     """Angles in degrees wrapped to -180 (included) to 180."""
     return (angle_deg + 180.0) % 360.0 - 180.0
+
+
+# Errors and stated standard deviations by channel as symbols, for models that evaluate them at run time.
+#
+# The formulas are those of `insenv.evaluation.errors`, which evaluates them in NumPy after a run.
+
+DEGREES = 180.0 / pi
+_GROUPS = (
+    (ATTITUDE, "q_nb", "attitude_sigma"),
+    (POSITION, "latitude", "position_sigma"),
+    (VELOCITY, "velocity_n", "velocity_sigma"),
+)
+
+
+def channels_of(outputs: Table) -> tuple[str, ...]:
+    """The channels of an estimator with these outputs."""
+    return tuple(name for names, row, _ in _GROUPS if row in outputs for name in names)
+
+
+def stated_of(outputs: Table) -> tuple[str, ...]:
+    """Those of `channels_of` whose standard deviation the estimator states."""
+    return tuple(name for names, row, sigma in _GROUPS if row in outputs and sigma in outputs for name in names)
+
+
+def error_of(channels: Sequence[str], found: Values, truth: Values) -> Any:
+    """Estimate minus truth by channel (deg, m, m/s); found, truth: outputs by row name."""
+    parts = []
+    if "roll_deg" in channels:
+        angles = zip(attitude.to_euler(found.q_nb), attitude.to_euler(truth.q_nb), strict=True)
+        parts += [DEGREES * wrap_angle(estimate - true) for estimate, true in angles]
+    if "north_m" in channels:
+        places = [(v.latitude, v.longitude, v.height) for v in (found, truth)]
+        parts.append(geodesy.position_error(*places[0], *places[1]))
+    if "vn_mps" in channels:
+        parts.append(found.velocity_n - truth.velocity_n)
+    return ca.vertcat(*parts)
+
+
+def sigma_of(stated: Sequence[str], found: Values) -> Any:
+    """The standard deviation that an estimator states, by channel (deg, m, m/s); found: its outputs by row name."""
+    parts = []
+    for names, _, row in _GROUPS:
+        if names[0] not in stated:
+            continue
+        sigma = getattr(found, row)
+        if names is ATTITUDE:
+            s, c = sin_cos(attitude.to_euler(found.q_nb)[2])
+            north, east = sigma[0] * sigma[0], sigma[1] * sigma[1]
+            level = (north * c * c + east * s * s, north * s * s + east * c * c)
+            sigma = DEGREES * ca.vertcat(*(ca.sqrt(square) for square in level), sigma[2])
+        parts.append(sigma)
+    return ca.vertcat(*parts)
+
+
+# An estimate that comes from outside insenv: what may be in it, and its checks.
+#
+# A wrong one is refused in one sentence, so that no error is computed from it.
+
+SHAPES: Mapping[str, tuple[int, ...]] = {
+    "q_nb": (4,),
+    "velocity_n": (3,),
+    "latitude": (),
+    "longitude": (),
+    "height": (),
+    "attitude_sigma": (3,),
+    "velocity_sigma": (3,),
+    "position_sigma": (3,),
+}
+"""Rows of an estimate and their shapes, as estimators have them as outputs: rad, m/s, m; sigma of the attitude about n."""
+_LIMITS = {"latitude": np.pi / 2, "longitude": 2 * np.pi, "height": 1e7, "velocity_n": 1e5}
+_POSITION = ("latitude", "longitude", "height")
+NORM = 0.01
+"""Largest difference of the norm of a quaternion from 1: beyond it something else was sent."""
+ROUNDING = 1e-12
+"""A norm that differs from 1 by less is left as it is: so are the bits of a quaternion that was normalised."""
+ORTHONORMAL = 1e-3
+"""Largest element of C^T C - I of a matrix."""
+
+
+def checked_estimate(given: Any) -> dict[str, Array]:
+    """An estimate by row name.  Raises `InputError` that names the row, its value and what is allowed.
+
+    given: q_nb (4, scalar first), C_nb (3, 3), a ``scipy.spatial.transform.Rotation`` from b to n, or a dict of `SHAPES` in
+    which ``C_nb`` may stand for ``q_nb``.
+    """
+    values = dict(given) if isinstance(given, Mapping) else {"q_nb": given}
+    if "C_nb" in values:
+        values["q_nb"] = values.pop("C_nb")
+    for name in values:
+        if name not in SHAPES:
+            raise InputError(f"{name!r}: unknown row of an estimate{nearest(str(name), SHAPES)}")
+    some = [name for name in _POSITION if name in values]
+    if some and len(some) < len(_POSITION):
+        raise InputError(
+            f"{', '.join(some)} without {', '.join(n for n in _POSITION if n not in some)}: a position has all three"
+        )
+    found = {name: _quaternion(value) if name == "q_nb" else _row(name, value) for name, value in values.items()}
+    if not found:
+        raise InputError("the estimate is empty: allowed is an attitude, or a dict with it")
+    return found
+
+
+def _row(name: str, value: Any) -> Array:
+    row = _numbers(name, value, SHAPES[name])
+    if name in _LIMITS and np.any(np.abs(row) > _LIMITS[name]):
+        raise InputError(f"{name} = {row.tolist()}: allowed is up to {_LIMITS[name]:.6g} in size (rad, m, m/s)")
+    if name.endswith("_sigma") and np.any(row < 0.0):
+        raise InputError(f"{name} = {row.tolist()}: a standard deviation is not negative")
+    return row
+
+
+def _numbers(name: str, value: Any, *shapes: tuple[int, ...]) -> Array:
+    """An array of one of the shapes, finite."""
+    try:
+        row = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        row = None
+    if row is None or row.shape not in shapes:
+        what = f"shape {row.shape}" if row is not None else f"type {type(value).__name__}"
+        raise InputError(f"{name} has {what}: allowed is {' or '.join(str(shape) for shape in shapes)}")
+    if not np.isfinite(row).all():
+        raise InputError(f"{name} = {row.tolist()}: allowed are finite numbers")
+    return row
+
+
+def _quaternion(value: Any) -> Array:
+    """Unit quaternion q_nb (4,)."""
+    if hasattr(value, "as_matrix"):  # scipy's Rotation, whose quaternions are scalar last
+        value = value.as_matrix()
+    row = _numbers("q_nb", value, (4,), (3, 3))
+    if row.shape == (3, 3):
+        if np.max(np.abs(row.T @ row - np.eye(3))) > ORTHONORMAL or np.linalg.det(row) < 0.0:
+            raise InputError(f"C_nb = {row.round(6).tolist()}: allowed is a rotation matrix, right-handed and orthonormal")
+        return np.asarray(attitude.numeric.from_dcm(row))
+    norm = float(np.linalg.norm(row))
+    if abs(norm - 1.0) > NORM:
+        raise InputError(f"q_nb = {row.tolist()} has the norm {norm:.6g}: allowed is 1 within {NORM:g}")
+    return row if abs(norm - 1.0) < ROUNDING else row / norm

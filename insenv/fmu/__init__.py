@@ -7,8 +7,8 @@ model's tables.  `run` steps any FMU, of insenv or of another tool, over sampled
 """
 
 from insenv.fmu.exporter import export_fmu
-from insenv.fmu.master import run_ssp
 from insenv.fmu.running import run
 from insenv.fmu.ssp import export_ssp
+from insenv.fmu.system import run_ssp
 
 __all__ = ["export_fmu", "export_ssp", "run", "run_ssp"]

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from insenv.base.version import __version__
 from insenv.core.model import Model
 from insenv.core.tables import Vector
-from insenv.fmu import units
 from insenv.fmu.sources import OVERRIDE, TOKEN, main_source
 from insenv.fmu.subject import Subject
-from insenv.fmu.units import Quantity
-from insenv.fmu.variables import Kind, Variable
+from insenv.fmu.variables import UNITS, Kind, Quantity, Unit, Variable, parts
+from insenv.fmu.variables import quantity as units_quantity
 from insenv.sensors.instruments import INSTRUMENTS
 
 _CAUSALITY = {  # of numbers; Booleans cannot be continuous
@@ -60,14 +59,14 @@ def items(variables: Sequence[Variable], arrays: bool) -> list[Item]:
     for v in variables:
         if v.kind is Kind.NONE:
             continue
-        kinds = units.parts(v.row)
+        kinds = parts(v.row)
         if arrays:
-            quantity = units.quantity(v.row, kinds[0]) if len(kinds) == 1 else None
+            quantity = units_quantity(v.row, kinds[0]) if len(kinds) == 1 else None
             text = v.description + (f" [{v.row.unit}]" if len(kinds) > 1 else "")
             found.append(Item(v, v.name, v.number, text, quantity, v.start, range(v.row.size)))
             continue
         for e, name in enumerate(v.elements):
-            quantity = units.quantity(v.row, kinds[e * len(kinds) // v.row.size]) if kinds else None
+            quantity = units_quantity(v.row, kinds[e * len(kinds) // v.row.size]) if kinds else None
             start = None if v.start is None else v.start[e : e + 1]
             found.append(Item(v, name, v.place + e, v.element_description(e), quantity, start, range(e, e + 1)))
     return found
@@ -150,8 +149,8 @@ def _interface(root: ET.Element, subject: Subject, fmi: int) -> None:
 def _units(root: ET.Element, entries: Sequence[Item]) -> None:
     used = {entry.quantity.unit for entry in entries if entry.quantity and not entry.variable.row.flag}
     definitions = ET.SubElement(root, "UnitDefinitions")
-    for name in [*(n for n in units.UNITS if n in used), *sorted(used - set(units.UNITS))]:
-        unit = units.UNITS.get(name, units.Unit(name, None))
+    for name in [*(n for n in UNITS if n in used), *sorted(used - set(UNITS))]:
+        unit = UNITS.get(name, Unit(name, None))
         element = ET.SubElement(definitions, "Unit", name=name)
         if unit.exponents is not None:
             ET.SubElement(element, "BaseUnit", {base: str(power) for base, power in unit.exponents.items()})

@@ -17,12 +17,10 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import instruments, kf_gins
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
-from insenv.logs.gyro_unit import rest_rate_notes, turn_notes
-from insenv.logs.inertial import InertialSamples, implausible, increments
-from insenv.logs.motion import rest_until
+from insenv.logs.inertial import InertialSamples, covered_steps, implausible, increments, sampling
 from insenv.logs.readers import Column, Faults, TextTable
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, fixes_from_course
-from insenv.logs.sampling import covered_steps, sampling
+from insenv.logs.rest import rest_rate_notes, rest_until, turn_notes
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 from insenv.sensors import units
 from insenv.sensors.contract import Place

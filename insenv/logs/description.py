@@ -9,10 +9,9 @@ from pydantic import AfterValidator, ValidationInfo, field_validator, model_vali
 
 from insenv import attitude
 from insenv.base.errors import nearest
-from insenv.base.toml import Number, Parameter, Positive, Section, Vector3, key
-from insenv.base.values import NotNegative as PerAxis
-from insenv.base.values import PerAxis as Signed
-from insenv.base.values import Rotation, within
+from insenv.base.toml import NotNegative as PerAxis
+from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
+from insenv.base.toml import PerAxis as Signed
 from insenv.logs import kf_gins
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, Sigma3
 from insenv.logs.instrument_sections import (

@@ -7,19 +7,162 @@ arrived is counted apart.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import isfinite, nan, sqrt
 from typing import Any
 
 import numpy as np
 
-from insenv import attitude
+from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core.tables import Vector
-from insenv.evaluation.errors import Track, errors, track_of
+from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Array, Result, Track, checked_estimate, errors, track_of
 from insenv.evaluation.limits import Limit
 from insenv.mavlink.messages.fields import DEG_E7, Message
 from insenv.mavlink.messages.view import View
-from insenv.mavlink.received import Estimate, Origin, estimate_of
+from insenv.report import Report
+from insenv.runs.function import Called
+from insenv.runs.simulated import result_of
+
+# Estimates that clients send: ODOMETRY, ATTITUDE, ATTITUDE_QUATERNION, VISION_POSITION_ESTIMATE.
+#
+# Frames: attitude from body FRD to NED at the vehicle; positions from home (HOME_POSITION) along the NED axes at home; the
+# velocity of ODOMETRY in body FRD (child frame 12) or NED (child frame 1).  Times are those of the simulation clock, which the
+# vehicle's messages carry (``time_usec``, ``time_boot_ms``), or the same in Unix time.
+
+LOCAL_NED, BODY_FRD = 1, 12
+"""MAV_FRAME."""
+UNIX_US = 10**15
+"""Time stamps beyond this many microseconds are Unix time."""
+FARTHEST = 1e5
+"""Largest distance from home, m, within which the axes at home make sense."""
+_POSE_SIGMA = {0: POSITION[0], 6: POSITION[1], 11: POSITION[2], 15: ATTITUDE[0], 18: ATTITUDE[1], 20: ATTITUDE[2]}
+"""Channels on the diagonal of a pose covariance, whose upper triangle stands row by row."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One estimate: its time (s, simulation clock), rows as of `checked_estimate`, and stated sigma by channel.
+
+    resolution: of the time stamp, s.
+    """
+
+    time: float
+    rows: dict[str, Array]
+    sigma: dict[str, float] = field(default_factory=dict)
+    resolution: float = 1e-6
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Home: latitude, longitude (rad), height (m), as HOME_POSITION states it; start_unix: Unix time (s) at the start."""
+
+    latitude: float
+    longitude: float
+    height: float
+    start_unix: float
+
+
+def estimate_of(message: Any, origin: Origin) -> Estimate:
+    """The estimate in a message.  Raises `InputError`, one sentence, for nonsense: not finite, no rotation, another frame."""
+    return READERS[message.get_type()](message, origin)
+
+
+def _attitude(message: Any, origin: Origin) -> Estimate:
+    q = _by_euler(message.roll, message.pitch, message.yaw)
+    return Estimate(message.time_boot_ms * 1e-3, checked_estimate(q), resolution=1e-3)
+
+
+def _attitude_quaternion(message: Any, origin: Origin) -> Estimate:
+    offset = tuple(getattr(message, "repr_offset_q", (0.0,) * 4))
+    if any(offset) and offset != (1.0, 0.0, 0.0, 0.0):
+        raise InputError(f"repr_offset_q = {list(offset)}: allowed is none: the attitude is that of the body")
+    q = [message.q1, message.q2, message.q3, message.q4]
+    return Estimate(message.time_boot_ms * 1e-3, checked_estimate(q), resolution=1e-3)
+
+
+def _vision_position_estimate(message: Any, origin: Origin) -> Estimate:
+    rows = checked_estimate(
+        {
+            "q_nb": _by_euler(message.roll, message.pitch, message.yaw),
+            **_place((message.x, message.y, message.z), origin),
+        }
+    )
+    return Estimate(_seconds(message.usec, origin), rows, _pose_sigma(message.covariance))
+
+
+def _odometry(message: Any, origin: Origin) -> Estimate:
+    if message.frame_id != LOCAL_NED:
+        raise InputError(f"frame_id = {message.frame_id}: allowed is {LOCAL_NED} (MAV_FRAME_LOCAL_NED)")
+    if message.child_frame_id not in (LOCAL_NED, BODY_FRD):
+        raise InputError(
+            f"child_frame_id = {message.child_frame_id}: allowed is {BODY_FRD} (MAV_FRAME_BODY_FRD) or {LOCAL_NED}"
+            " (MAV_FRAME_LOCAL_NED)"
+        )
+    rows = checked_estimate(
+        {
+            "q_nb": message.q,
+            "velocity_n": (message.vx, message.vy, message.vz),
+            **_place((message.x, message.y, message.z), origin),
+        }
+    )
+    sigma = _pose_sigma(message.pose_covariance)
+    if message.child_frame_id == BODY_FRD:
+        rows["velocity_n"] = np.asarray(attitude.numeric.rotate(rows["q_nb"], rows["velocity_n"]))
+    covariance = np.array(message.velocity_covariance)[[0, 1, 2, 6, 7, 11]]
+    if np.isfinite(covariance).all() and min(covariance[[0, 3, 5]]) > 0.0:
+        P = np.zeros((3, 3))
+        P[np.triu_indices(3)] = covariance
+        P = P + np.triu(P, 1).T
+        if message.child_frame_id == BODY_FRD:
+            C_nb = attitude.numeric.to_dcm(rows["q_nb"])
+            P = C_nb @ P @ C_nb.T
+        sigma |= dict(zip(VELOCITY, np.sqrt(np.maximum(np.diag(P), 0.0)).tolist(), strict=True))
+    return Estimate(_seconds(message.time_usec, origin), rows, sigma)
+
+
+READERS: dict[str, Callable[[Any, Origin], Estimate]] = {
+    "ATTITUDE": _attitude,
+    "ATTITUDE_QUATERNION": _attitude_quaternion,
+    "VISION_POSITION_ESTIMATE": _vision_position_estimate,
+    "ODOMETRY": _odometry,
+}
+"""By name of the message."""
+
+
+def _seconds(stamp_us: int, origin: Origin) -> float:
+    return (stamp_us - round(origin.start_unix * 1e6) if stamp_us > UNIX_US else stamp_us) * 1e-6
+
+
+def _by_euler(roll: float, pitch: float, heading: float) -> Array:
+    angles = {"roll": roll, "pitch": pitch, "yaw": heading}
+    for name, angle in angles.items():
+        if not isfinite(angle) or abs(angle) > 7.0:
+            raise InputError(f"{name} = {angle:g} rad: allowed is a finite angle up to a full turn")
+    return np.asarray(attitude.numeric.from_euler(roll, pitch, heading))
+
+
+def _place(offset: Sequence[float], origin: Origin) -> dict[str, float]:
+    """Latitude, longitude, height of a position from home along the NED axes at home."""
+    if not all(map(isfinite, offset)) or max(map(abs, offset)) > FARTHEST:
+        raise InputError(
+            f"x, y, z = {[round(v, 3) for v in offset]} m: allowed are finite distances from home up to {FARTHEST:g} m"
+        )
+    at = (origin.latitude, origin.longitude, origin.height)
+    found = geodesy.numeric.geodetic_from_ned_offset(np.array(offset), *at)
+    return {name: float(value) for name, value in zip(("latitude", "longitude", "height"), found, strict=True)}
+
+
+def _pose_sigma(triangle: Sequence[float]) -> dict[str, float]:
+    """Standard deviations by channel (m, deg) of a pose covariance; none where it is unknown: NaN, or not positive."""
+    found = {}
+    for place, channel in _POSE_SIGMA.items():
+        variance = triangle[place] if place < len(triangle) else nan
+        if isfinite(variance) and variance > 0.0:
+            found[channel] = sqrt(variance) * (180.0 / np.pi if channel in ATTITUDE else 1.0)
+    return found
+
 
 HISTORY_S = 600.0
 """Time for which the truth is kept: older estimates are refused."""
@@ -190,3 +333,55 @@ def stated(source: Source) -> dict[str, Vector]:
     estimates: list[Any] = [estimate for estimate, _ in source.kept]
     names = set.intersection(*(set(each.sigma) for each in estimates))
     return {name: np.array([each.sigma[name] for each in estimates]) for name in NAMES if name in names}
+
+
+# The report of estimates that came from outside: the same as that of a run.
+
+
+def report_of(score: Score) -> Report:
+    """The report of all sources that have sent estimates; its truth is that at the times of their estimates."""
+    simulation = score.view.simulation
+    scenario, found = simulation.plant.scenario, [_result(source, score) for source in score.sources.values()]
+    notes = list(scenario.notes)
+    if not found:
+        notes.append("no estimate was received")
+    notes += [f"refused {count} times: {sentence}" for sentence, count in score.refused.items()]
+    if score.disturbed_at is not None:
+        notes.append(f"no limit: the scenario was changed at {score.disturbed_at:g} s, from where on it is another one")
+    if score.limit is not None and simulation.time > score.limit.time[-1] + simulation.interval:
+        notes.append(f"no limit of estimates that last longer than the scenario, {score.limit.time[-1]:g} s")
+    return Report(
+        scenario=scenario.name,
+        title=scenario.title,
+        seed=simulation.plant.seed,
+        duration_s=simulation.time,
+        imu_samples=simulation.samples,
+        truth=_joined([tracks(source)[1] for source in score.sources.values()]),
+        results=tuple(found),
+        notes=tuple(notes),
+    )
+
+
+def _result(source: Source, score: Score) -> Result:
+    rows, truth = tracks(source)
+    limit = score.limit
+    if limit is not None and (truth.time[-1] > limit.time[-1] or score.disturbed_at is not None):
+        limit = None
+    delays = np.array(source.delays)
+    notes: tuple[str, ...] = (
+        f"{source.count} estimates by MAVLink; they arrived {np.median(delays) * 1e3:.3g} ms after their time stamp in the"
+        f" median, at most {np.max(delays) * 1e3:.3g} ms",
+    )
+    if source.stride > 1:
+        notes = (*notes, f"one in {source.stride} of them is recorded")
+    called = Called(source.name, "latitude" in rows)
+    return result_of(called, rows, truth, limit, us_per_sample=float("nan"), notes=notes, sigma=stated(source))
+
+
+def _joined(parts: list[Track]) -> Track:
+    """All rows of several tracks in order of time, each time once."""
+    if not parts:
+        return Track(np.zeros(0))
+    times, rows = np.unique(np.concatenate([part.time for part in parts]), return_index=True)
+    names = ("q_nb", "velocity_n", "latitude", "longitude", "height")
+    return Track(times, **{name: np.concatenate([getattr(part, name) for part in parts])[rows] for name in names})

@@ -18,8 +18,7 @@ from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.live_health import LiveHealth
-from insenv.mavlink.interference import Interference
-from insenv.mavlink.surroundings import defaults
+from insenv.mavlink.surroundings import Interference, defaults
 from insenv.scenario import Plant, Scenario, build, poles
 from insenv.scenario.files import named_estimators
 

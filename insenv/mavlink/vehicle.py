@@ -6,21 +6,141 @@ import json
 import time
 import zlib
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
-from insenv.base.errors import InputError
+import numpy as np
+
+from insenv.base.errors import InputError, nearest
+from insenv.core.model import Model
+from insenv.core.tables import Row
 from insenv.estimators import Estimator
-from insenv.mavlink.interference import interference
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
 from insenv.mavlink.messages.status import error_messages
 from insenv.mavlink.messages.view import MANUAL, MILLI_G, MM_S2
-from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
 from insenv.mavlink.score import Score
 from insenv.mavlink.simulation import Simulation
-from insenv.mavlink.surroundings import Surroundings
+from insenv.mavlink.surroundings import Surroundings, interference
 from insenv.scenario import Scenario
+from insenv.sensors.gnss import GNSS_PARAMETERS
+from insenv.sensors.grades import SHOWN, elements
+from insenv.sensors.imu_tables import IMU_PARAMETERS
 from insenv.vehicles import StickCommand
+
+# Parameters of the stream, of the scenario's sensors and of the estimator.
+#
+# All are REAL32, because clients disagree on how PARAM_VALUE encodes integers.  Units are degrees, deg/h, deg/sqrt(h), ug
+# and ug/sqrt(Hz) where the tables have SI units (docs/mavlink.md).
+#
+# The equations determine when a new value takes effect.  A parameter on which a step of the model depends acts from
+# the next sample on.  One on which only the start depends acts at the next alignment if it is the estimator's, and cannot
+# be set if it is the plant's, whose run has begun.
+
+REAL32 = 9
+"""MAV_PARAM_TYPE_REAL32."""
+LARGEST = 1e6
+"""Largest magnitude that can be set, in the unit shown, where the row itself allows more."""
+
+NOW, NEXT_ALIGNMENT, NEVER = "now", "next alignment", "never"
+_TIMING = ("gnss_interval", "gnss_latency", "gnss_epoch_offset", "drift_interval")
+"""Rows that must remain whole numbers of samples: they cannot be set."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter.
+
+    acts: when a new value takes effect (`NOW`, `NEXT_ALIGNMENT`, or `NEVER`: it cannot be set).  lower, upper: bounds
+    in `unit`.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    acts: str
+    lower: float
+    upper: float
+    read: Callable[[], float]
+    write: Callable[[float], None] | None = None
+
+    def value(self) -> float:
+        """The value as it is sent: the nearest float32."""
+        return float(np.float32(min(max(self.read(), -3e38), 3e38)))
+
+    def set(self, value: float) -> None:
+        """Set the value.  Raises `InputError` if it is out of range or cannot be set."""
+        if self.write is None:
+            raise InputError(f"{self.name} cannot be set during a run")
+        if not isfinite(value) or not self.lower <= value <= self.upper:
+            raise InputError(f"{self.name} = {value:g}: allowed is {self.lower:g} to {self.upper:g} {self.unit}".rstrip())
+        self.write(value)
+
+
+class Parameters:
+    """The parameters of a vehicle, in order and by name."""
+
+    def __init__(self, own: list[Parameter], simulation: Simulation) -> None:
+        self.all = list(own)
+        self.all += self._of_plant(simulation)
+        self.all += self._of_estimator(simulation)
+        self._place = {parameter.name: place for place, parameter in enumerate(self.all)}
+
+    def __len__(self) -> int:
+        return len(self.all)
+
+    def find(self, name: str) -> int:
+        """The index of a parameter.  Raises `InputError` for an unknown name."""
+        if name not in self._place:
+            raise InputError(f"no parameter {name!r}{nearest(name, self._place)[:60]}")
+        return self._place[name]
+
+    def _of_plant(self, simulation: Simulation) -> Iterator[Parameter]:
+        model = simulation.plant.model
+        sensors = IMU_PARAMETERS.names + GNSS_PARAMETERS.names
+        live = used_by_steps(model)
+        for row, place, name in elements("S", model.parameters, sensors):
+            settable = live[place] and row.name not in _TIMING
+            yield _made(
+                row, name, NOW if settable else NEVER, place, simulation.plant_parameter, simulation.set_plant_parameter
+            )
+
+    def _of_estimator(self, simulation: Simulation) -> Iterator[Parameter]:
+        model = simulation.estimator.model
+        live = used_by_steps(model)
+        for row, place, name in elements("E", model.parameters, model.parameters.names):
+            acts = NOW if live[place] else NEXT_ALIGNMENT
+            if row.name == "sample_interval" or row.name.startswith("start_"):  # known anew at each alignment
+                acts = NEVER
+            yield _made(row, name, acts, place, simulation.estimator_parameter, simulation.set_estimator_parameter)
+
+
+def _made(
+    row: Row, name: str, acts: str, place: int, read: Callable[[int], float], write: Callable[[int, float], None]
+) -> Parameter:
+    unit, to_si = SHOWN.get(row.unit, (row.unit, float))
+    scale = float(to_si(1.0))
+
+    def get() -> float:
+        return read(place) / scale
+
+    def put(value: float) -> None:
+        number = float(to_si(value))
+        write(place, min(max(number, row.lower), row.upper))
+
+    bounds = max(row.lower / scale, -LARGEST), min(row.upper / scale, LARGEST)
+    return Parameter(name, row.meaning, "" if unit == "1" else unit, acts, *bounds, get, None if acts == NEVER else put)
+
+
+def used_by_steps(model: Model) -> list[bool]:
+    """Whether a step or the output depends on each element of the model's parameters."""
+    used = np.zeros(model.parameters.size, dtype=bool)
+    for name, kernel in model.kernels.items():
+        if name != "start":
+            used[sorted(set(kernel.function.jac_sparsity(0, 0).get_triplet()[1]))] = True
+    return used.tolist()
+
 
 # Component metadata: names, units and ranges of the parameters, as files that ground stations read by FTP.
 #
@@ -263,7 +383,7 @@ class Vehicle:
             self.announce("GNSS on" if on else "GNSS off", "warning")
 
     def disturb_gnss(self, kind: float, values: Sequence[float]) -> None:
-        """Disturb the receiver from now on.  kind, values: see `insenv.mavlink.interference`.  Raises `InputError`."""
+        """Disturb the receiver from now on.  kind, values: see `insenv.mavlink.surroundings`.  Raises `InputError`."""
         if not self.simulation.has_gnss:
             raise InputError("this scenario has no GNSS receiver")
         self.simulation.interference = interference(kind, values, self.simulation.time)

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, InsenvError, nearest
 from insenv.estimators import Estimator, Knowledge
+from insenv.evaluation.errors import checked_estimate
 from insenv.evaluation.health import Health
-from insenv.evaluation.outside import checked_estimate
 from insenv.sensors import Sensor
 
 Array = NDArray[np.float64]
 
 EstimateFunction = Callable[["Sample"], Any]
-"""``(sample) -> `` q_nb, C_nb, a dict of rows (`insenv.evaluation.outside.checked_estimate`), or None: no estimate yet."""
+"""``(sample) -> `` q_nb, C_nb, a dict of rows (`insenv.evaluation.errors.checked_estimate`), or None: no estimate yet."""
 
 
 class Sample:

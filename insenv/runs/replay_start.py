@@ -20,8 +20,7 @@ from insenv.base.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.description import InitialSection
-from insenv.logs.motion import REST_SPEED, REST_WINDOW_S, travel
-from insenv.logs.rest import LEAST_REST, rest_of, rest_rows
+from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
 from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
 from insenv.runs.told_latitude import named

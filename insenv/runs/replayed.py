@@ -16,14 +16,12 @@ from insenv.base.output import as_path
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
-from insenv.evaluation.contradiction import contradiction_notes
-from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
-from insenv.evaluation.sideways import sideways_notes
-from insenv.evaluation.unit_errors import unit_errors
+from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
+from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of, unit_errors
 from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
 from insenv.logs.description import EvaluationSection
-from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
 from insenv.logs.recorded import delivered
+from insenv.logs.rest import REST_WINDOW_S, rest_until, shows_travel, travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time

@@ -12,10 +12,9 @@ from insenv.base.errors import InputError
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, setting_rows
-from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
+from insenv.evaluation.errors import Result, Track, UnitError, errors, stated_sigma, statistics_from, track_of, unit_errors
 from insenv.evaluation.health import Health
 from insenv.evaluation.limits import Limit
-from insenv.evaluation.unit_errors import UnitError, unit_errors
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.function import Called, EstimateFunction, FunctionFollower, parted, sample_names
@@ -51,7 +50,7 @@ def run(
     scenario: a name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a
     file.
     estimators: one or several, by id, as `Estimator` objects, or as plain functions; None: those that the scenario names.  A
-        function takes one `Sample` and returns an attitude or a dict with it (`insenv.evaluation.outside.checked_estimate`).
+        function takes one `Sample` and returns an attitude or a dict with it (`insenv.evaluation.errors.checked_estimate`).
     seed, duration_s: seed, and duration in s; None: the scenario's.
     settings: parameters by estimator id, with the keys of [estimator.ID], instead of those of the scenario:
         ``{"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}``.

@@ -10,8 +10,7 @@ from typing import Annotated, Any, Union
 import numpy as np
 from pydantic import Field, PrivateAttr, Strict, ValidationError, create_model, model_validator
 
-from insenv.base.toml import Number, Parameter, Section, Vector3, key, summary
-from insenv.base.values import Sigmas, within
+from insenv.base.toml import Number, Parameter, Section, Sigmas, Vector3, key, summary, within
 from insenv.estimators import Drive, Estimator, get
 from insenv.estimators.settings import choices_in, tuning
 from insenv.geodesy import numeric

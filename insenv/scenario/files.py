@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from insenv.base.content import is_log, is_scenario
 from insenv.base.errors import LISTED, InputError, nearest
 from insenv.base.resources import scenario_folder
 from insenv.base.resources import scenario_names as names
-from insenv.base.toml import read_toml, shown, validated
+from insenv.base.toml import is_log, is_scenario, read_toml, shown, validated
 from insenv.estimators import Estimator, registered, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.scenario.build import plant_of

@@ -19,8 +19,7 @@ import casadi as ca
 import numpy as np
 
 from insenv.attitude import from_rotation_vector, rotate_inverse
-from insenv.base.toml import key
-from insenv.base.values import LeverArm
+from insenv.base.toml import LeverArm, key
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.sensors import units

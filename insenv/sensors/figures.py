@@ -15,8 +15,7 @@ import numpy as np
 from pydantic import create_model, field_validator
 
 from insenv.base.errors import nearest
-from insenv.base.toml import Number, Section, key
-from insenv.base.values import PerAxis, Window, one_of, within
+from insenv.base.toml import Number, PerAxis, Section, Window, key, one_of, within
 from insenv.core.tables import Table
 from insenv.sensors.contract import SensorSection
 from insenv.sensors.sampled import OUTAGES, check_times

@@ -27,8 +27,7 @@ from pydantic import field_validator
 
 from insenv.attitude import rotate
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, key
-from insenv.base.values import LeverArm, NotNegative, one_of
+from insenv.base.toml import LeverArm, NotNegative, Number, key, one_of
 from insenv.core.compose import Part
 from insenv.core.elementary import TWO_PI, clamp, exp, maximum, select, sin_cos
 from insenv.core.model import Step, Values

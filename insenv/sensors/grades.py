@@ -12,8 +12,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from insenv.base.toml import Number, key
-from insenv.base.values import PerAxis, within
+from insenv.base.toml import Number, PerAxis, key, within
 from insenv.core.tables import Row, Table
 from insenv.sensors import units
 from insenv.sensors.figures import largest

@@ -22,8 +22,7 @@ import numpy as np
 
 from insenv.attitude import rotate
 from insenv.base.errors import InputError
-from insenv.base.toml import Vector3, key
-from insenv.base.values import within
+from insenv.base.toml import Vector3, key, within
 from insenv.core.elementary import PI, atan2, maximum, minimum
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table

@@ -28,8 +28,7 @@ from pydantic import create_model
 from insenv import attitude
 from insenv.attitude import from_rotation_vector, normalize, to_dcm
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, key
-from insenv.base.values import LeverArm, Rotation
+from insenv.base.toml import LeverArm, Number, Rotation, key
 from insenv.core.compose import Part
 from insenv.core.elementary import exp, normal_pair, select
 from insenv.core.model import Step, Values

@@ -21,8 +21,7 @@ import numpy as np
 
 from insenv.attitude import rotate_inverse
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, Vector3, key
-from insenv.base.values import within
+from insenv.base.toml import Number, Vector3, key, within
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy.magnetic import magnetic_field, world_magnetic_model

@@ -19,8 +19,7 @@ import casadi as ca
 import numpy as np
 
 from insenv.attitude import from_rotation_vector, multiply, rotate, rotate_inverse
-from insenv.base.toml import Number, key
-from insenv.base.values import LeverArm, Rotation
+from insenv.base.toml import LeverArm, Number, Rotation, key
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.sensors import units

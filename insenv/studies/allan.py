@@ -13,9 +13,8 @@ from insenv.base.output import as_path
 from insenv.core.runner import Progress, check_progress
 from insenv.logs import RecordedLog, load
 from insenv.logs.assumed_unit import assumed_unit
-from insenv.studies.allan_deviation import Curve, allantools, curve
 from insenv.studies.allan_result import SensorNoise, UnitNoise
-from insenv.studies.noise_terms import Terms, fit
+from insenv.studies.noise_terms import Curve, Terms, allantools, curve, fit
 from insenv.studies.rest import part_of
 
 if TYPE_CHECKING:

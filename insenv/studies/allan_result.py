@@ -20,8 +20,7 @@ from insenv.report.notebook import require_matplotlib
 from insenv.sensors import units
 from insenv.sensors.grade_file import SUFFIX, toml_text
 from insenv.sensors.grades import ImuGrade
-from insenv.studies.allan_deviation import Curve
-from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Figure, Terms
+from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Curve, Figure, Terms
 from insenv.studies.rest import Part
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.logs import RecordedLog
-from insenv.logs.motion import REST_WINDOW_S, rest_until
+from insenv.logs.rest import REST_WINDOW_S, rest_until
 
 Array = NDArray[np.float64]
 

@@ -30,13 +30,12 @@ from insenv.scenario import ScenarioLike, limit_of, no_limit, with_settings
 from insenv.scenario.loop import PREFIX
 from insenv.studies.campaign.block import in_pieces
 from insenv.studies.campaign.comparison import paired
-from insenv.studies.campaign.executors import cores
-from insenv.studies.campaign.intervals import Estimate
 from insenv.studies.campaign.plan import Plan, make_plan
+from insenv.studies.campaign.running import cores
+from insenv.studies.campaign.statistics import Estimate
 from insenv.studies.tune_log import is_log, tune_log
-from insenv.studies.tune_parameters import Parameter, tuned_parameters
 from insenv.studies.tune_result import Channel, Tuning
-from insenv.studies.tune_search import FAILED, search
+from insenv.studies.tune_search import FAILED, Parameter, search, tuned_parameters
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base import content
 from insenv.base.errors import InputError
 from insenv.base.resources import scenario_names
+from insenv.base.toml import is_log as describes_log
 from insenv.base.toml import read_toml
 from insenv.core.batch import make_batch
 from insenv.core.runner import Progress
@@ -31,14 +31,13 @@ from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.nis import NOTABLE
 from insenv.logs import RecordedLog
-from insenv.logs.flight.formats import is_flight_log
+from insenv.logs.flight.description import is_flight_log
 from insenv.runs.replayed import Prepared, prepared, replay
 from insenv.scenario.chunks import input_rows
-from insenv.studies.campaign.executors import cores
-from insenv.studies.campaign.intervals import Estimate, student
-from insenv.studies.tune_parameters import Parameter, tuned_parameters
+from insenv.studies.campaign.running import cores
+from insenv.studies.campaign.statistics import Estimate, student
 from insenv.studies.tune_result import Channel, Tuning
-from insenv.studies.tune_search import FAILED, search
+from insenv.studies.tune_search import FAILED, Parameter, search, tuned_parameters
 
 Array = NDArray[np.float64]
 
@@ -62,7 +61,7 @@ def is_log(source: object) -> bool:
         return False
     path = Path(source)
     # a scenario is a name or a .toml file; of another file the reader of logs says what it is
-    return is_flight_log(path) or path.suffix.lower() != ".toml" or content.is_log(read_toml(path))
+    return is_flight_log(path) or path.suffix.lower() != ".toml" or describes_log(read_toml(path))
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from insenv.report.notebook import require_matplotlib
 from insenv.report.page import assembled
 from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, intervals_panel, section, table
 from insenv.report.tables import label, number
-from insenv.studies.campaign.intervals import Estimate
-from insenv.studies.tune_parameters import Parameter
+from insenv.studies.campaign.statistics import Estimate
+from insenv.studies.tune_search import Parameter
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,8 +10,7 @@ from typing import Annotated, Any, ClassVar, TypeVar
 from pydantic import Field
 
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, Section, key
-from insenv.base.values import PerAxis, within
+from insenv.base.toml import Number, PerAxis, Section, key, within
 from insenv.vehicles.truth import Vehicle
 
 # What interfaces to other tools need to know of a kind of vehicle, apart from its equations of motion.

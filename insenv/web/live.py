@@ -15,10 +15,10 @@ import numpy as np
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file
 from insenv.base.toml import validated
+from insenv.core.compile import wasm, wasm_source
 from insenv.core.model import Model
 from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Table, Vector
-from insenv.core.wasm import wasm, wasm_source
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import CHANNELS

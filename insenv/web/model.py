@@ -14,7 +14,7 @@ from insenv import attitude, geodesy
 from insenv.core.model import Model, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator
-from insenv.evaluation.symbols import DEGREES, channels_of, error_of, sigma_of, stated_of
+from insenv.evaluation.errors import DEGREES, channels_of, error_of, sigma_of, stated_of
 from insenv.scenario.loop import loop_model
 
 _ANGLES = "Roll, pitch and heading"

@@ -16,9 +16,20 @@ import numpy as np
 from insenv.base.errors import InputError
 from insenv.core.tables import Vector
 from insenv.scenario import Scenario
-from insenv.web.choices import Choice, choices
-from insenv.web.controls import FORMS, Control, Option, Setting, Target, setting_of, with_values
-from insenv.web.keys import Key, keys, unit_suffix
+from insenv.web.controls import (
+    FORMS,
+    Choice,
+    Control,
+    Key,
+    Option,
+    Setting,
+    Target,
+    choices,
+    keys,
+    setting_of,
+    unit_suffix,
+    with_values,
+)
 
 Numbers = tuple[Vector, Vector]
 """Parameters of the page's model, and `insenv.web.start.known_vector`."""

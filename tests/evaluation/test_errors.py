@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from insenv import run
 from insenv.estimators.parts import applicability
-from insenv.evaluation.errors import ATTITUDE, stated_sigma, wrapped_deg
-from insenv.evaluation.symbols import sigma_of
+from insenv.evaluation.errors import ATTITUDE, sigma_of, stated_sigma, wrapped_deg
 from insenv.scenario import load
 from insenv.studies.campaign.block import run_block
 from insenv.studies.campaign.plan import make_plan

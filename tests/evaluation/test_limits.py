@@ -17,12 +17,9 @@ from insenv.core.runner import make_runner
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import Limit, Prior, bound, closed_forms, ratio, ratio_bounds
 from insenv.evaluation.limits.bound import bound_of_unit, limit_of
-from insenv.evaluation.limits.fixes import fixes_of
-from insenv.evaluation.limits.mechanization import DR, DV, PSI, earth_axes, integrals
-from insenv.evaluation.limits.mooring import Mooring
 from insenv.evaluation.limits.recursion import Layout, recursion
-from insenv.evaluation.limits.states import entering, unit_of, wander_of
-from insenv.evaluation.limits.steps import step_ends, steps_along
+from insenv.evaluation.limits.states import Mooring, entering, unit_of, wander_of
+from insenv.evaluation.limits.steps import DR, DV, PSI, earth_axes, fixes_of, integrals, step_ends, steps_along
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, limits, load
 

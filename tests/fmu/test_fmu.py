@@ -16,7 +16,8 @@ from fmpy.logging import addLoggerProxy
 from fmu_tools import LOOP, exported, subject_of, unzipped
 
 from insenv.core.runner import make_runner
-from insenv.fmu import reference
+from insenv.fmu.exporter import STEPS
+from insenv.fmu.exporter import signals as reference_signals
 
 ALIGNMENT, AIDED = "qakf-improved", "lssvm"
 PLANT = {2: "ship-swaying", 3: LOOP}
@@ -133,12 +134,12 @@ def slave():
 
 @functools.cache
 def signals(id):
-    return reference.signals(subject_of(id))[0]
+    return reference_signals(subject_of(id))[0]
 
 
 def rows_for(id, count):
     """Inputs of the reference signals, repeated."""
-    return signals(id)[np.arange(count) % reference.STEPS].copy()
+    return signals(id)[np.arange(count) % STEPS].copy()
 
 
 def expected(one, rows):

@@ -8,9 +8,9 @@ import numpy as np
 from pymavlink.dialects.v20 import common
 
 from insenv.mavlink import Vehicle
-from insenv.mavlink.answers import answers
+from insenv.mavlink.commands import answers
 from insenv.mavlink.messages import DEFAULT_HZ
-from insenv.mavlink.parameters import NEVER
+from insenv.mavlink.vehicle import NEVER
 from insenv.mavlink.wire.frames import DEFINITIONS
 from insenv.scenario import load
 

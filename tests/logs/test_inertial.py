@@ -11,8 +11,7 @@ from text_logs import RATE, G, imu_rows, increments, si
 
 import insenv
 from insenv.logs import load
-from insenv.logs.inertial import bridge
-from insenv.logs.sampling import Sampling
+from insenv.logs.inertial import Sampling, bridge
 
 
 @settings(max_examples=30, deadline=None)

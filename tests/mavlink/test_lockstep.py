@@ -14,7 +14,7 @@ from streamed_vehicle import Clock, wait_for
 
 from insenv.base.errors import InputError
 from insenv.mavlink import Vehicle
-from insenv.mavlink.answers import answers
+from insenv.mavlink.commands import answers
 from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_messages, px4_rates, steering
 from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
 from insenv.mavlink.lockstep.contract import Cadence

@@ -8,9 +8,8 @@ from streamed_vehicle import SILENT, decoded, estimate, frame_of, quiet, steps
 import insenv
 from insenv import geodesy
 from insenv.mavlink import Vehicle
-from insenv.mavlink.answers import answers
-from insenv.mavlink.score import Score
-from insenv.mavlink.score_report import report_of
+from insenv.mavlink.commands import answers
+from insenv.mavlink.score import Score, report_of
 from insenv.scenario import build, limit_of, load
 
 HEADING_ERROR, NORTH_ERROR, VELOCITY_ERROR = 1.5, 2.0, 0.3  # deg, m, m/s forward

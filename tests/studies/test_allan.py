@@ -18,9 +18,8 @@ from insenv.logs.inertial import Gaps
 from insenv.scenario import build
 from insenv.sensors import IMU_GRADES
 from insenv.studies.allan import AXES, sensor_noise
-from insenv.studies.allan_deviation import curve
 from insenv.studies.allan_result import grade_text
-from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, fit, markov_variance
+from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, curve, fit, markov_variance
 
 RATE = 20.0
 IMU = {

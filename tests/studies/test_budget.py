@@ -17,8 +17,8 @@ from insenv.scenario import build, error_sources, load
 from insenv.scenario.error_sources import sensors_of
 from insenv.sensors import IMU, registry
 from insenv.studies import budget as budget_module
+from insenv.studies.budget import packed, switch_off, switchable
 from insenv.studies.budget_result import budget_page_document
-from insenv.studies.switches import packed, switch_off, switchable
 
 OMEGA = 7.292115e-5
 PERFECT = {"grade": "perfect", "gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0}

@@ -15,7 +15,7 @@ from insenv.scenario import load
 from insenv.studies import tune_log, tune_search
 from insenv.studies.campaign import make_plan
 from insenv.studies.campaign.block import run_block
-from insenv.studies.tune_parameters import tuned_parameters
+from insenv.studies.tune_search import tuned_parameters
 
 KEYS = ["arw_deg_sqrt_h", "vrw_ug_sqrt_hz"]
 MISTUNED = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "vrw_ug_sqrt_hz": 5.0}}

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.evaluation.limits.mechanization import DR, DV, PSI
 from insenv.evaluation.limits.states import Source, source
-from insenv.evaluation.limits.steps import Steps
+from insenv.evaluation.limits.steps import DR, DV, PSI, Steps
 
 Array = NDArray[np.float64]
 

@@ -19,9 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.evaluation.limits.mechanization import DR, earth_axes
 from insenv.evaluation.limits.recursion import NAVIGATION, CovarianceFilter, Layout, Moves, Prior
-from insenv.evaluation.limits.steps import Steps
+from insenv.evaluation.limits.steps import DR, Steps, earth_axes
 
 Array = NDArray[np.float64]
 

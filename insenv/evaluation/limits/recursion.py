@@ -10,19 +10,18 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.evaluation.limits.aids import Aid, view
-from insenv.evaluation.limits.fixes import Fixes
-from insenv.evaluation.limits.mechanization import (
+from insenv.evaluation.limits.states import REST_SIGMA, SWAY_SIGMA, Mooring, Source, Unit, entering
+from insenv.evaluation.limits.steps import (
     DR,
     DV,
     PSI,
+    Fixes,
+    Steps,
     earth_axes,
     euler_jacobian,
     integrals,
     local,
 )
-from insenv.evaluation.limits.mooring import REST_SIGMA, SWAY_SIGMA, Mooring
-from insenv.evaluation.limits.states import Source, Unit, entering
-from insenv.evaluation.limits.steps import Steps
 
 Array = NDArray[np.float64]
 

@@ -16,17 +16,26 @@ from insenv.base.toml import validated
 from insenv.logs.columns import window_words
 from insenv.logs.description import LogDescription
 from insenv.logs.flight import rosbag
-from insenv.logs.flight.description import FlightDescription
-from insenv.logs.flight.formats import SUFFIXES, format_of, is_bag_folder
-from insenv.logs.flight.parameters import lever_arm, settings, unit_rows
-from insenv.logs.flight.segments import longest, only, rows_of
-from insenv.logs.flight.series import AnySeries, FixSeries, Flight, FlightFormat, ImuSeries, SolutionSeries
-from insenv.logs.inertial import implausible, increments
+from insenv.logs.flight.description import SUFFIXES, FlightDescription, format_of, is_bag_folder
+from insenv.logs.flight.series import (
+    AnySeries,
+    FixSeries,
+    Flight,
+    FlightFormat,
+    ImuSeries,
+    SolutionSeries,
+    lever_arm,
+    longest,
+    only,
+    rows_of,
+    settings,
+    unit_rows,
+)
+from insenv.logs.inertial import implausible, increments, sampling
 from insenv.logs.instruments import told
-from insenv.logs.motion import rest_until
+from insenv.logs.readers import read_bytes
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
-from insenv.logs.resources import read_bytes
-from insenv.logs.sampling import sampling
+from insenv.logs.rest import rest_until
 from insenv.logs.units import Array, wrap
 from insenv.sensors.contract import Place
 

@@ -22,9 +22,8 @@ from typing import Any
 
 from insenv.base.errors import InputError
 from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, Motion, Move, Stop, ignore
-from insenv.mavlink.pacing import Pacer
-from insenv.mavlink.wire.address import Address, parse_address, resolve
-from insenv.mavlink.wire.link import Clock
+from insenv.mavlink.stream import Pacer
+from insenv.mavlink.wire.link import Address, Clock, parse_address, resolve
 
 CHANNELS = (1, 0, 2, 3)
 """Channels, from 0, of pitch, roll, throttle and yaw (rudder)."""

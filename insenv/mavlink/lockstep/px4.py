@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any
 from insenv.base.errors import InputError
 from insenv.mavlink.lockstep.contract import Act, Answer, Cadence, Controls, Lockstep, Messages, Stop, ignore, no_answer
 from insenv.mavlink.messages import DEFAULT_HZ
-from insenv.mavlink.pacing import Pacer
+from insenv.mavlink.stream import Pacer
 from insenv.mavlink.wire import Link, open_link
-from insenv.mavlink.wire.address import parse_address
-from insenv.mavlink.wire.link import Clock
+from insenv.mavlink.wire.link import Clock, parse_address
 
 if TYPE_CHECKING:
     from insenv.mavlink.vehicle import Vehicle

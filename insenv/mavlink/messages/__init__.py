@@ -1,8 +1,7 @@
 """MAVLink messages: what each holds and when it is due."""
 
 from insenv.mavlink.messages.estimate import ESTIMATES
-from insenv.mavlink.messages.fields import Fields, Message
-from insenv.mavlink.messages.schedule import DEFAULT_HZ, Schedule, parse_rates
+from insenv.mavlink.messages.fields import DEFAULT_HZ, Fields, Message, Schedule, parse_rates
 from insenv.mavlink.messages.sensor import SENSORS
 from insenv.mavlink.messages.status import ON_REQUEST, STATUS
 from insenv.mavlink.messages.view import View

@@ -7,16 +7,193 @@ bounded number of peers.  It is for use by one thread.
 from __future__ import annotations
 
 import select
+import socket
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.mavlink.wire.address import Address
-from insenv.mavlink.wire.frames import Statistics, dialect, resequenced, sender
-from insenv.mavlink.wire.peers import Peer
+from insenv.mavlink.wire.frames import Statistics, dialect, resequenced, sender, split
 from insenv.mavlink.wire.signing import Signing, Verdict
+
+# Peers of a link, with bounded buffers of what they sent and of what is to be sent to them.
+
+INBOX_BYTES = 65536
+"""Largest number of unread bytes kept of one peer."""
+OUTBOX_BYTES = 262144
+"""Largest number of unsent bytes kept for one peer: 30 s of telemetry at 9 kB/s, 5 s of all messages at 200 Hz."""
+
+
+@dataclass(eq=False)
+class Peer:
+    """One peer of a link.
+
+    name: "127.0.0.1:14550", or the serial device.  key: what identifies it.  fixed: named in the link's address, so
+    that it never expires.  live: whether it gets what is sent to all.  since, heard: clock times (s) of its first and
+    last verified message; heard is None before the first.  received: messages; sent, dropped: frames.  system,
+    component: as its last message states.  sequence: of the next frame sent to it.  frames: checked and not yet read;
+    outbox: unsent, `waiting` bytes in all.
+    """
+
+    name: str
+    key: Hashable
+    since: float
+    fixed: bool = False
+    live: bool = False
+    heard: float | None = None
+    received: int = 0
+    sent: int = 0
+    dropped: int = 0
+    system: int = 0
+    component: int = 0
+    sequence: int = 0
+    frames: deque[bytes] = field(default_factory=deque, repr=False)
+    outbox: deque[memoryview] = field(default_factory=deque, repr=False)
+    waiting: int = field(default=0, repr=False)
+
+    def push_frame(self, frame: bytes) -> bool:
+        """Append a whole frame to the outbox; False when it is full, and the frame is then dropped."""
+        if self.waiting + len(frame) > OUTBOX_BYTES:
+            return False
+        self.outbox.append(memoryview(frame))
+        self.waiting += len(frame)
+        return True
+
+    def next_frame(self, statistics: Statistics) -> bytes | None:
+        """The next checked frame from this peer, or None."""
+        raise NotImplementedError
+
+    def has_input(self) -> bool:
+        """Whether `next_frame` may return a frame."""
+        raise NotImplementedError
+
+
+@dataclass(eq=False)
+class DatagramPeer(Peer):
+    """A peer that sends datagrams: each is split on its own, so that a truncated one does not affect the others."""
+
+    datagrams: deque[bytes] = field(default_factory=deque, repr=False)
+    stored: int = field(default=0, repr=False)
+
+    def take(self, datagram: bytes) -> bool:
+        """Store a datagram; False when the buffer is full."""
+        if self.stored + len(datagram) > INBOX_BYTES:
+            return False
+        self.datagrams.append(datagram)
+        self.stored += len(datagram)
+        return True
+
+    def next_frame(self, statistics: Statistics) -> bytes | None:
+        while not self.frames and self.datagrams:
+            datagram = self.datagrams.popleft()
+            self.stored -= len(datagram)
+            found, used = split(datagram, statistics)
+            statistics.skipped_bytes += len(datagram) - used
+            self.frames.extend(found)
+        return self.frames.popleft() if self.frames else None
+
+    def has_input(self) -> bool:
+        return bool(self.frames or self.datagrams)
+
+
+@dataclass(eq=False)
+class StreamPeer(Peer):
+    """A peer that sends a stream of bytes, in pieces of any length."""
+
+    inbox: bytearray = field(default_factory=bytearray, repr=False)
+    fresh: bool = field(default=False, repr=False)
+
+    def room(self) -> int:
+        """The number of bytes that may be read now."""
+        return INBOX_BYTES - len(self.inbox)
+
+    def take(self, piece: bytes) -> None:
+        """Store bytes that were read."""
+        self.inbox += piece
+        self.fresh = True
+
+    def next_frame(self, statistics: Statistics) -> bytes | None:
+        if not self.frames and self.fresh:
+            found, used = split(bytes(self.inbox), statistics)
+            del self.inbox[:used]
+            self.fresh = False
+            self.frames.extend(found)
+        return self.frames.popleft() if self.frames else None
+
+    def has_input(self) -> bool:
+        return bool(self.frames or self.fresh)
+
+
+# Addresses of a link: ``udpout:HOST:PORT``, ``udpin:HOST:PORT``, ``tcpin:HOST:PORT``, ``tcpout:HOST:PORT``,
+# ``serial:DEVICE:BAUD``.
+
+KINDS = {
+    "udpout": "udpout:HOST:PORT",
+    "udpin": "udpin:HOST:PORT",
+    "tcpout": "tcpout:HOST:PORT",
+    "tcpin": "tcpin:HOST:PORT",
+    "serial": "serial:DEVICE:BAUD",
+}
+LOOPBACK = "127.0.0.1"
+BAUD = 57600
+_HIGHEST_PORT = 65535
+
+
+@dataclass(frozen=True)
+class Address:
+    """The address of a link.
+
+    kind: a key of `KINDS`.  host: name, IP address or serial device.  port: network port, or baud rate.
+    """
+
+    kind: str
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{endpoint(self.host, self.port)}"
+
+
+def endpoint(host: str, port: int) -> str:
+    """``HOST:PORT``, an IPv6 host in brackets."""
+    return f"{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def parse_address(text: str) -> Address:
+    """Parse an address; an empty host is the loopback address 127.0.0.1.  Raises `InputError`."""
+    kind, _, rest = text.partition(":")
+    if kind not in KINDS:
+        raise InputError(f"address {text!r}: must be {', '.join(KINDS.values())}")
+    form = KINDS[kind]
+    if kind == "serial":
+        device, colon, baud = rest.rpartition(":")
+        device, baud = (device, baud) if colon and baud.isdigit() else (rest, str(BAUD))
+        if not device or not 0 < int(baud) <= 100_000_000:
+            raise InputError(f"address {text!r}: must be {form}, such as serial:/dev/ttyUSB0:{BAUD}")
+        return Address(kind, device, int(baud))
+    host, _, port = rest.rpartition(":")
+    lowest = 1 if kind.endswith("out") else 0
+    if not port.isascii() or not port.isdigit() or not lowest <= int(port) <= _HIGHEST_PORT:
+        raise InputError(f"address {text!r}: must be {form} with a port from {lowest} to {_HIGHEST_PORT}")
+    if host.startswith("[") and host.endswith("]"):
+        host = host[1:-1]
+    elif ":" in host:
+        raise InputError(f"address {text!r}: an IPv6 host is written in brackets, such as {kind}:[::1]:{port}")
+    return Address(kind, host or LOOPBACK, int(port))
+
+
+def resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Any]:
+    """Address family and socket address, IPv4 preferred.  Raises `InputError` when the host is unknown."""
+    try:
+        found = socket.getaddrinfo(address.host, address.port, type=kind)
+    except (OSError, UnicodeError) as error:
+        raise InputError(f"address {address}: unknown host {address.host!r}: {error}") from None
+    found.sort(key=lambda entry: entry[0] != socket.AF_INET)
+    return found[0][0], found[0][4]
+
 
 MESSAGES_PER_CALL = 64
 """Largest number of frames that one `receive` processes."""

@@ -19,9 +19,7 @@ from typing import Any
 
 from insenv.base.errors import InputError
 from insenv.base.installing import need
-from insenv.mavlink.wire.address import endpoint, parse_address, resolve
-from insenv.mavlink.wire.link import Clock, Link
-from insenv.mavlink.wire.peers import DatagramPeer, Peer, StreamPeer
+from insenv.mavlink.wire.link import Clock, DatagramPeer, Link, Peer, StreamPeer, endpoint, parse_address, resolve
 from insenv.mavlink.wire.signing import Signing
 
 MOST_CLIENTS = 16

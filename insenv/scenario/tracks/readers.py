@@ -299,7 +299,7 @@ def fingerprint(path: Path) -> str:
 
     Raises `InputError` for a file that cannot be read; a file that a description names is left to the reader of the log.
     """
-    from insenv.logs.resources import read_bytes  # which needs scenarios
+    from insenv.logs.readers import read_bytes  # which needs scenarios
 
     digest = hashlib.sha256(read_bytes(str(path), Path())[1])
     if path.suffix.lower() == ".toml":

@@ -4,15 +4,21 @@ summary = insenv.campaign("ship-swaying", "q-method", runs=100)
 """
 
 from insenv.studies.campaign.comparison import Comparison, compare
-from insenv.studies.campaign.designs import DESIGNS
-from insenv.studies.campaign.distributions import Distribution
-from insenv.studies.campaign.executors import cluster, processes, threads
 from insenv.studies.campaign.plan import Plan, make_plan
-from insenv.studies.campaign.running import campaign, make_plans, run_campaign, run_campaigns, stores_of
+from insenv.studies.campaign.running import (
+    campaign,
+    cluster,
+    make_plans,
+    processes,
+    run_campaign,
+    run_campaigns,
+    stores_of,
+    threads,
+)
 from insenv.studies.campaign.statistics import PERCENTILES
 from insenv.studies.campaign.store import Folder
 from insenv.studies.campaign.summary import Summary
-from insenv.studies.campaign.variation import Variation, parse_variation
+from insenv.studies.campaign.variation import DESIGNS, Distribution, Variation, parse_variation
 
 __all__ = [
     "DESIGNS",

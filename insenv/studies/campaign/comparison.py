@@ -26,7 +26,6 @@ from insenv.report.document import Block, Grid, Line
 from insenv.report.page import assembled
 from insenv.report.page.panels import Pool, intervals_panel, kept_records, section, table
 from insenv.report.tables import label, number, since
-from insenv.studies.campaign.intervals import Array, Estimate, student
 from insenv.studies.campaign.presentation import (
     campaign_blocks,
     campaign_page_facts,
@@ -35,6 +34,7 @@ from insenv.studies.campaign.presentation import (
     course_sections,
     explained,
 )
+from insenv.studies.campaign.statistics import Array, Estimate, student
 from insenv.studies.campaign.summary import Summary
 
 if TYPE_CHECKING:

@@ -21,9 +21,17 @@ from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, r
 from insenv.scenario.build import seed_and_duration
 from insenv.scenario.chunks import recording_interval
 from insenv.scenario.description import MAX_SEED
-from insenv.studies.campaign.designs import check_design, design_note, numbers_of, seed_of, whole_design
 from insenv.studies.campaign.model import Measured, measured_model
-from insenv.studies.campaign.variation import Variation, check_variations, varied
+from insenv.studies.campaign.variation import (
+    Variation,
+    check_design,
+    check_variations,
+    design_note,
+    numbers_of,
+    seed_of,
+    varied,
+    whole_design,
+)
 
 # The parameters of a campaign's runs, in the order of its model.
 
@@ -75,7 +83,7 @@ class Plan:
     name: name of the scenario.
     estimator: id of the estimator.
     duration_s: duration of every run.
-    design: how the varied keys are spread over the runs (`insenv.studies.campaign.designs`).
+    design: how the varied keys are spread over the runs (`insenv.studies.campaign.variation`).
     block_samples: approximate number of inertial samples in a block.
     """
 

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError, InsenvError
-from insenv.base.lock import LockedError, exclusive
-from insenv.base.output import atomic
+from insenv.base.output import LockedError, atomic, exclusive
 from insenv.studies.campaign.block import Arrays
 from insenv.studies.campaign.plan import Plan
 

@@ -19,10 +19,9 @@ from insenv.studies.campaign.campaign_figure import draw_campaign
 from insenv.studies.campaign.limits import CampaignLimit
 from insenv.studies.campaign.model import Measured
 from insenv.studies.campaign.plan import Plan
-from insenv.studies.campaign.presentation import campaign_document, campaign_facts, campaign_frame, campaign_html
+from insenv.studies.campaign.presentation import campaign_document, campaign_facts, campaign_frame, campaign_html, run_columns
 from insenv.studies.campaign.sensitivity import sensitivities
 from insenv.studies.campaign.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
-from insenv.studies.campaign.tables import run_columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

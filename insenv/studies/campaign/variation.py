@@ -3,17 +3,135 @@
 from __future__ import annotations
 
 import copy
+import math
+import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 from insenv.core import noise
 from insenv.scenario.files import grade_value
-from insenv.studies.campaign.distributions import Distribution, parse_distribution
+
+# Distributions of varied keys: ``0:1``, ``normal(0, 1)``, ``lognormal(1, 0.5)``, ``loguniform(0.1, 10)``, ``choice(a, b)``.
+
+Array = NDArray[np.float64]
+
+KINDS = {
+    "uniform": "LOW, HIGH",
+    "loguniform": "LOW, HIGH",
+    "normal": "MEAN, SIGMA",
+    "lognormal": "MEDIAN, SIGMA of the natural logarithm",
+    "choice": "A, B, ...",
+}
+"""Kinds of distributions and their parameters."""
+_CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution by its kind (`KINDS`) and parameters; those of "choice" are numbers, texts or truth values."""
+
+    kind: str
+    parameters: tuple[Any, ...]
+
+    def __post_init__(self) -> None:
+        refusal = self._refusal()
+        if refusal:
+            raise InputError(f"{self}: {refusal}")
+
+    def __str__(self) -> str:
+        return f"{self.kind}({', '.join(f'{p:g}' if isinstance(p, float) else str(p) for p in self.parameters)})"
+
+    def _refusal(self) -> str:
+        if self.kind not in KINDS:
+            return f"no such distribution{nearest(self.kind, KINDS)}"
+        if self.kind == "choice":
+            kinds = {float if isinstance(p, (int, float)) and not isinstance(p, bool) else type(p) for p in self.parameters}
+            if len(self.parameters) < 2 or len(set(self.parameters)) < len(self.parameters) or len(kinds) > 1:
+                return "allowed are two or more different values of one kind"
+            return "" if kinds != {float} or all(map(math.isfinite, self.parameters)) else "allowed are finite numbers"
+        numbers = [isinstance(p, (int, float)) and not isinstance(p, bool) and math.isfinite(p) for p in self.parameters]
+        if len(numbers) != 2 or not all(numbers):
+            return f"allowed are two finite numbers, {KINDS[self.kind]}"
+        first, second = self.parameters
+        if self.kind in ("uniform", "loguniform") and first > second:
+            return "allowed is a range of numbers, the lower first"
+        if self.kind in ("loguniform", "lognormal") and first <= 0:
+            return "allowed is a first number above 0"
+        return "allowed is a sigma of 0 or more" if self.kind in ("normal", "lognormal") and second < 0 else ""
+
+    def numbers(self, uniforms: Array) -> Array:
+        """Values (n,) of the distribution for uniforms (n,) in (0, 1): its quantiles; of "choice" the places of the values."""
+        if self.kind == "choice":
+            return np.floor(uniforms * len(self.parameters))
+        first, second = map(float, self.parameters)
+        if self.kind == "uniform":
+            return first + (second - first) * uniforms
+        if self.kind == "loguniform":
+            return first * np.exp(math.log(second / first) * uniforms)
+        from scipy.special import ndtri
+
+        normal = second * ndtri(uniforms)
+        return first + normal if self.kind == "normal" else first * np.exp(normal)
+
+    def value(self, number: float) -> Any:
+        """The value of a scenario's key for one of `numbers`."""
+        return self.parameters[int(number)] if self.kind == "choice" else float(number)
+
+    def tried(self, numbers: Array) -> list[tuple[Any, str]]:
+        """Values with which a plan is checked, and which ones they are: ends of a range, all choices, extremes of `numbers`."""
+        if self.kind in ("uniform", "loguniform", "choice"):
+            return [(value, "") for value in self.parameters]
+        extremes = {"smallest": float(numbers.min()), "largest": float(numbers.max())}
+        return [(value, f"the {which} of {len(numbers)} values drawn") for which, value in extremes.items()]
+
+    @property
+    def is_of_numbers(self) -> bool:
+        """Whether its values are numbers."""
+        return self.kind != "choice" or all(isinstance(p, (int, float)) and not isinstance(p, bool) for p in self.parameters)
+
+    def as_json(self) -> dict[str, Any]:
+        """Its documented form; of a range with the keys "low" and "high"."""
+        ends = {"low": self.parameters[0], "high": self.parameters[1]} if self.kind == "uniform" else {}
+        return {"distribution": self.kind, "parameters": list(self.parameters), **ends}
+
+
+def parse_distribution(text: str) -> Distribution:
+    """Parse ``low:high`` or ``kind(a, b, ...)``.  Raises `InputError` for any other form."""
+    call = _CALL.fullmatch(text)
+    if call:
+        kind, inside = call.groups()
+        parameters = tuple(_parameter(part) for part in inside.split(","))
+        return Distribution(kind, parameters)
+    low, colon, high = text.partition(":")
+    try:
+        parameters = float(low), float(high)
+    except ValueError:
+        colon = ""
+    if not colon:
+        raise InputError(f"allowed is key=low:high, such as imu.gyro_bias_deg_h=-0.01:0.01, or key= one of {_forms()}")
+    return Distribution("uniform", parameters)
+
+
+def _forms() -> str:
+    return ", ".join(f"{kind}({parameters})" for kind, parameters in KINDS.items())
+
+
+def _parameter(text: str) -> Any:
+    text = text.strip().strip("\"'")
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
 
 FIXED = {
     "seed": "every run has a seed of its own, counted up from the first one (--seed FIRST)",
@@ -146,3 +264,85 @@ def check_variations(variations: Sequence[Variation]) -> None:
         whole = [other for other in keys if other.startswith(f"{key}.")]
         if whole:
             raise InputError(f"vary {key!r} and {whole[0]!r}: allowed is the whole or its elements")
+
+
+# How varied keys are spread over the runs: drawn independently, or by a design that covers the ranges evenly.
+#
+# random    each value is a function of the seed of its run and the key
+# latin     Latin hypercube: each of n equal parts of every distribution is hit once (McKay, Beckman, Conover 1979)
+# sobol     scrambled Sobol sequence (Owen 1998)
+# saltelli  groups of k + 2 runs for first-order and total Sobol indices (Saltelli et al. 2010): run A, k runs that differ from
+#           A in one key, run B.  Within a group all but B share the seed; k: number of keys
+
+DESIGNS = ("random", "latin", "sobol", "saltelli")
+LARGEST = 1 << 20
+"""Largest number of runs of a design that is made as a whole."""
+_EDGE = 2.0**-33
+"""Distance of a uniform from 0 and 1: quantiles there are infinite."""
+
+
+def check_design(design: str, runs: int, keys: int) -> None:
+    """Raise `InputError` for a design that is unknown or does not fit the number of runs and keys."""
+    if design not in DESIGNS:
+        raise InputError(f"design = {design!r}: allowed is one of {', '.join(DESIGNS)}")
+    if design == "random":
+        return
+    if not keys:
+        raise InputError(f"design {design!r}: a design spreads varied keys: name one with vary")
+    if runs > LARGEST:
+        raise InputError(f"runs = {runs}: design {design!r} allows up to {LARGEST}")
+    if design == "saltelli" and (runs % (keys + 2) or not _is_power(runs // (keys + 2))):
+        some = (keys + 2) * 2 ** max(2, int(np.log2(max(runs // (keys + 2), 1))))
+        raise InputError(
+            f"runs = {runs}: a saltelli design of {keys} key{'s' if keys > 1 else ''} has groups of {keys + 2} runs, and their "
+            f"number is a power of 2: "
+            f"allowed is {some} or {2 * some}, for example"
+        )
+
+
+def _is_power(number: int) -> bool:
+    return number > 0 and number & (number - 1) == 0
+
+
+def design_note(design: str, runs: int) -> str:
+    """What must be said of a design; empty if nothing."""
+    if design == "sobol" and not _is_power(runs):
+        return f"a Sobol sequence is balanced for a power of 2: {runs} runs cover the ranges less evenly"
+    if design == "saltelli":
+        return "the runs of a saltelli design share seeds and values: statistics are not those of independent runs"
+    return ""
+
+
+def seed_of(design: str, first_seed: int, run: int, keys: int) -> int:
+    """The seed of a run: they count up, except in a saltelli design, whose groups have one for run B and one for the others."""
+    if design != "saltelli":
+        return first_seed + run
+    group, place = divmod(run, keys + 2)
+    return first_seed + 2 * group + (place == keys + 1)
+
+
+def whole_design(design: str, first_seed: int, runs: int, keys: int) -> Array:
+    """Uniforms (runs, keys) of a design that is made as a whole."""
+    from scipy.stats import qmc
+
+    def options(kind: Any) -> dict[str, Any]:
+        name = "rng" if "rng" in signature(kind.__init__).parameters else "seed"  # before scipy 1.15
+        return {name: np.random.default_rng(first_seed)}
+
+    if design == "latin":
+        found = qmc.LatinHypercube(keys, **options(qmc.LatinHypercube)).random(runs)
+    elif design == "sobol":
+        found = qmc.Sobol(keys, **options(qmc.Sobol)).random_base2(max(0, (runs - 1).bit_length()))[:runs]
+    else:
+        groups = runs // (keys + 2)
+        both = qmc.Sobol(2 * keys, **options(qmc.Sobol)).random_base2(groups.bit_length() - 1)
+        a, b = both[:, :keys], both[:, keys:]
+        crossed = [np.where(np.arange(keys) == k, b, a) for k in range(keys)]
+        found = np.stack([a, *crossed, b], axis=1).reshape(runs, keys)
+    return np.clip(found, _EDGE, 1.0 - _EDGE)
+
+
+def numbers_of(variations: Sequence[Variation], uniforms: Array) -> Array:
+    """Values (runs, keys) of all variations, those of choices as places."""
+    columns = [variation.distribution.numbers(uniforms[:, place]) for place, variation in enumerate(variations)]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(uniforms), 0))

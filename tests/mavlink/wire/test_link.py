@@ -16,8 +16,7 @@ from streamed_vehicle import Clock, decoded, frame_of, heartbeat, ping, until
 from insenv.base.errors import InputError
 from insenv.mavlink.wire import Statistics, open_link, parse_address
 from insenv.mavlink.wire.frames import LONGEST, split
-from insenv.mavlink.wire.link import MESSAGES_PER_CALL
-from insenv.mavlink.wire.peers import INBOX_BYTES, OUTBOX_BYTES
+from insenv.mavlink.wire.link import INBOX_BYTES, MESSAGES_PER_CALL, OUTBOX_BYTES
 from insenv.mavlink.wire.transports import EXPIRY_S, LARGEST, MOST_CLIENTS, MOST_PEERS, MOST_STRANGERS, STALLED_S
 
 UDP, TCP = socket.SOCK_DGRAM, socket.SOCK_STREAM

@@ -10,7 +10,7 @@ import pytest
 from campaigns import same, slow_ship, small_plan
 
 from insenv.base.errors import InputError, InsenvError
-from insenv.base.lock import LockedError, exclusive
+from insenv.base.output import LockedError, exclusive
 from insenv.studies.campaign import Folder, make_plan, run_campaign, threads
 from insenv.studies.campaign.block import run_block
 
@@ -86,7 +86,7 @@ def test_a_folder_that_a_refused_campaign_made_is_removed(tmp_path):
 def test_a_lock_is_released_when_its_process_dies(tmp_path):
     path = tmp_path / "lock"
     code = (
-        "import sys; from pathlib import Path; from insenv.base.lock import exclusive\n"
+        "import sys; from pathlib import Path; from insenv.base.output import exclusive\n"
         f"with exclusive(Path({str(path)!r})):\n  print('held', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from text_logs import N, imu_rows, si
 
-from insenv.logs.sampling import missing_samples, sampling
+from insenv.logs.inertial import missing_samples, sampling
 
 
 def test_irregular_steps_are_no_gaps(folder):

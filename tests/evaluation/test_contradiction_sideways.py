@@ -8,7 +8,7 @@ from places import ROOT
 
 import insenv
 from insenv import attitude
-from insenv.evaluation.sideways import sideways_notes
+from insenv.evaluation.contradiction import sideways_notes
 
 TIME = np.arange(0.0, 60.0, 0.5)
 

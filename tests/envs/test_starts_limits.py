@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import insenv
-from insenv.envs.episode_limits import between, episode_limits
+from insenv.envs.starts import between, episode_limits
 from insenv.scenario import load, plant_of
 
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated_log import simulated_log
 
-from insenv.logs.unit_noise import noise_at_rest, noise_in_motion
+from insenv.logs.assumed_unit import noise_at_rest, noise_in_motion
 from insenv.scenario import load
 from insenv.sensors import imu_grade
 

@@ -1,6 +1,6 @@
 """Answers that wait for their turn."""
 
-from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
+from insenv.mavlink.commands import AT_ONCE, PEERS, WAITING, Outbox
 
 
 def test_answers_are_bounded_and_each_peer_has_its_turn():

@@ -7,7 +7,7 @@ from streamed_vehicle import estimate
 
 from insenv import geodesy
 from insenv.base.errors import InputError
-from insenv.mavlink.received import Origin, estimate_of
+from insenv.mavlink.score import Origin, estimate_of
 
 NAN = float("nan")
 ORIGIN = Origin(0.8, 0.2, 100.0, 1.7e9)

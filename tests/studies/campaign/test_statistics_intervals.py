@@ -6,7 +6,7 @@ from campaigns import car, small_plan
 from scipy import stats
 
 from insenv.studies.campaign import make_plan, run_campaign
-from insenv.studies.campaign.intervals import horizontal, percentile, root_mean_square
+from insenv.studies.campaign.statistics import horizontal, percentile, root_mean_square
 
 
 def test_intervals_cover_the_truth_as_often_as_they_say():

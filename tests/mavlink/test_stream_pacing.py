@@ -3,7 +3,7 @@
 import pytest
 from streamed_vehicle import Clock
 
-from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
+from insenv.mavlink.stream import BURST_MESSAGES, GIVE_UP_S, Pacer
 
 
 def test_deadlines_are_absolute_and_bursts_have_pauses():

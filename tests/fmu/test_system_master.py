@@ -10,9 +10,9 @@ from fmu_tools import scratch
 
 from insenv import run
 from insenv.base.errors import InputError, InsenvError
-from insenv.fmu import export_ssp, master, run_ssp, stepping
+from insenv.fmu import export_ssp, run_ssp, system
 from insenv.fmu.instance import Instance, Ports, Step
-from insenv.fmu.stepping import Plan
+from insenv.fmu.system import KINDS, STEP, Plan, Stopped, interpreted, native
 
 backends = pytest.mark.parametrize("backend", ("native", "interpreter"))
 LOOP = ("ship-swaying", "qakf-improved", 2)
@@ -56,9 +56,9 @@ def test_a_failed_step_is_reported_with_its_component_and_reason(path, backend):
 
 def test_a_component_that_ends_the_simulation_gives_the_rows_until_then(path, monkeypatch):
     whole = run_ssp(path, stop_time=0.5)
-    stopped = stepping.Stopped(0, stepping.STEP, 3)
+    stopped = Stopped(0, STEP, 3)
     monkeypatch.setattr(Instance, "ends", lambda self, status: True)
-    monkeypatch.setattr(master, "make_steps", lambda block, steps, progress: (block(0, 42)[0], stopped))
+    monkeypatch.setattr(system, "make_steps", lambda block, steps, progress: (block(0, 42)[0], stopped))
     found = run_ssp(path, stop_time=0.5, every=4)
     assert found.ended and not whole.ended
     assert (found.steps, len(found.time)) == (40, 10)
@@ -70,7 +70,7 @@ def flags_of():
 
 
 def test_values_of_all_types_pass_natively_as_in_python():
-    kinds = [np.dtype(kind) for kind in stepping.KINDS]
+    kinds = [np.dtype(kind) for kind in KINDS]
     pairs = [(a, b) for a in kinds for b in kinds if np.can_cast(a, b, "safe")]
     assert len(pairs) > 40
     limits = {kind: (0, 1) if kind.kind == "b" else (-7, 9) for kind in kinds}
@@ -96,13 +96,13 @@ def test_values_of_all_types_pass_natively_as_in_python():
         return values
 
     for version in (2, 3):
-        found = outputs(stepping.native, version)
-        np.testing.assert_array_equal(found, outputs(stepping.interpreted, version))
+        found = outputs(native, version)
+        np.testing.assert_array_equal(found, outputs(interpreted, version))
         wanted = [value for a, _ in pairs for value in rows[a].astype(float)]
         np.testing.assert_array_equal(found[1, 2 * len(kinds) :], wanted)
 
 
-@pytest.mark.parametrize("make", [stepping.native, stepping.interpreted])
+@pytest.mark.parametrize("make", [native, interpreted])
 def test_the_flag_of_fmi_3_ends_the_simulation(make):
     flags = flags_of()
 
@@ -113,7 +113,7 @@ def test_the_flag_of_fmi_3_ends_the_simulation(make):
     function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)(advance)
     step = Step(lambda now, step: advance(1, now, step), ctypes.cast(function, ctypes.c_void_p).value, flags)
     part = Ports("part", 3, 1, [], [], {}, {"y": (np.zeros(1), 0)}, step)
-    assert make(Plan([part], np.empty((9, 1)), 0.0, 1.0, 1))(0, 9) == (3, stepping.Stopped(0, stepping.STEP, 0))
+    assert make(Plan([part], np.empty((9, 1)), 0.0, 1.0, 1))(0, 9) == (3, Stopped(0, STEP, 0))
 
 
 def test_a_connection_that_loses_values_is_refused():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insenv.core.seeding import FEW, first_uniforms
+from insenv.core.noise import FEW, first_uniforms
 
 
 @pytest.mark.parametrize("number", [0, 1, FEW, FEW + 1, 300])

@@ -1,0 +1,218 @@
+"""The command `insenv tune`: how a filter should be tuned."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from insenv.base.errors import InputError, nearest
+from insenv.base.output import check_output_file
+from insenv.cli.options import (
+    Duration,
+    Estimator,
+    FirstSeed,
+    Json,
+    NoFigure,
+    Out,
+    Scenario,
+    Settings,
+    deferred,
+    given_path,
+    one,
+)
+
+
+@deferred
+def tune(
+    source: Annotated[str, typer.Argument(metavar="SCENARIO|LOG", help="A scenario, or a recorded log as of `insenv replay`.")],
+    estimator: Estimator,
+    keys: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--key", "-k", metavar="KEY", help="Parameter to tune, by its key; may be given more than once."),
+    ] = None,
+    runs: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option("--runs", "-n", metavar="N", help="Of a scenario: seeds on which to search; 8 by default."),
+    ] = None,
+    held_out: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(metavar="N", help="Of a scenario: further seeds on which to judge; 32 by default."),
+    ] = None,
+    evaluations: Annotated[int, typer.Option(metavar="N", help="About how many sets of factors to try.")] = 200,
+    seed: FirstSeed = None,
+    duration: Duration = None,
+    settings: Settings = None,
+    out: Out = None,
+    no_figure: NoFigure = False,
+    as_json: Json = False,
+) -> None:
+    """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
+    from insenv.cli.output import print_result, working
+    from insenv.estimators.settings import parsed_settings
+    from insenv.report import OutputFolder, write_document
+    from insenv.studies.tune import tune as search
+
+    id, given = one(estimator) or "", parsed_settings(settings or [])
+    folder = None if out is None else OutputFolder(out)
+    with working(f"{source}, {id}") as progress:
+        found = search(
+            source, id, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
+            duration_s=duration, settings=given, progress=progress,
+        )  # fmt: skip
+        written = None if folder is None else write_document(found.document(), folder, not no_figure)
+    lines = [found.toml()] if found.is_better else []
+    unwritten = f"--out DIR writes {'this section' if found.is_better else 'what was found'}, the page and the figure"
+    print_result(found.document(), written, as_json, unwritten, lines)
+
+
+# The command `insenv train`: simulated runs, cross-validation, the trained file.
+
+LEARNERS = ("lssvm",)
+MOST_SEEDS = 10_000
+
+
+@deferred
+def train(
+    estimator: Annotated[str, typer.Argument(metavar="ESTIMATOR", help="Estimator to train: lssvm.")],
+    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO...", help="Scenarios to train on.")],
+    seeds: Annotated[str, typer.Option(metavar="A-B", help="Seeds of the runs, first to last.")] = "9001-9080",
+    duration: Duration = None,
+    support: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(metavar="N", help="Number of support vectors; the default is the largest that the estimator holds."),
+    ] = None,
+    as_printed: Annotated[
+        bool,
+        typer.Option("--as-printed", help="Raw differences as inputs, c = 15 and delta^2 = 0.2, as in the paper."),
+    ] = False,
+    out: Annotated[Path, typer.Option("--out", "-o", parser=given_path, metavar="FILE", help="File to write.")] = Path(
+        "lssvm.json"
+    ),
+    as_json: Json = False,
+) -> None:
+    """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""
+    from insenv.cli.output import print_json, print_line, print_table, working
+    from insenv.studies.learning.training import PRINTED, Choice, need_packages
+    from insenv.studies.learning.training import train as learn
+
+    if estimator not in LEARNERS:
+        raise InputError(f"estimator {estimator!r} cannot be trained{nearest(estimator, LEARNERS)}")
+    chosen = seed_range(seeds)
+    check_output_file(out)
+    need_packages()
+    choice = PRINTED if as_printed else Choice()
+    choice = choice if support is None else replace(choice, support=support)
+    with working("simulating") as progress:
+
+        def show(work: str, done: int, total: int) -> None:
+            progress.describe(work)
+            progress(done, total)
+
+        machine = learn(scenarios, chosen, duration_s=duration, choice=choice, progress=show)
+        machine.save(out)
+    training = machine.training
+    if as_json:
+        print_json({"file": str(out), "insenv": machine.insenv, **training})
+        return
+    scores, parameters = training["scores"], training["parameters"]
+    rows = [
+        ("runs", f"{training['runs_used']}; {training['runs_astray']} more left out because {training['filter']} diverged"),
+        ("samples", str(training["samples"])),
+        ("gamma, sigma", f"{parameters['gamma']:g}, {parameters['sigma']:g}, by {scores['folds']}-fold cross-validation"),
+        ("support vectors", str(parameters["support"])),
+        ("held-out error", f"{scores['relative_error']:.2g} of the misalignment, RMS"),
+        (
+            "residual, deg",
+            ", ".join(f"{v:.2g}" for v in scores["residual_deg"]) + " about north, east, down, small misalignments",
+        ),
+    ]
+    print_table(("trained", estimator), rows)
+    print_line()
+    print_line(f"written to {out}; a scenario uses it with [estimator.lssvm] file = {str(out)!r}")
+
+
+def seed_range(text: str) -> range:
+    """Seeds from ``A-B``, or the single seed ``A``.  Raises `InputError`."""
+    found = re.fullmatch(r"(\d{1,16})(?:-(\d{1,16}))?", text.strip())
+    first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
+    if not 0 <= first <= last <= 2**53 or last - first >= MOST_SEEDS:
+        raise InputError(f"seeds {text!r}: allowed is FIRST-LAST, such as 1-100, of at most {MOST_SEEDS} seeds")
+    return range(first, last + 1)
+
+
+# The command `insenv budget`: which source of error dominates.
+
+
+@deferred
+def budget(
+    scenario: Scenario,
+    estimator: Estimator,
+    runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of seeds.")] = 64,
+    seed: FirstSeed = None,
+    duration: Duration = None,
+    settings: Settings = None,
+    out: Out = None,
+    no_figure: NoFigure = False,
+    as_json: Json = False,
+) -> None:
+    """Say which source of error dominates: each alone, and all but it, on the same seeds."""
+    from insenv.cli.output import print_result, working
+    from insenv.estimators.settings import parsed_settings
+    from insenv.report import OutputFolder, write_document
+    from insenv.report.tables import runs_of
+    from insenv.scenario import load
+    from insenv.studies.budget import budget as share_out
+
+    id, given = one(estimator) or "", parsed_settings(settings or [])
+    folder = None if out is None else OutputFolder(out)
+    loaded = load(scenario)
+    with working(f"{loaded.name}, {runs_of(runs)}") as progress:
+        found = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
+        written = None if folder is None else write_document(found.document(), folder, not no_figure)
+    unwritten = "--out DIR writes the page, the figure and the contributions over time"
+    print_result(found.document(), written, as_json, unwritten)
+
+
+# The command `insenv allan`: what is my unit?
+
+
+@deferred
+def allan(
+    log: Annotated[
+        Path, typer.Argument(parser=given_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
+    ],
+    begin: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option("--from", metavar="S", help="Begin of the part to use; without it and --to the longest rest."),
+    ] = None,
+    end: Annotated[Optional[float], typer.Option("--to", metavar="S", help="End of the part to use.")] = None,  # noqa: UP045
+    grade: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(parser=given_path, metavar="FILE.toml", help='Write the grade file, for grade = "FILE.toml".'),
+    ] = None,
+    out: Out = None,
+    no_figure: NoFigure = False,
+    as_json: Json = False,
+) -> None:
+    """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
+    from insenv.cli.output import print_result, working
+    from insenv.report import OutputFolder
+    from insenv.studies.allan import allan as measure
+    from insenv.studies.allan_result import assumed, check_grade, document, write_files, write_grade
+
+    check_grade(grade)
+    folder = None if out is None else OutputFolder(out)
+    with working(log.name) as progress:
+        found = measure(log, from_s=begin, to_s=end, progress=progress)
+        if grade is not None:
+            write_grade(found, grade)
+        written = None if folder is None else write_files(found, folder, grade, not no_figure)
+    at = grade if grade is not None or written is None else written.paths[1]
+    told = [] if grade is None else [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit']
+    told += [assumed(found)] if at is not None else []
+    unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
+    print_result(document(found, None if at is None else str(at)), written, as_json, unwritten, told)
