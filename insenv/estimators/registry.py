@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from insenv.base.errors import InputError
 from insenv.base.plugins import Plugins
-from insenv.base.resources import scenario_folder
+from insenv.base.resources import scenario_names
 from insenv.base.shipped import ESTIMATORS
 from insenv.base.toml import shown
 from insenv.estimators.contract import Estimator
@@ -18,16 +18,12 @@ def _id(thing: Estimator) -> str:
     return thing.id
 
 
-def _scenarios() -> set[str]:
-    return {path.stem for path in scenario_folder().glob("*.toml")}
-
-
 _PLUGINS: Plugins[Estimator] = Plugins(
     "estimator",
     "insenv.estimators",
     _id,
     ESTIMATORS,
-    ("a scenario", _scenarios),
+    ("a scenario", scenario_names),
 )
 
 
