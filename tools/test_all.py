@@ -30,6 +30,8 @@ PYTHON = sys.executable
 SIDE_BY_SIDE = ("-n", "2", "--dist", "worksteal")
 NAMED = ("tests/fmu", "tests/web", "tests/mavlink", "tests/project", "tests/studies/learning", "tests/envs/test_sb3.py")
 """Tests whose slow part is a target of its own."""
+SITE_TESTS = "tests/project/test_site.py"
+"""They need a site that has been built: the target `site`."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,11 @@ TARGETS = (
     Target("fmu", "FMUs: all models, platforms, importers", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/fmu")),
     Target("mavlink", "streams: MAVProxy, tshark, floods", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/mavlink")),
     Target("web", "pages in Chromium and Node, TypeScript", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/web")),
-    Target("pages", "every command of the pages, examples, the wheel", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/project")),
+    Target(
+        "pages",
+        "every command of the pages, examples, the wheel",
+        pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/project", f"--ignore={SITE_TESTS}"),
+    ),
     Target("learning", "training", pytest=("-m", "slow", "tests/studies/learning", "tests/envs/test_sb3.py")),
     Target(
         "site",
@@ -83,7 +89,7 @@ TARGETS = (
                 "build/docs/html",
             ),
         ),
-        ("--noconftest", "tests/project/test_site.py"),
+        ("--noconftest", SITE_TESTS),
     ),
     Target("mutants", "faults that the tests find", ((PYTHON, "tools/mutants.py"),)),
 )
