@@ -7,7 +7,7 @@ A package that declares entry points is known wherever it is installed, in worke
     [project.entry-points."insenv.vehicles"]
     trolley = "my_package.trolley:TrolleySection"
     [project.entry-points."insenv.sensors"]
-    compass = "my_package.compass:CompassSection"
+    airspeed = "my_package.airspeed:AIRSPEED"
 """
 
 from __future__ import annotations
@@ -20,25 +20,28 @@ from insenv.base.toml import shown
 from insenv.estimators import Estimator
 from insenv.sensors import SensorSection
 from insenv.sensors import registry as sensors
+from insenv.sensors.instrument import Instrument
 from insenv.vehicles import VehicleSection
 from insenv.vehicles import registry as vehicles
 
-Thing = TypeVar("Thing", Estimator, type[VehicleSection], type[SensorSection])
+Thing = TypeVar("Thing", Estimator, type[VehicleSection], type[SensorSection], Instrument)
 
 
 def register(thing: Thing) -> Thing:
     """Make an estimator, a kind of vehicle or a sensor known by its name in this process; returns it.
 
-    thing: an `Estimator`; a subclass of `VehicleSection`; a subclass of `SensorSection`.  As the last two are classes,
-    `register` may decorate them.  Raises `InputError` for anything else, for a name that is taken or not allowed, and for a
+    thing: an `Estimator`; a subclass of `VehicleSection`; an `Instrument`; a subclass of `SensorSection`.  `register` may
+    decorate the classes.  Raises `InputError` for anything else, for a name that is taken or not allowed, and for a
     class that lacks a method.
     """
     if isinstance(thing, Estimator):
         return estimators.register(thing)
     if isinstance(thing, type) and issubclass(thing, VehicleSection):
         return vehicles.register(thing)
-    if isinstance(thing, type) and issubclass(thing, SensorSection):
-        return sensors.register(thing)
+    if isinstance(thing, Instrument) or (isinstance(thing, type) and issubclass(thing, SensorSection)):
+        sensors.register(thing)
+        return thing
     raise InputError(
-        f"register({shown(thing)}): allowed is an Estimator, a subclass of VehicleSection or a subclass of SensorSection"
+        f"register({shown(thing)}): allowed is an Estimator, a subclass of VehicleSection, an Instrument or a subclass of "
+        "SensorSection"
     )

@@ -76,11 +76,11 @@ def pages(markdown: Markdown) -> dict[str, dict[str, Part]]:
 
 def states(markdown: Markdown) -> str:
     """The error states by name."""
-    owner = {state.name: aid for aid, own in available.OF_AID.items() for state in own}
+    owner = {state.name: aid for aid, own in available.states_by_aid().items() for state in own}
     rows = [
         [f"`{name}`", f"{state.size}", state.value.unit, state.value.meaning.removeprefix("Estimated "),
          _shown_by(owner.get(name)), f"`{state.sigma}`", f"`{state.time}`" if state.time else "constant"]
-        for name, state in available.STATES.items()
+        for name, state in available.all_states().items()
     ]  # fmt: skip
     return markdown(("state", "size", "SI unit", "what it is", "needs the aid", "sigma at the start", "correlation time"), rows)
 
@@ -94,7 +94,7 @@ def aids(markdown: Markdown) -> str:
     rows = [
         [f"`{id}`", aid.title, f"{aid.size}: {aid.what}", ", ".join(f"`[{sensor}]`" for sensor in aid.sensors),
          ", ".join(f"`{row.name}`" for row in aid.parameters)]
-        for id, aid in available.AIDS.items()
+        for id, aid in available.all_aids().items()
     ]  # fmt: skip
     return markdown(("aid", "what it is", "components", "section", "parameters"), rows)
 

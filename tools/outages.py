@@ -16,19 +16,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 import insenv
-from insenv import attitude
+from insenv.core.model import Values
 from insenv.estimators import get_all
 from insenv.estimators.contract import Estimator
-from insenv.evaluation.limits.aids import Aid, View
+from insenv.evaluation.limits.aids import Aid, aid_of
 from insenv.evaluation.limits.bound import blocks_of, layout_of
 from insenv.evaluation.limits.paths import error_paths
-from insenv.evaluation.limits.steps import DV, PSI
 from insenv.scenario import build, load
 from insenv.scenario.limits import TRAJECTORY_SEED, prior_of
+from insenv.sensors.odometer import ODOMETER, axis
 
 Array = NDArray[np.float64]
 
@@ -85,32 +86,22 @@ def cases() -> tuple[Case, ...]:
     )
 
 
-def wheels_of(odometer: Aid, rows: dict[str, Any]) -> Aid:
-    """The odometer with two more components: wheels move neither sideways nor off the road; rows: the plant's parameters."""
-    arm = np.asarray(rows["odometer_lever_arm_b"])
-    C_bv = attitude.numeric.to_dcm(attitude.numeric.from_rotation_vector(np.asarray(rows["odometer_mounting"])))
+def wheels_of(rows: dict[str, Any], interval: float, speed: bool) -> Aid:
+    """Wheels that move neither sideways nor off the road, and the odometer with its speed or without.
 
-    def linear(seen: View) -> tuple[Array, dict[str, Array]]:
-        forward, own = odometer.linear(seen)
-        nav = np.zeros((len(forward), 3, 9))
-        nav[:, :, DV] = C_bv.T @ seen.C_be
-        nav[:, :, PSI] = C_bv.T @ seen.turned(seen.steps.velocity_n)
-        nav[:, :1] = forward
-        sources = {name: np.pad(columns, ((0, 0), (0, 2), (0, 0))) for name, columns in own.items()}
-        sources["odometer mounting"] = attitude.numeric.skew((seen.velocity_b + np.cross(seen.rate_b, arm)) @ C_bv)
-        return nav, sources
+    rows: the plant's parameters; interval: of its samples, s.
+    """
+    (row,) = ODOMETER.values
 
-    return replace(odometer, noise=np.array([*odometer.noise, SIDEWAYS, SIDEWAYS]), linear=linear)
+    def measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
+        velocity_b = motion.body_velocity(p.odometer_lever_arm_b)
+        aside = (ca.dot(axis(number, p, e.mounting), velocity_b) for number in (1, 2))
+        forward = (ODOMETER.measure(motion, e, p)[row.name],) if speed else ()
+        return {row.name: ca.vertcat(*forward, *aside)}
 
-
-def without_speed(wheels: Aid) -> Aid:
-    """The wheels without the odometer: no component forward, and no error of it."""
-
-    def linear(seen: View) -> tuple[Array, dict[str, Array]]:
-        nav, own = wheels.linear(seen)
-        return nav[:, 1:], {name: columns[:, 1:] for name, columns in own.items()}
-
-    return replace(wheels, noise=wheels.noise[1:], linear=linear)
+    wheels = replace(ODOMETER, values=(replace(row, shape=(2 + speed,)),), measure=measure)
+    made = aid_of(wheels, rows, interval)
+    return replace(made, noise=np.array([*(made.noise[:1] if speed else ()), SIDEWAYS, SIDEWAYS]))
 
 
 def largest(time: Array, error: Array, outages: Array) -> Array:
@@ -126,8 +117,7 @@ def least(case: Case, outages: Array, recorded: Array) -> tuple[float, float]:
     aids = {aid.id: aid for aid in layout.aids}
     odometer = aids.pop("odometer", None)
     if odometer is not None and (case.odometer or case.wheels):
-        known = wheels_of(odometer, rows) if case.wheels else odometer
-        aids["odometer"] = known if case.odometer else without_speed(known)
+        aids["odometer"] = wheels_of(rows, interval, case.odometer) if case.wheels else odometer
     layout = replace(layout, aids=tuple(aids.values()))
     blocks = blocks_of(plant.model, rows, interval, plant.samples, layout)
     paths = error_paths(blocks, layout, prior_of(plant.scenario.knowledge), outages, DRAWS, seed=1)

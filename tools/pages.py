@@ -28,7 +28,7 @@ from insenv.logs.description import GnssSection as LogGnssSection
 from insenv.logs.description import ImuSection as LogImuSection
 from insenv.logs.description import ReferenceSection as LogReferenceSection
 from insenv.logs.flight.description import FlightDescription
-from insenv.logs.instrument_sections import SECTIONS as LOG_INSTRUMENTS
+from insenv.logs.instruments import section_of
 from insenv.scenario import description, json_schema
 from insenv.scenario.description import GravitySection
 from insenv.scenario.tracks.fmu_section import FmuSection, Outputs
@@ -37,11 +37,11 @@ from insenv.scenario.tracks.section import RecordedSection
 from insenv.scenario.tracks.waypoints import Waypoint, WaypointsSection
 from insenv.sensors import GnssSection, ImuSection
 from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
-from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
+from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, GNSS_STATED
 from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
-from insenv.sensors.instruments import GNSS_TOLD, INSTRUMENTS
-from insenv.sensors.registry import registered
+from insenv.sensors.registry import instruments, registered
+from insenv.sensors.sampled import Sampled
 from insenv.vehicles import section as legs
 from insenv.vehicles.aircraft import AircraftLeg, AircraftSection
 from insenv.vehicles.car import CarLeg, CarSection
@@ -89,7 +89,7 @@ SCENARIO_SECTIONS: Sections = (
     ("[vehicle.outputs]", Outputs),
     ("[imu]", ImuSection),
     ("[gnss]", GnssSection),
-    *((f"[{id}]", section) for id, section in registered().items() if id in INSTRUMENTS),
+    *((f"[{id}]", section) for id, section in registered().items() if id in instruments()),
     ("[gravity]", GravitySection),
     ("[knowledge]", description.KnowledgeSection),
 )
@@ -97,7 +97,7 @@ LOG_SECTIONS: Sections = (
     ("top level", LogDescription),
     ("[imu]", LogImuSection),
     ("[gnss]", LogGnssSection),
-    *((f"[{id}]", section) for id, section in LOG_INSTRUMENTS.items()),
+    *((f"[{id}]", section) for id, section in ((id, section_of(each)) for id, each in instruments().items())),
     ("[reference]", LogReferenceSection),
     ("[initial]", InitialSection),
     ("[evaluation]", EvaluationSection),
@@ -209,19 +209,19 @@ def rows_table(table: Table) -> str:
     return markdown(head, ([f"`{r.name}`", _shape(r), r.unit, r.frame, _start(r), r.meaning] for r in table))
 
 
-def instrument_tables(part: Literal["measurement", "told"]) -> str:
+def instrument_tables(part: Literal["measurement", "stated_errors"]) -> str:
     """The measurement rows of every instrument, or what an estimator is told of each."""
-    tables = [(f"{each.title} (`{id}`)", getattr(each, part)) for id, each in INSTRUMENTS.items()]
-    tables += [("GNSS receiver (`gnss`)", GNSS_TOLD)] if part == "told" else []
+    tables = [(f"{each.title} (`{id}`)", getattr(each, part)) for id, each in instruments().items()]
+    tables += [("GNSS receiver (`gnss`)", GNSS_STATED)] if part == "stated_errors" else []
     return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
 
 
 def instrument_grades() -> str:
     """The catalogue of each instrument: its grades, their figures and the source of each."""
     parts = []
-    for id, each in INSTRUMENTS.items():
+    for id, each in instruments().items():
         parts.append(f"### {each.title} (`[{id}]`)\n")
-        for grade in registered()[id].grades.values():  # type: ignore[attr-defined]
+        for grade in each.grades.values():
             rows = ([f"`{name}`", _figure(value), grade.source(name)] for name, value in grade.figures.items())
             table = f"\n\n{markdown(['figure', 'value', 'source'], rows)}" if grade.figures else ""
             parts.append(f"`{grade.name}`: {grade.title}{table}\n")
@@ -230,10 +230,7 @@ def instrument_grades() -> str:
 
 def instrument_parameters() -> str:
     """The parameter rows of each instrument."""
-    from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
-
-    modules = (barometer, magnetometer, odometer, dvl, heading)
-    tables = ((each.EQUATIONS.instrument.title, each.EQUATIONS.all_parameters) for each in modules)
+    tables = ((each.title, Sampled(each).all_parameters) for each in instruments().values())
     return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
 
 
@@ -342,7 +339,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     **estimator_pages.pages(markdown),
     "docs/instruments.md": {
         "measurements": lambda: instrument_tables("measurement"),
-        "told": lambda: instrument_tables("told"),
+        "told": lambda: instrument_tables("stated_errors"),
         "parameters": instrument_parameters,
         "grades": instrument_grades,
     },

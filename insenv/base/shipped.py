@@ -46,10 +46,10 @@ VEHICLES = {
 # the order of the sensors of a plant: a new one comes last, and changes no random number of those before it
 SENSORS = {
     "gnss": "insenv.sensors.gnss:GnssSection",
-    "barometer": "insenv.sensors.barometer:BarometerSection",
-    "magnetometer": "insenv.sensors.magnetometer:MagnetometerSection",
-    "odometer": "insenv.sensors.odometer:OdometerSection",
-    "dvl": "insenv.sensors.dvl:DvlSection",
-    "heading": "insenv.sensors.heading:HeadingSection",
+    "barometer": "insenv.sensors.barometer:BAROMETER",
+    "magnetometer": "insenv.sensors.magnetometer:MAGNETOMETER",
+    "odometer": "insenv.sensors.odometer:ODOMETER",
+    "dvl": "insenv.sensors.dvl:DVL",
+    "heading": "insenv.sensors.heading:HEADING",
 }
 """Sensors beside the inertial unit by id."""

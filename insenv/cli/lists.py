@@ -62,7 +62,7 @@ def _known(what: What) -> dict[str, Rows]:
     from insenv import estimators
     from insenv.base.registration import titles
     from insenv.base.toml import summary
-    from insenv.estimators.fusion.available import AIDS, STATES
+    from insenv.estimators.fusion.available import all_aids, all_states
     from insenv.scenario import summaries
     from insenv.sensors import GNSS_GRADES, IMU_GRADES
     from insenv.sensors import registry as sensors
@@ -79,9 +79,11 @@ def _known(what: What) -> dict[str, Rows]:
             ]
         }
     if what is What.states:
-        return {"states": [{"name": name, "title": _what(state)} for name, state in STATES.items()]}
+        return {"states": [{"name": name, "title": _what(state)} for name, state in all_states().items()]}
     if what is What.aids:
-        return {"aids": [{"name": id, "title": f"{aid.title.removeprefix('the ')}: {aid.what}"} for id, aid in AIDS.items()]}
+        return {
+            "aids": [{"name": id, "title": f"{aid.title.removeprefix('the ')}: {aid.what}"} for id, aid in all_aids().items()]
+        }
     if what is What.vehicles:
         return {"vehicles": [{"kind": kind, "title": summary(section)} for kind, section in vehicles.registered().items()]}
     if what is What.sensors:

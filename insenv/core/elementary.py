@@ -233,6 +233,12 @@ def normal_pair(u1: Scalar, u2: Scalar) -> tuple[Scalar, Scalar]:
     return radius_s * s - radius, radius_s * polynomial(z, _COS_PI)
 
 
+def normals(uniforms: Any) -> Any:
+    """Independent standard normals (n) from an even number n of uniforms in (0, 1), as a column."""
+    pairs = [normal_pair(uniforms[i], uniforms[i + 1]) for i in range(0, uniforms.shape[0], 2)]
+    return ca.vertcat(*[number for pair in pairs for number in pair])
+
+
 # CasADi's operators without the search for their overload, while equations are traced.
 #
 # `x * y` of two SX takes 20 us in Python, of which the node takes 2: CasADi tries to convert both to numbers, arrays and sparse

@@ -23,8 +23,8 @@ from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import understated as motion_errors_understated
 from insenv.estimators.parts.finding import RATIO, Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
+from insenv.sensors import registry as sensor_registry
 from insenv.sensors.data_sheet import ImuDataSheet
-from insenv.sensors.instruments import TOLD
 
 _ZERO = np.zeros(3)
 
@@ -41,8 +41,8 @@ class Knowledge:
     rotation_error, thrust_error: scale factor and misalignment of gyros and accelerometers, 1 sigma, 1; 0: not stated.
     fix_wander_sigma (3, m, n), fix_wander_time (s): the part of a fix's position error that changes slowly; 0: not stated.
     antenna_lever_arm: IMU to antenna, b, m.
-    instruments: stated errors of the aiding instruments, by row name of `sensors.instruments.TOLD`; a row that is missing has
-    its start value there, which means "no such error".
+    instruments: stated errors of the receiver and of the aiding instruments, by row name of `sensors.registry.stated_rows`; a
+    row that is missing means "no such error".
     """
 
     latitude: float
@@ -70,16 +70,15 @@ class Knowledge:
     instruments: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in self.instruments:
-            TOLD.slice(name)
+        if self.instruments:
+            check_rows(self.instruments, sensor_registry.stated_rows())
 
     @cached_property
     def rows(self) -> dict[str, Any]:
-        """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``; told rows."""
+        """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``; stated errors."""
         own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("sensors", "instruments")}
         sheet = {f.name: getattr(self.sensors, f.name) for f in fields(self.sensors)}
-        told = {**TOLD.unpack(TOLD.start_vector()), **self.instruments}
-        return {**{f"start_{name}": value for name, value in own.items()}, **own, **sheet, **told}
+        return {**{f"start_{name}": value for name, value in own.items()}, **own, **sheet, **self.instruments}
 
     def rows_of(self, table: Table) -> dict[str, Any]:
         """The values of those rows of a table that are in `rows`."""
@@ -87,10 +86,8 @@ class Knowledge:
 
     @staticmethod
     def field_of(row: str) -> str:
-        """The name of the field whose value `rows` has under the name `row`; empty if there is none, or if it is told."""
+        """The name of the field whose value `rows` has under the name `row`; empty if there is none."""
         own = {f.name for f in fields(Knowledge)} - {"sensors", "instruments"}
-        if row in TOLD:
-            return ""
         if row in own or row in {f.name for f in fields(ImuDataSheet)}:
             return row
         field = row.removeprefix("start_")
@@ -159,8 +156,8 @@ class Estimator:
         with its own tuning on top.
     smoothing: the two passes of such an estimator.
     read_file: parameter rows from the file that its tuning key `file` names.  None: it takes no file.
-    choices: keys of its section that take lists of names, and the names that are allowed.
-    settable: the parameter rows that its section may set.  None: those of the model.
+    choices: gives the keys of its section that take lists of names, and the names that are allowed.  None: there are none.
+    settable: the parameter rows that its section may set, or what gives them.  None: those of the model.
     adapt: ``(known, drive, names by those keys) -> Estimator`` of the same id: the one that runs there (`adapted`).  None: it
         is the same everywhere.
     findings: ``(parameters by row name) -> Finding, ...``: what the outputs at the end of a run may show; of those
@@ -187,8 +184,8 @@ class Estimator:
     smooths: str = ""
     smoothing: Smoothing | None = None
     read_file: Callable[[str], Mapping[str, Any]] | None = None
-    choices: Choices = field(default_factory=dict, hash=False)
-    settable: Table | None = None
+    choices: Callable[[], Choices] | None = None
+    settable: Table | Callable[[], Table] | None = None
     adapt: Callable[[Knowledge, Drive, Choices], Estimator] | None = None
     causes: Mapping[str, str] = field(default_factory=dict, hash=False)
     findings: Callable[[Mapping[str, Any]], tuple[Finding, ...]] | None = None
@@ -234,6 +231,17 @@ class Estimator:
     def title(self) -> str:
         """One line for listings."""
         return self.model.title
+
+    @property
+    def settable_rows(self) -> Table:
+        """The parameter rows that its section may set."""
+        rows = self.model.parameters if self.settable is None else self.settable
+        return rows if isinstance(rows, Table) else rows()
+
+    @property
+    def lists_of_names(self) -> Choices:
+        """The keys of its section that take lists of names, and the names that are allowed."""
+        return {} if self.choices is None else self.choices()
 
     @property
     def navigates(self) -> bool:
@@ -334,7 +342,7 @@ class Estimator:
         return {**tunings.get(self.smooths, {}), **tunings.get(self.id, {})}
 
     def _unchosen(self, name: str) -> bool:
-        return self.settable is not None and name in self.settable and name not in self.model.parameters
+        return self.settable is not None and name in self.settable_rows and name not in self.model.parameters
 
     def _given(self, tunings: Mapping[str, Mapping[str, Any]] | None, rows: Mapping[str, Any] | None) -> dict[str, Any]:
         """The parameter rows that are set, by name."""

@@ -109,7 +109,7 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
     a file that cannot be read.
     """
     estimator = get(estimator)
-    known = _keys(estimator.model.parameters if estimator.settable is None else estimator.settable)
+    known = _keys(estimator.settable_rows)
     rows: dict[str, Any] = {}
     faults: list[str] = []
     try:
@@ -117,7 +117,7 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
     except InputError as error:
         faults.append(str(error))
     for key, value in table.items():
-        if key in estimator.choices:
+        if key in estimator.lists_of_names:
             continue
         where = f"estimator.{estimator.id}.{key}"
         try:
@@ -137,12 +137,12 @@ def _rows_of(
     value: Any,
 ) -> dict[str, Any]:
     """The rows that one key sets; `before`: those set by others."""
-    parameters = estimator.model.parameters if estimator.settable is None else estimator.settable
+    parameters = estimator.settable_rows
     rows: dict[str, Any] = {}
     if key == FILE and estimator.read_file is not None:
         return dict(_from_file(where, estimator.read_file, value))
     if key not in known:
-        allowed = [*known, *estimator.choices, *([FILE] if estimator.read_file is not None else [])]
+        allowed = [*known, *estimator.lists_of_names, *([FILE] if estimator.read_file is not None else [])]
         raise InputError(f"{where}: unknown key{nearest(key, sorted(allowed), DOCUMENTED)}")
     for row, convert in known[key]:
         if row.name in before or row.name in rows:
@@ -178,7 +178,7 @@ def choices_in(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str
     """The lists of names in `table` by the keys `Estimator.choices`.  Raises `InputError` for another value or name."""
     estimator = get(estimator)
     found: dict[str, tuple[str, ...]] = {}
-    for key, allowed in estimator.choices.items():
+    for key, allowed in estimator.lists_of_names.items():
         if key not in table:
             continue
         where, names = f"estimator.{estimator.id}.{key}", table[key]

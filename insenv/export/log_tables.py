@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from insenv.logs import GnssFixes, RecordedLog, Reference
 from insenv.logs.recorded import Readings
+from insenv.sensors import registry
+from insenv.sensors.instrument import Column
 from insenv.sensors.units import ZERO_CELSIUS
 
 Array = NDArray[np.float64]
@@ -49,14 +51,10 @@ GNSS_VELOCITY: dict[str, Any] = {
     "velocity": _NED_VELOCITY,
     "velocity_sigma": [f"velocity_sigma_{axis}_mps" for axis in ("north", "east", "down")],
 }
-INSTRUMENTS: dict[str, dict[str, Any]] = {
-    "barometer": {**_TIME, "height": "height_m"},
-    "magnetometer": {**_TIME, "field": [f"field_{axis}_t" for axis in "xyz"], "field_unit": "T", "axes": "FRD"},
-    "odometer": {**_TIME, "speed": "speed_mps", "speed_unit": "m/s"},
-    "dvl": {**_TIME, "velocity": [f"velocity_{axis}_mps" for axis in "xyz"], "axes": "FRD"},
-    "heading": {**_TIME, "azimuth": "azimuth_rad", "azimuth_sigma": "azimuth_sigma_rad", "azimuth_unit": "rad"},
-}
-_BASELINE = {"baseline": [f"baseline_{axis}_m" for axis in ("north", "east", "down")]}
+_SUFFIXES = {"m": "m", "m/s": "mps", "rad": "rad", "T": "t"}
+"""Ends of the names of columns, by SI unit; one without a unit has none."""
+_COMPONENTS = {"n": ("north", "east", "down")}
+"""Names of the components by frame; x, y, z in others."""
 _ATTITUDE: dict[str, Any] = {"roll": "roll_rad", "pitch": "pitch_rad", "heading": "heading_rad", "attitude_unit": "rad"}
 
 
@@ -73,8 +71,21 @@ def gnss_keys(fixes: GnssFixes) -> dict[str, Any]:
 
 def instrument_keys(readings: Readings) -> dict[str, Any]:
     """The keys of an instrument's section for the columns of `instrument_columns`."""
-    baseline = _BASELINE if "heading_baseline_n" in readings.rows else {}
-    return {**INSTRUMENTS[readings.id], **baseline, **(_AGE if readings.age is not None else {})}
+    instrument = registry.instruments()[readings.id]
+    keys = dict(_TIME)
+    for column in _measured(readings):
+        row = instrument.measurement[column.row]
+        ends = [column.key, *(f"{column.key}_{part}" for part in _COMPONENTS.get(row.frame, "xyz"))]
+        names = ["_".join(filter(None, (end, _SUFFIXES.get(row.unit, "")))) for end in ends]
+        keys[column.key] = names[1:] if row.size == 3 else names[0]
+        if column.units and not column.unit_key:
+            keys[f"{column.key}_unit"] = next(unit for unit, size in column.units.items() if size == 1.0)
+        keys |= {"axes": "FRD"} if column.axes else {}
+    return keys | (_AGE if readings.age is not None else {})
+
+
+def _measured(readings: Readings) -> list[Column]:
+    return [column for column in registry.instruments()[readings.id].columns if column.row in readings.rows]
 
 
 def reference_keys(reference: Reference) -> dict[str, Any]:
@@ -111,14 +122,10 @@ def gnss_columns(fixes: GnssFixes) -> Columns:
 
 def instrument_columns(readings: Readings) -> Columns:
     """The measurements by arrival, with their age, or by time of validity where there is no arrival."""
-    named = instrument_keys(readings)
-    columns = [
-        name
-        for key, value in named.items()
-        if key in ("height", "field", "speed", "velocity", "azimuth", "azimuth_sigma", "baseline")
-        for name in ([value] if isinstance(value, str) else value)
-    ]
-    return {**_stamps(readings), **_vector(columns, readings.values)}
+    keys = instrument_keys(readings)
+    named = [keys[column.key] for column in _measured(readings)]
+    names = [name for value in named for name in ([value] if isinstance(value, str) else value)]
+    return {**_stamps(readings), **_vector(names, readings.values)}
 
 
 def reference_columns(reference: Reference) -> Columns:

@@ -17,15 +17,15 @@ from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.export import log_tables
 from insenv.export.text_log import file_of
 from insenv.export.tracks import degrees_of
-from insenv.logs import GnssFixes, LogDescription, RecordedLog, Reference
+from insenv.logs import GnssFixes, RecordedLog, Reference
 from insenv.logs.build import COLDEST, HOTTEST
 from insenv.logs.inertial import Gaps
-from insenv.logs.instrument_sections import SECTIONS
+from insenv.logs.instruments import description_class, section_of
 from insenv.logs.recorded import Readings
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.scenario.chunks import bridge_lost, chunks
+from insenv.sensors import registry
 from insenv.sensors.imu import FIGURES
-from insenv.sensors.instruments import INSTRUMENTS
 from insenv.sensors.units import ZERO_CELSIUS
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def _log(plant: Plant, columns: Mapping[str, Array]) -> RecordedLog:
     scenario, time, lost = plant.scenario, columns["time"], columns["lost"].astype(bool)
     if lost.all():
         raise InputError(f"scenario {scenario.name!r}: every inertial sample is lost: there is nothing to record")
-    readings = tuple(_readings(id, columns) for id in INSTRUMENTS if id in scenario.sensors)
+    readings = tuple(_readings(id, columns) for id in registry.instruments() if id in scenario.sensors)
     gnss = _fixes(columns) if scenario.gnss is not None else None
     roll, pitch, heading = attitude.numeric.to_euler(columns["q_nb"])
     place = {name: columns[name] for name in ("latitude", "longitude", "height", "velocity_n")}
@@ -79,7 +79,7 @@ def _log(plant: Plant, columns: Mapping[str, Array]) -> RecordedLog:
         reference=reference,
         sources=(),
         notes=(*scenario.notes, *_left_out(plant, columns)),
-        description=LogDescription.model_validate(_description(plant, gnss, readings, reference)),
+        description=description_class().model_validate(_description(plant, gnss, readings, reference)),
         unit=scenario.imu.rows(scenario.rate_hz),
         instruments=tuple(each for each in readings if len(each.time)),
         told=plant.knowledge.instruments,
@@ -110,11 +110,12 @@ def _fixes(columns: Mapping[str, Array]) -> GnssFixes:
 
 
 def _readings(id: str, columns: Mapping[str, Array]) -> Readings:
-    given = INSTRUMENTS[id]
-    at = columns[given.new] != 0
-    values = np.concatenate([columns[name][at].reshape(int(at.sum()), -1) for name in given.values], axis=1)
-    arrival, age = columns["time"][at], columns[given.age][at]
-    return Readings(id, id, arrival - age, values, given.values, arrival, age)
+    instrument = registry.instruments()[id]
+    at = columns[instrument.new] != 0
+    names = tuple(row.name for row in instrument.values)
+    values = np.concatenate([columns[name][at].reshape(int(at.sum()), -1) for name in names], axis=1)
+    arrival, age = columns["time"][at], columns[instrument.age][at]
+    return Readings(id, id, arrival - age, values, names, arrival, age)
 
 
 def _has_place(columns: Mapping[str, Array]) -> bool:
@@ -125,7 +126,7 @@ def _has_place(columns: Mapping[str, Array]) -> bool:
 
 def _left_out(plant: Plant, columns: Mapping[str, Array]) -> list[str]:
     """Notes on sensors that the format of a log does not have."""
-    others = [id for id in plant.scenario.sensors if id != "gnss" and id not in INSTRUMENTS]
+    others = [id for id in plant.scenario.sensors if id != "gnss" and registry.instrument(id) is None]
     others += [] if _has_place(columns) else [f"temperatures of the unit beyond {COLDEST:g} to {HOTTEST:g} deg C"]
     return [f"the format of a log has no place for: {', '.join(others)}"] if others else []
 
@@ -173,7 +174,7 @@ def _sheet(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _kept(section: Any, id: str) -> dict[str, Any]:
     """The keys of an instrument's section in a scenario that a log has too: figures, places, water track."""
-    allowed = SECTIONS[id].model_fields
+    allowed = section_of(registry.instruments()[id]).model_fields
     return {name: value for name, value in section.model_dump(mode="json", exclude_none=True).items() if name in allowed}
 
 

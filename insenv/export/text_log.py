@@ -12,7 +12,8 @@ from insenv.export import log_tables
 from insenv.logs import LogDescription, RecordedLog
 from insenv.logs.columns import FileSection, MeasurementSection
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, ReferenceSection, columns_of
-from insenv.logs.instrument_sections import SECTIONS
+from insenv.logs.instruments import section_of
+from insenv.sensors import registry
 
 # Values of a TOML file as text.
 
@@ -106,7 +107,7 @@ _HEAD = """# A recorded log: insenv replay {name}.toml -e ID --start stated star
 
 def _common(description: LogDescription) -> dict[str, Any]:
     """The keys that do not belong to a table; start_s and stop_s have had their effect."""
-    sections = {"imu", "gnss", "reference", *SECTIONS}
+    sections = {"imu", "gnss", "reference", *registry.instruments()}
     data = description.model_dump(mode="json", exclude_none=True, exclude_unset=True, exclude={"start_s", "stop_s", *sections})
     return {name: value for name, value in data.items() if value not in ({}, "")}
 
@@ -116,7 +117,8 @@ def _kept(log: RecordedLog, id: str) -> dict[str, Any]:
     section = getattr(log.description, id)
     if section is None:  # of a flight log, whose description has no instruments
         return {}
-    models: dict[str, type[FileSection]] = {"imu": ImuSection, "gnss": GnssSection, "reference": ReferenceSection, **SECTIONS}
+    models: dict[str, type[FileSection]] = {"imu": ImuSection, "gnss": GnssSection, "reference": ReferenceSection}
+    models |= {id: section_of(instrument) for id, instrument in registry.instruments().items()}
     drop = _AS_READ | set(columns_of(models[id]))
     data = section.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     return {name: value for name, value in data.items() if name not in drop}

@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.shipped import SENSORS
 from insenv.base.version import __version__
 from insenv.core.model import Model
 from insenv.core.tables import Vector
@@ -17,7 +18,6 @@ from insenv.fmu.sources import OVERRIDE, TOKEN, main_source
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import UNITS, Kind, Quantity, Unit, Variable, parts
 from insenv.fmu.variables import quantity as units_quantity
-from insenv.sensors.instruments import INSTRUMENTS
 
 _CAUSALITY = {  # of numbers; Booleans cannot be continuous
     Kind.TIME: ("independent", "continuous", None),
@@ -31,7 +31,7 @@ _CAUSALITY = {  # of numbers; Booleans cannot be continuous
 TERMINALS = {
     "imu": ("delta_angle", "delta_velocity", "dt", "imu_valid", "imu_temperature"),
     "gnss": ("gnss_",),
-    **{id: (f"{id}_",) for id in INSTRUMENTS},
+    **{id: (f"{id}_",) for id in SENSORS if id != "gnss"},
     "command": ("command_",),
     "truth": ("true_", "gyro_bias_true", "accel_bias_true"),
     "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height"),

@@ -126,7 +126,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
 
 def _choices(estimator: Estimator, settings: dict[str, Any]) -> dict[str, Any]:
     """The lists of names among the settings (`Estimator.choices`), which are taken out of them."""
-    return {name: settings.pop(name) for name in estimator.choices if name in settings}
+    return {name: settings.pop(name) for name in estimator.lists_of_names if name in settings}
 
 
 def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]:

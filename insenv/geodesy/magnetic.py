@@ -28,25 +28,18 @@ _LARGEST_TURN = 0.01
 """Largest change of longitude for it, rad: near a pole 10 km east are several turns."""
 
 
-def magnetic_field(
-    field_n: Any,
-    gradient: Any,
-    latitude: Scalar,
-    longitude: Scalar,
-    height: Scalar,
-    latitude0: Scalar,
-    longitude0: Scalar,
-    height0: Scalar,
+def displacement_n(
+    latitude: Scalar, longitude: Scalar, height: Scalar, latitude0: Scalar, longitude0: Scalar, height0: Scalar
 ) -> ca.SX:
-    """Field (3x1, T) in the n of a place, from the field (3x1, T) and the gradient (3x3, T/m) at another place (index 0).
+    """Way (3x1, m) along the curved Earth from a place (index 0) to another: north, east and down in their local n.
 
-    The way from there is (R_M + h) d(latitude), (R_N + h) cos(latitude) d(longitude), -d(height).
+    (R_M + h) d(latitude), (R_N + h) cos(latitude) d(longitude), -d(height).
     """
     s, c = sin_cos(latitude)
     R_M, R_N = radii(s)
     north = (latitude - latitude0) * (R_M + height)
     east = wrap_angle(longitude - longitude0) * (R_N + height) * c
-    return field_n + gradient @ ca.vertcat(north, east, height0 - height)
+    return ca.vertcat(north, east, height0 - height)
 
 
 def world_magnetic_model(latitude: float, longitude: float, height: float, year: float) -> tuple[Array, Array]:

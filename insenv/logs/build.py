@@ -22,10 +22,9 @@ from insenv.logs.readers import Column, Faults, TextTable
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, fixes_from_course
 from insenv.logs.rest import rest_rate_notes, rest_until, turn_notes
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
-from insenv.sensors import units
+from insenv.sensors import registry, units
 from insenv.sensors.contract import Place
 from insenv.sensors.imu_tables import without_thermal_errors
-from insenv.sensors.instruments import INSTRUMENTS
 
 # A receiver's values that a logger repeats in every row until the next ones arrive: each counts as one fix, at its first row.
 #
@@ -81,7 +80,7 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
     found = faults.attempt(lambda: _imu(description.imu, reader))
     gnss_section, reference_section = description.gnss, description.reference
     gnss = None if gnss_section is None else faults.attempt(lambda: _gnss(gnss_section, reader))
-    sections = {id: section for id in INSTRUMENTS if (section := getattr(description, id)) is not None}
+    sections = {id: section for id in registry.instruments() if (section := getattr(description, id, None)) is not None}
     found_readings = [faults.attempt(partial(instruments.read, id, section, reader)) for id, section in sections.items()]
     reference = None if reference_section is None else faults.attempt(lambda: _reference(reference_section, reader))
     faults.check()
@@ -121,9 +120,9 @@ def told_of(description: LogDescription, gnss: GnssFixes | None, readings: Seque
         place = Place(math.radians(initial.latitude_deg), math.radians(initial.longitude_deg), initial.height_m or 0.0)
     rows: dict[str, Any] = {}
     if gnss is not None and description.gnss is not None:
-        rows |= description.gnss.told()
+        rows |= description.gnss.stated_errors()
     for each in readings:
-        rows |= instruments.told(each.id, getattr(description, each.id), place)
+        rows |= instruments.stated_errors(each.id, getattr(description, each.id), place)
     return rows
 
 

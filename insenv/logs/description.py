@@ -14,13 +14,6 @@ from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vec
 from insenv.base.toml import PerAxis as Signed
 from insenv.logs import kf_gins
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, Sigma3
-from insenv.logs.instrument_sections import (
-    BarometerSection,
-    DvlSection,
-    HeadingSection,
-    MagnetometerSection,
-    OdometerSection,
-)
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
 from insenv.sensors.figures import largest
@@ -243,8 +236,8 @@ class GnssSection(PositionSection, MeasurementSection):
     wander_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "part of the position error that changes slowly, 1 sigma, N, E, D", "m")
     wander_time_s: Positive = key(60.0, "correlation time of that part", "s", le=1e9)
 
-    def told(self) -> dict[str, Any]:
-        """Stated errors of the receiver beside the fields of `Knowledge`: rows of `sensors.instruments.GNSS_TOLD`."""
+    def stated_errors(self) -> dict[str, Any]:
+        """Stated errors of the receiver beside the fields of `Knowledge`: rows of `sensors.gnss.GNSS_STATED`."""
         rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s}
         return {name: value for name, value in rows.items() if np.asarray(value).any()}
 
@@ -411,14 +404,9 @@ class AnyLog(Section):
 
 
 class LogDescription(AnyLog):
-    """A recorded log in text files."""
+    """A recorded log in text files; `insenv.logs.instruments.description_class` has the sections of its instruments too."""
 
     title: str = key(..., "one line for tables and figures", min_length=1)
     imu: ImuSection = key(..., "the inertial sensor")
     gnss: GnssSection | None = key(None, "GNSS fixes")
-    barometer: BarometerSection | None = key(None, "the barometer")
-    magnetometer: MagnetometerSection | None = key(None, "the magnetometer")
-    odometer: OdometerSection | None = key(None, "the odometer")
-    dvl: DvlSection | None = key(None, "the Doppler velocity log")
-    heading: HeadingSection | None = key(None, "the two-antenna heading")
     reference: ReferenceSection | None = key(None, "reference solution")

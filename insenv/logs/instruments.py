@@ -1,118 +1,149 @@
-"""Aiding instruments of a recorded log: their readings, and what estimators are told of them."""
+"""Aiding instruments of a recorded log: their sections, their readings, and what estimators are told of them.
+
+All of it follows from the declaration of the instrument (`insenv.sensors.instrument`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from functools import cache
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import AfterValidator, ValidationInfo, create_model, field_validator
 
 from insenv.base.errors import InputError
+from insenv.base.toml import Number, Positive, key
 from insenv.logs.assemble import LogReader
+from insenv.logs.columns import Column, Columns3, MeasurementSection
+from insenv.logs.description import LogDescription
 from insenv.logs.readers import TextTable
 from insenv.logs.recorded import Readings, delivered
-from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, axes_matrix, wrap
-from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
+from insenv.logs.units import Array, axes_matrix, wrap
+from insenv.sensors import registry
 from insenv.sensors.contract import Place
-from insenv.sensors.figures import FiguresSection
-from insenv.sensors.instruments import INSTRUMENTS
-from insenv.sensors.magnetometer import field_rows
-from insenv.sensors.sampled import Sampled
-from insenv.sensors.units import deg_to_rad
-
-FIELD_UNITS = {"T": 1.0, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7}
-"""unit -> T."""
+from insenv.sensors.instrument import Column as MeasuredColumn
+from insenv.sensors.instrument import Instrument
+from insenv.sensors.instrument_section import figures_of, setting_rows
 
 
-EQUATIONS: Mapping[str, Sampled] = {
-    "barometer": barometer.EQUATIONS,
-    "magnetometer": magnetometer.EQUATIONS,
-    "odometer": odometer.EQUATIONS,
-    "dvl": dvl.EQUATIONS,
-    "heading": heading.EQUATIONS,
-}
+def _check_axes(value: Any) -> Any:
+    axes_matrix(value)
+    return value
+
+
+Axes = Annotated[Any, AfterValidator(_check_axes)]
+_AXES = 'axes of the columns: "FRD", "FLU", ... (where x, y, z point), "+x-y-z" (body forward, right, down), or 3x3 C_bs'
+
+
+@cache
+def section_of(instrument: Instrument) -> type[MeasurementSection]:
+    """The section of a log with the columns of an instrument, its errors and its further keys."""
+    keys: dict[str, Any] = {}
+    validators: dict[str, Any] = {}
+    for column in instrument.columns:
+        keys |= _column_keys(instrument, column)
+        if column.constant:
+            validators[f"_{column.constant}"] = field_validator(column.constant)(_either(column.key, column.constant))
+    if any(column.axes for column in instrument.columns):
+        keys["axes"] = (Axes, key(..., _AXES))
+    for setting in instrument.settings:
+        default = ... if setting.needed else setting.default
+        keys[setting.key] = (setting.kind, key(default, setting.meaning, setting.unit))
+    bases: Any = (MeasurementSection, figures_of(instrument))
+    title = f"{instrument.called[0].upper()}{instrument.called[1:]}: its measurements and its errors."
+    return create_model(f"{instrument.id.title()}Section", __base__=bases, __doc__=title, __validators__=validators, **keys)
+
+
+def _column_keys(instrument: Instrument, column: MeasuredColumn) -> dict[str, Any]:
+    several = instrument.measurement[column.row].size == 3
+    kind: Any = Columns3 if several else Column
+    may_lack = column.optional or bool(column.constant)
+    meaning = f"{'columns' if several else 'column'} of the {column.meaning}"
+    keys: dict[str, Any] = {column.key: (kind | None if may_lack else kind, key(None if may_lack else ..., meaning))}
+    if column.units and not column.unit_key:
+        keys[f"{column.key}_unit"] = (Literal[tuple(column.units)], key(column.unit or ..., f"unit of the {column.key}"))
+    if column.offset:
+        keys[column.offset] = (
+            Number,
+            key(0.0, "added to the height: the geoid undulation for heights above mean sea level", "m"),
+        )
+    if column.constant:
+        what = f"constant {column.meaning}, where the log has none"
+        keys[column.constant] = (Positive | None, key(None, what, "deg", validate_default=True))
+    return keys
+
+
+def _either(column: str, constant: str) -> Any:
+    def check(value: Any, info: ValidationInfo) -> Any:
+        if column in info.data and (info.data[column] is None) == (value is None):
+            raise ValueError(f"give either {column} (a column) or {constant} (a number [deg])")
+        return value
+
+    return check
+
+
+def description_class() -> type[LogDescription]:
+    """`LogDescription` with an optional section for every registered instrument."""
+    return _with_sections(tuple(registry.instruments().values()))
+
+
+@cache
+def _with_sections(instruments: tuple[Instrument, ...]) -> type[LogDescription]:
+    keys: dict[str, Any] = {each.id: (section_of(each) | None, key(None, each.called)) for each in instruments}
+    return create_model("LogDescription", __base__=LogDescription, **keys)
 
 
 def read(id: str, section: Any, reader: LogReader) -> Readings:
     """The readings of a section.  Raises `InputError` for wrong columns or values."""
-    columns = [column for column in _columns(id, section) if column is not None]
-    table, stamp = reader.read(id, section, [*columns, *([] if section.age is None else [section.age])])
+    instrument = registry.instruments()[id]
+    present = [column for column in instrument.columns if getattr(section, column.key) is not None or column.constant]
+    names = [name for column in present for name in _names(section, column)]
+    table, stamp = reader.read(id, section, [*names, *([] if section.age is None else [section.age])])
     time, arrival, age = reader.validity(section, table, stamp)
-    values, rows = _values(id, section, table)
-    return Readings(id, id, time, values, rows, arrival, age)
+    values = np.hstack([_values(section, column, table) for column in present])
+    return Readings(id, id, time, values, tuple(column.row for column in present), arrival, age)
 
 
-def _columns(id: str, section: Any) -> tuple[Any, ...]:
-    """The columns of the measured values, None for those that the section does not name."""
-    if id == "barometer":
-        return (section.height,)
-    if id == "odometer":
-        return (section.speed,)
-    if id == "heading":
-        return (section.azimuth, section.azimuth_sigma, *(section.baseline or ()))
-    return tuple(section.field if id == "magnetometer" else section.velocity)
+def _names(section: Any, column: MeasuredColumn) -> tuple[Any, ...]:
+    """The columns of a file that hold a measured row."""
+    named = getattr(section, column.key)
+    return () if named is None else tuple(named) if isinstance(named, (tuple, list)) else (named,)
 
 
-def _values(id: str, section: Any, table: TextTable) -> tuple[Array, tuple[str, ...]]:
-    """The measured values (m, k) in SI and b or n, and the rows that they are.  Raises `InputError` for wrong values."""
-    if id == "barometer":
-        return table.columns([section.height]) + section.height_offset_m, ("barometer_height",)
-    if id == "magnetometer":
-        field = table.columns(section.field) @ axes_matrix(section.axes).T * FIELD_UNITS[section.field_unit]
-        return field, ("magnetometer_field_b",)
-    if id == "odometer":
-        return table.columns([section.speed]) * SPEED_UNITS[section.speed_unit], ("odometer_speed",)
-    if id == "dvl":
-        return table.columns(section.velocity) @ axes_matrix(section.axes).T, ("dvl_velocity_b",)
-    wanted = [section.azimuth] if section.azimuth_sigma is None else [section.azimuth, section.azimuth_sigma]
-    angles = table.columns(wanted) * ANGLE_UNITS[section.azimuth_unit]
-    if section.azimuth_sigma is None:
-        angles = np.column_stack([angles, np.full(len(angles), np.radians(section.azimuth_sigma_deg))])
-    bad = np.flatnonzero(angles[:, 1] <= 0.0)
-    if bad.size:
-        raise InputError(
-            f"{table.where(bad[0])}: standard deviation of the azimuth is {angles[bad[0], 1]:g} rad, must be above 0"
-        )
-    angles[:, 0] = wrap(angles[:, 0])
-    if section.baseline is None:
-        return angles, ("heading_azimuth", "heading_azimuth_sigma")
-    values = np.hstack([angles, table.columns(section.baseline)])
-    return values, ("heading_azimuth", "heading_azimuth_sigma", "heading_baseline_n")
+def _values(section: Any, column: MeasuredColumn, table: TextTable) -> Array:
+    """The values (m, k) of a measured row, SI, body axes."""
+    names = _names(section, column)
+    if not names:
+        return np.full((len(table.lines), 1), np.radians(getattr(section, column.constant)))
+    values = table.columns(names)
+    if column.axes:
+        values = values @ axes_matrix(section.axes).T
+    if column.units:
+        values = values * column.units[getattr(section, column.unit_key or f"{column.key}_unit")]
+    if column.offset:
+        values = values + getattr(section, column.offset)
+    if column.constant:
+        wrong = np.flatnonzero(values[:, 0] <= 0.0)
+        if wrong.size:
+            where = table.where(wrong[0])
+            raise InputError(f"{where}: {column.meaning} is {values[wrong[0], 0]:g} rad, must be above 0")
+    return wrap(values) if column.angle else values
 
 
-def told(id: str, section: FiguresSection | None, place: Place | None) -> dict[str, Any]:
-    """What is told of an instrument (rows of `sensors.instruments.TOLD`) by its section; None: by the default grade.
+def stated_errors(id: str, section: Any, place: Place | None) -> dict[str, Any]:
+    """What is told of an instrument, by row of its `stated_errors`, by its section; None: by the default grade.
 
     place: where the log is, for the field of the Earth.  Raises `InputError` where a magnetometer has none.
     """
-    equations = EQUATIONS[id]
-    rows = (section or _default(id)).error_rows()
-    for name in ("lever_arm", "mounting", "baseline"):
-        for suffix, row, convert in (("m", "b", np.asarray), ("deg", "", deg_to_rad)):
-            value, target = getattr(section, f"{name}_{suffix}", None), f"{id}_{name}" + (f"_{row}" if row else "")
-            if value is not None and target in equations.parameters:
-                rows[target] = convert(np.array(value))
-    if getattr(section, "water_track", False):
-        rows["dvl_water_track"] = 1.0
-    if id == "magnetometer":
-        field = getattr(section, "field_nt", None)
-        if field is None and place is None:
-            raise InputError("magnetometer: the field of the Earth needs a place: [gnss], [initial] latitude_deg, or field_nt")
-        rows |= field_rows(getattr(section, "year", 2026.0), field, place or Place(0.0, 0.0, 0.0))
-    table = equations.all_parameters
-    found = equations.told(table.unpack(table.pack(rows)))
-    return {name: np.array(value, dtype=float) if np.ndim(value) else float(value) for name, value in found.items()}
-
-
-def _default(id: str) -> FiguresSection:
-    figures: Any = {
-        "barometer": barometer.BarometerFigures,
-        "magnetometer": magnetometer.MagnetometerFigures,
-        "odometer": odometer.OdometerFigures,
-        "dvl": dvl.DvlFigures,
-        "heading": heading.HeadingFigures,
-    }[id]
-    return figures()
+    instrument = registry.instruments()[id]
+    figures: Any = figures_of(instrument)() if section is None else section
+    rows = {**figures.error_rows(), **setting_rows(instrument, section)}
+    if instrument.surroundings is not None:
+        rows |= instrument.surroundings(section, place)
+    table = instrument.all_parameters
+    values = instrument.stated_values(table.unpack(table.pack(rows)))
+    return {name: np.array(value, dtype=float) if np.ndim(value) else float(value) for name, value in values.items()}
 
 
 def sample_columns(readings: Sequence[Readings], end: Array, dt: Array) -> dict[str, Array]:
@@ -122,12 +153,12 @@ def sample_columns(readings: Sequence[Readings], end: Array, dt: Array) -> dict[
     """
     columns: dict[str, Array] = {}
     for each in readings:
-        given = INSTRUMENTS[each.id]
+        instrument = registry.instruments()[each.id]
         chosen, sample, age = delivered(each.time, each.arrival, each.age, end, dt)
-        rows = {given.new: np.ones(len(chosen)), given.age: age}
+        rows = {instrument.new: np.ones(len(chosen)), instrument.age: age}
         rows |= {name: values[chosen] for name, values in each.columns().items()}
         for name, values in rows.items():
-            start = given.measurement[name].flat_start().reshape(given.measurement[name].shape)
+            start = instrument.measurement[name].flat_start().reshape(instrument.measurement[name].shape)
             columns[name] = np.tile(start, (len(end), *[1] * start.ndim)) if start.ndim else np.full(len(end), float(start))
             columns[name][sample] = values
     return columns

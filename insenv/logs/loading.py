@@ -12,9 +12,10 @@ from insenv.base.toml import BINARY, GPX, KML, NMEA, OTHER, TABLE, is_log, is_sc
 from insenv.estimators.settings import tuning
 from insenv.logs.assemble import check_columns
 from insenv.logs.build import build
-from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection, columns_of
+from insenv.logs.description import GnssSection, ImuSection, ReferenceSection, columns_of
 from insenv.logs.flight import FlightDescription, build_flight, is_flight_log
 from insenv.logs.flight.description import SUFFIXES
+from insenv.logs.instruments import description_class
 from insenv.logs.readers import Faults
 from insenv.logs.recorded import RecordedLog
 from insenv.sensors.grade_file import beside
@@ -54,7 +55,7 @@ def load(path: str | Path) -> RecordedLog:
         _check_settings(data, str(path), faults)
         log = None if flight is None else faults.attempt(lambda: build_flight(flight, folder))
     else:
-        text = faults.attempt(lambda: validated(LogDescription, data, str(path)))
+        text = faults.attempt(lambda: validated(description_class(), data, str(path)))
         _check_settings(data, str(path), faults)
         log = None if text is None else faults.attempt(lambda: build(text, folder))
         if text is None:

@@ -16,9 +16,9 @@ from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.units import Array
+from insenv.sensors import registry
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.grade_file import grade_of
-from insenv.sensors.instruments import INSTRUMENTS
 
 # Measurements of an aiding instrument in a recorded log.
 
@@ -27,7 +27,7 @@ from insenv.sensors.instruments import INSTRUMENTS
 class Readings:
     """Measurements of one instrument: its id, the name of the series, time of validity (m,) s, and values (m, k).
 
-    The columns of `values` are the measured rows `rows` of `sensors.instruments`, one after the other; other rows keep their
+    The columns of `values` are the measured rows `rows` of the instrument, one after the other; other rows keep their
     start value.  arrival, age (m,) s: when each measurement arrived, and its age then; None: at its time of validity.
     """
 
@@ -41,7 +41,7 @@ class Readings:
 
     def columns(self) -> dict[str, Array]:
         """The values by row, (m, ...)."""
-        table, found, begin = INSTRUMENTS[self.id].measurement, {}, 0
+        table, found, begin = registry.instruments()[self.id].measurement, {}, 0
         for row in self.rows:
             size, shape = table[row].size, table[row].shape
             found[row] = self.values[:, begin : begin + size].reshape(-1, *shape)
@@ -141,8 +141,8 @@ class RecordedLog(InertialSamples):
     gnss, reference: None where the log has none; lever_arm_b (3,) m FRD: from IMU to antenna; sources: the files read;
     notes: remarks for the user; description: of the log, from its TOML file or made for a flight log; unit: parameter rows
     (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; told: what estimators
-    are told of these, by row of `sensors.instruments.TOLD`; settings: parameter rows (SI) by estimator id that the log states,
-    over which those of the description go.
+    are told of these (`sensors.registry.stated_rows`); settings: parameter rows (SI) by estimator id that the log states, over
+    which those of the description go.
     """
 
     gnss: GnssFixes | None

@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from insenv.geodesy import STANDARD_GRAVITY
+from insenv.sensors.units import ANGLE_UNITS as ANGLE_UNITS
+from insenv.sensors.units import SPEED_UNITS as SPEED_UNITS
 
 Array = npt.NDArray[np.float64]
 
@@ -33,9 +35,6 @@ ACCEL_UNITS: dict[str, dict[str, float]] = {
 TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 """unit -> seconds."""
 
-ANGLE_UNITS: dict[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
-"""unit -> radians."""
-
 
 def standard_height(pressure_pa: Array) -> Array:
     """Height (m) at which the ICAO standard atmosphere has a pressure (Pa), in the troposphere; NaN for what no air has.
@@ -46,9 +45,6 @@ def standard_height(pressure_pa: Array) -> Array:
     geopotential = 288.15 / 0.0065 * (1.0 - ratio ** (1.0 / 5.255880))
     return np.asarray(geopotential * 6356766.0 / (6356766.0 - geopotential))
 
-
-SPEED_UNITS: dict[str, float] = {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
-"""unit -> m/s."""
 
 _LETTERS = {"F": (0, 1), "B": (0, -1), "R": (1, 1), "L": (1, -1), "D": (2, 1), "U": (2, -1)}
 

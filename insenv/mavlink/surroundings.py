@@ -22,8 +22,7 @@ from insenv.core import noise
 from insenv.core.tables import Vector
 from insenv.geodesy.magnetic import world_magnetic_years
 from insenv.scenario import Scenario
-from insenv.sensors.barometer import BarometerSection
-from insenv.sensors.magnetometer import MagnetometerSection
+from insenv.sensors import registry
 
 NOISE_STREAM = 0xFFFFFFFD
 """Noise stream of what the streamed vehicle draws beside the plant; of the dynamic pressure it is one lower."""
@@ -46,13 +45,16 @@ def defaults(scenario: Scenario, year: float) -> dict[str, Any]:
         return max(1, round(scenario.rate_hz / rate_hz)) / scenario.rate_hz
 
     first, last = world_magnetic_years()
-    made = {
-        "magnetometer": MagnetometerSection(
-            grade="perfect", noise_nt=MAGNETIC_NOISE_NT, interval_s=interval(MAGNETOMETER_HZ), year=min(max(year, first), last)
-        ),
-        "barometer": BarometerSection(grade="perfect", noise_m=HEIGHT_NOISE_M, interval_s=interval(BAROMETER_HZ)),
+    keys: dict[str, dict[str, float]] = {
+        "magnetometer": {
+            "noise_nt": MAGNETIC_NOISE_NT,
+            "interval_s": interval(MAGNETOMETER_HZ),
+            "year": min(max(year, first), last),
+        },
+        "barometer": {"noise_m": HEIGHT_NOISE_M, "interval_s": interval(BAROMETER_HZ)},
     }
-    return {id: section for id, section in made.items() if getattr(scenario, id) is None}
+    lacking = {id: values for id, values in keys.items() if getattr(scenario, id) is None}
+    return {id: registry.get(id)(grade="perfect", **values) for id, values in lacking.items()}  # type: ignore[call-arg]
 
 
 @dataclass(frozen=True)

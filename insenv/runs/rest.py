@@ -13,7 +13,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.estimators import ImuDataSheet
-from insenv.estimators.fusion.family import HOLDING, PARKED
+from insenv.estimators.fusion.family import PARKED, held
 from insenv.estimators.parts.rows import aid_health, reported_aids
 from insenv.logs import RecordedLog
 from insenv.logs.rest import Rest, rest_rows
@@ -132,7 +132,7 @@ def lost_rest(log: RecordedLog, follower: Follower, times: Array) -> tuple[str, 
         return ()
     outputs = follower.health_rows() if follower.estimator.reports_health else {}
     aids = reported_aids(outputs)
-    if AID not in aids or not set(aids).isdisjoint(HOLDING):
+    if AID not in aids or held(aids):
         return ()
     count = np.ravel(outputs[aid_health(AID)[0]])
     last = float(times[np.argmax(count == count[-1])])

@@ -25,7 +25,7 @@ from insenv.scenario.poles import check_course
 from insenv.sensors import IMU, Sensor
 from insenv.sensors.contract import Place
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
-from insenv.sensors.instruments import TOLD
+from insenv.sensors.registry import stated_rows
 from insenv.vehicles import Vehicle
 from insenv.vehicles.ship import ANGLES
 
@@ -64,7 +64,7 @@ def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
 def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Vector, seed: int, duration: float) -> Plant:
     """The plant with the parameters `rows` and the seed; `vector` is both packed."""
     parameters = {**rows, "seed": float(seed)}
-    told_rows = told(scenario, model.parameters.unpack(vector.copy()))
+    stated = stated_errors(scenario, model.parameters.unpack(vector.copy()))
     plant = Plant(
         scenario=scenario,
         model=model,
@@ -73,7 +73,7 @@ def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Ve
         samples=round(duration * scenario.rate_hz),
         duration_s=duration,
         seed=seed,
-        knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, told_rows, seed),
+        knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, stated, seed),
         commands=commanded(model, scenario.commands, scenario.rate_hz),
     )
     check_course(plant)
@@ -177,7 +177,7 @@ def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
 
 
 def _knowledge(
-    scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], told_rows: Mapping[str, Any], seed: int
+    scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], stated: Mapping[str, Any], seed: int
 ) -> Knowledge:
     known, sheet = scenario.knowledge, imu_data_sheet(parameters, scenario.vehicle.in_place)
     error = start_errors(known, seed)
@@ -203,17 +203,17 @@ def _knowledge(
         fix_wander_time=float(parameters.get("gnss_wander_time", 60.0)),
         antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
         sensors=sheet,
-        instruments=told_rows,
+        instruments=stated,
     )
 
 
-def told(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Stated errors of a scenario's sensors with these parameter rows (SI): rows of `sensors.instruments.TOLD`."""
+def stated_errors(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """What estimators are told of a scenario's sensors with these parameter rows (SI), by row of `stated_rows`."""
     rows: dict[str, Any] = {}
     for id, section in scenario.sensors.items():
-        if section.sensor.told is not None:
-            with naming(f"sensor {id!r}, told"):
-                rows |= check_rows(section.sensor.told(parameters), TOLD)
+        if section.sensor.stated_errors is not None:
+            with naming(f"sensor {id!r}, stated errors"):
+                rows |= check_rows(section.sensor.stated_errors(parameters), stated_rows())
     return {name: np.array(value, dtype=float) if np.ndim(value) else float(value) for name, value in rows.items()}
 
 

@@ -23,12 +23,10 @@ from insenv.scenario.build import build
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.files import ScenarioLike, load
 from insenv.scenario.plant import Plant
-from insenv.sensors.instruments import INSTRUMENTS
+from insenv.sensors import registry
 
 TRAJECTORY_SEED = 1
 """Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""
-KNOWN = frozenset({"gnss", *INSTRUMENTS})
-"""Sensors, beside the inertial unit, whose errors the limit knows."""
 WORTH_KEEPING_S = 0.1
 """A limit that takes longer to compute is kept on disk, beside the compiled models."""
 
@@ -57,10 +55,10 @@ def no_limit(plant: Plant) -> str:
     """The sentence why a plant has no limit; empty if it has one."""
     if plant.commands:
         return "no limit: limits are taken along the course of a scenario, not along commands"
-    further = sorted(plant.sensors - KNOWN)
+    further = sorted(id for id in plant.sensors if id != "gnss" and registry.instrument(id) is None)
     if not further:
         return ""
-    return f"no limit: limits cover the errors of the sensors that insenv ships, not those of {', '.join(map(repr, further))}"
+    return f"no limit: a limit needs the measurement equation of every sensor, there is none of {', '.join(map(repr, further))}"
 
 
 def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:

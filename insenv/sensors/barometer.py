@@ -13,68 +13,62 @@ height is that above the ellipsoid: the difference to mean sea level is part of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
-import casadi as ca
-
-from insenv.base.toml import Number, key
 from insenv.core.elementary import exp
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.sensors import units
-from insenv.sensors.contract import ErrorSource, Sensor
-from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
-from insenv.sensors.imu import normals
-from insenv.sensors.imu_tables import HUGE
-from insenv.sensors.instruments import BAROMETER
-from insenv.sensors.sampled import QUANTUM_SIGMA, Motion, Sampled, gauss_markov, root_sum, rounded
+from insenv.sensors.figures import Figure, Grade, by_name
+from insenv.sensors.instrument import Column, Estimated, Instrument, Lag, Term, constant, drift, white
 
-PARAMETERS = Table((
-    Row("barometer_noise", "White noise of a height, standard deviation", "m", lower=0.0),
-    Row("barometer_bias", "Constant error, fixed part", "m"),
-    Row("barometer_bias_sigma", "Constant error, 1 sigma of the part drawn at the start", "m", lower=0.0),
-    Row("barometer_drift_sigma", "Slowly changing error (Gauss-Markov), standard deviation", "m", lower=0.0),
-    Row("barometer_drift_time", "Slowly changing error (Gauss-Markov), correlation time", "s", start=600.0, lower=1e-3,
-        upper=HUGE),
-    Row("barometer_scale_factor", "Error per height above the start, fixed part"),
-    Row("barometer_scale_factor_sigma", "Error per height above the start, 1 sigma of the part drawn at the start", lower=0.0),
-    Row("barometer_speed_error", "Share of the dynamic pressure that is taken for static pressure", lower=-10.0, upper=10.0),
-    Row("barometer_lag", "Time constant with which the shown height follows", "s", lower=0.0, upper=1e3),
-    Row("barometer_quantum", "Step in which the height is shown, 0 for none", "m", lower=0.0),
-))  # fmt: skip
-
-STATE = Table((
-    Row("barometer_bias_true", "Bias and drift together at the latest epoch", "m"),
-    Row("barometer_scale_factor_true", "Error per height above the start"),
-    Row("barometer_turn_on", "Bias, fixed and drawn", "m"),
-    Row("barometer_drift", "Drift at the latest epoch", "m"),
-    Row("barometer_behind", "Followed height minus true height", "m"),
-    Row("barometer_kept", "Part of the lag that is left after a sample"),
-    Row("barometer_falling", "Change of the lag per change of height over a sample"),
-    Row("barometer_last_height", "True height at the end of the sample before", "m"),
-))  # fmt: skip
+TERMS = (
+    white("barometer_noise", "barometer noise", "White noise of a height", "m", normals=(1,)),
+    constant(
+        "barometer_bias", "bias", "barometer bias", "Constant error: weather, calibration", "m", value="barometer_turn_on",
+        states=(Estimated("barometer_bias", "constant height error of the barometer"),), normals=(0,),
+    ),
+    drift(
+        "barometer_drift", "drift", "barometer drift", "Slowly changing error", "m",
+        states=(Estimated("barometer_drift", "slowly varying height error of the barometer"),), normals=(1, 0),
+    ),
+    constant(
+        "barometer_scale_factor", "scale_factor", "barometer scale factor",
+        "Error per height above the start: air warmer or colder than the standard",
+        states=(Estimated("barometer_scale", "height error of the barometer per height above the start"),), normals=(2,),
+    ),
+    Term(
+        "speed_error", "barometer dynamic pressure", "constant",
+        fixed=Row("barometer_speed_error", "Share of the dynamic pressure that is taken for static pressure", lower=-10.0,
+                  upper=10.0),
+        stated=(Row("barometer_speed_error", "Share of the dynamic pressure that is taken for static pressure, 1 sigma",
+                    lower=0.0, upper=1e12),),
+    ),
+)  # fmt: skip
 
 
-def _start(p: Values, r: Any) -> dict[str, Any]:
-    n = normals(r)
+def _ram(share: Any, motion: Any) -> Any:
+    """Height (m) by which dynamic pressure at the static port lowers what is shown."""
+    return share * (0.5 / STANDARD_GRAVITY) * motion.speed_squared
+
+
+def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
+    height = motion.height + e.lag + (e.bias + e.drift) + e.scale_factor * motion.climbed - _ram(e.speed_error, motion)
+    return {"barometer_height": height + e.noise}
+
+
+def _lag_start(p: Values) -> dict[str, Any]:
     lag = p.barometer_lag
     kept = (lag > 0.0) * exp(-p.sample_interval / (lag + (lag == 0.0)))
-    bias = p.barometer_bias + p.barometer_bias_sigma * n[0]
-    drift = p.barometer_drift_sigma * n[1]
     return {
-        "barometer_turn_on": bias,
-        "barometer_drift": drift,
-        "barometer_bias_true": bias + drift,
-        "barometer_scale_factor_true": p.barometer_scale_factor + p.barometer_scale_factor_sigma * n[2],
         "barometer_kept": kept,
         "barometer_falling": (1.0 - kept) * lag / p.sample_interval,
         "barometer_last_height": p.start_height,
     }
 
 
-def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
+def _lag_sample(p: Values, x: Values) -> dict[str, Any]:
     rise = x.height - x.barometer_last_height
     return {
         "barometer_behind": x.barometer_kept * x.barometer_behind - x.barometer_falling * rise,
@@ -82,57 +76,19 @@ def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
     }
 
 
-def _measure(p: Values, x: Values, r: Any, motion: Motion) -> dict[str, Any]:
-    n = normals(r)
-    drift = gauss_markov(x.barometer_drift, p.barometer_drift_sigma, p.barometer_drift_time, p.barometer_interval, n[0])
-    bias = x.barometer_turn_on + drift
-    climbed = x.barometer_scale_factor_true * (x.height - p.start_height)
-    ram = p.barometer_speed_error * (0.5 / STANDARD_GRAVITY) * ca.sumsqr(x.velocity_n)
-    shown = x.height + x.barometer_behind + bias + climbed - ram + p.barometer_noise * n[1]
-    return {
-        "barometer_height": rounded(shown, p.barometer_quantum),
-        "barometer_height_true": x.height,
-        "barometer_bias_true": bias,
-        "barometer_drift": drift,
-    }
-
-
-def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "barometer_noise": root_sum(rows["barometer_noise"], QUANTUM_SIGMA * rows["barometer_quantum"]),
-        "barometer_bias_sigma": root_sum(rows["barometer_bias"], rows["barometer_bias_sigma"]),
-        "barometer_drift_sigma": rows["barometer_drift_sigma"],
-        "barometer_drift_time": rows["barometer_drift_time"],
-        "barometer_scale_factor_sigma": root_sum(rows["barometer_scale_factor"], rows["barometer_scale_factor_sigma"]),
-        "barometer_speed_error": root_sum(rows["barometer_speed_error"]),
-        "barometer_lag": rows["barometer_lag"],
-    }
-
-
-ERRORS = (
-    ErrorSource("barometer noise", ("barometer_noise",)),
-    ErrorSource("barometer bias", ("barometer_bias", "barometer_bias_sigma")),
-    ErrorSource("barometer drift", ("barometer_drift_sigma",)),
-    ErrorSource("barometer scale factor", ("barometer_scale_factor", "barometer_scale_factor_sigma")),
-    ErrorSource("barometer dynamic pressure", ("barometer_speed_error",)),
-    ErrorSource("barometer lag", ("barometer_lag",)),
-    ErrorSource("barometer rounding", ("barometer_quantum",)),
-)
-
-EQUATIONS = Sampled(
-    BAROMETER,
-    parameters=PARAMETERS,
-    state=STATE,
-    exact=Table((Row("barometer_height_true", "True height above the ellipsoid at the epoch of the measurement", "m"),)),
-    measure=_measure,
-    uniforms=2,
-    truth=("barometer_bias_true", "barometer_scale_factor_true"),
-    told=_told,
-    errors=ERRORS,
-    start=_start,
-    start_uniforms=4,
-    sample=_sample,
-)
+LAG = Lag(
+    "lag",
+    state=Table((
+        Row("barometer_behind", "Followed height minus true height", "m"),
+        Row("barometer_kept", "Part of the lag that is left after a sample"),
+        Row("barometer_falling", "Change of the lag per change of height over a sample"),
+        Row("barometer_last_height", "True height at the end of the sample before", "m"),
+    )),
+    start=_lag_start,
+    sample=_lag_sample,
+    value=lambda x: x.barometer_behind,
+    estimate=lambda motion, p: p.barometer_lag * motion.velocity_down,
+)  # fmt: skip
 
 FIGURES: dict[str, Figure] = {
     "noise_m": Figure("barometer_noise", "m"),
@@ -192,19 +148,31 @@ GRADES = by_name(
     ),
 )  # fmt: skip
 
-if TYPE_CHECKING:
-    BarometerFigures = FiguresSection
-else:
-    BarometerFigures = figures_section("BarometerFigures", PARAMETERS, GRADES, FIGURES, "ms5611")
-
-
-class BarometerSection(BarometerFigures, TimedSection):
-    """The barometer."""
-
-    sensor: ClassVar[Sensor] = EQUATIONS.sensor()
-
-    interval_s: Number = key(0.05, "interval between measurements, a whole number of samples", "s", gt=0, le=3600)
-
-    def rows(self, rate_hz: float) -> dict[str, Any]:
-        """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for times that do not fit the samples."""
-        return {**self.timing(rate_hz), **self.error_rows()}
+BAROMETER = Instrument(
+    "barometer",
+    title="Barometer",
+    called="the barometer",
+    what="height",
+    causes="the air pressure or the height to which it is set, a port that sees the wind, and its bias and drift sigmas",
+    values=(
+        Row("barometer_height", "Height above the WGS-84 ellipsoid by the pressure of the air", "m", lower=-1e5, upper=1e6),
+    ),
+    terms=TERMS,
+    measure=_measure,
+    holds=("vertical",),
+    parameters=(Row("barometer_lag", "Time constant with which the shown height follows", "s", lower=0.0, upper=1e3),),
+    stated=(Row("barometer_lag", "Time constant with which the shown height follows", "s", lower=0.0, upper=1e3),),
+    exact=lambda motion, e, p: {"barometer_height_true": motion.height},
+    exact_rows=(Row("barometer_height_true", "True height above the ellipsoid at the epoch of the measurement", "m"),),
+    totals=((Row("barometer_bias_true", "Bias and drift together at the latest epoch", "m"), lambda e, p: e.bias + e.drift),),
+    quantum=Row("barometer_quantum", "Step in which the height is shown, 0 for none", "m", lower=0.0),
+    lag=LAG,
+    aid_parameters=("barometer_noise", "barometer_speed_error", "barometer_lag", "barometer_drift_time"),
+    least_sigma={"barometer_height": 0.01},
+    lasting=lambda motion, p: (_ram(p.barometer_speed_error, motion) ** 2, p.barometer_drift_time),
+    columns=(Column("height", "barometer_height", "height by the air pressure [m], up positive", offset="height_offset_m"),),
+    figures=FIGURES,
+    grades=GRADES,
+    grade="ms5611",
+    interval_s=0.05,
+)

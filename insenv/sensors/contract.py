@@ -51,7 +51,8 @@ class Sensor:
     outputs: state rows that are outputs of the plant, and inputs of the same names of estimators.
     derived, derive: further outputs of the plant, and ``(parameters, state) -> {row: value}`` that computes them.
     truth: state rows that are outputs of the plant to compare estimates with; no estimator and no agent gets them.
-    told: ``(parameter rows by name) -> {row of sensors.instruments.TOLD: value}``, what an estimator is told of its errors.
+    stated_errors: ``(parameter rows by name) -> {row: value}``, what an estimator is told of its errors, by rows of
+        `insenv.sensors.registry.stated_rows`.
     errors: the sources of its errors, for error budgets.  None: they are not known.
     stated: what its measurements state of their accuracy; None: nothing that depends on the parameters of its errors.
     """
@@ -62,7 +63,7 @@ class Sensor:
     derived: Table = field(default_factory=Table)
     derive: Callable[[Values, Values], Mapping[str, Any]] | None = None
     truth: tuple[str, ...] = ()
-    told: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
+    stated_errors: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
     errors: tuple[ErrorSource, ...] | None = None
     stated: Stated | None = None
 

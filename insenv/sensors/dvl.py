@@ -12,106 +12,62 @@ the log tracks the water: a constant and a first-order Gauss-Markov process nort
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import replace
+from typing import Annotated, Any
 
 import casadi as ca
-import numpy as np
+from pydantic import Strict
 
 from insenv.attitude import from_rotation_vector, rotate_inverse
-from insenv.base.toml import LeverArm, key
+from insenv.base.toml import LeverArm
 from insenv.core.model import Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Row
 from insenv.sensors import units
-from insenv.sensors.contract import ErrorSource, Sensor
-from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
-from insenv.sensors.imu import normals
-from insenv.sensors.imu_tables import HUGE
-from insenv.sensors.instruments import DVL
-from insenv.sensors.sampled import Motion, Sampled, gauss_markov, root_sum
+from insenv.sensors.figures import Figure, Grade, by_name
+from insenv.sensors.instrument import Column, Estimated, Instrument, Setting, constant, drift, white
 
-PARAMETERS = Table((
-    DVL.told["dvl_lever_arm_b"],
-    Row("dvl_noise", "White noise of each axis, standard deviation", "m/s", lower=0.0),
-    Row("dvl_scale_factor", "Scale factor error, fixed part"),
-    Row("dvl_scale_factor_sigma", "Scale factor error, 1 sigma of the part drawn at the start", lower=0.0),
-    Row("dvl_misalignment", "Rotation vector from the nominal to the actual axes, fixed part", "rad", (3,), "b"),
-    Row("dvl_misalignment_sigma", "Rotation vector from the nominal to the actual axes, 1 sigma of the part drawn at the start",
-        "rad", (3,), "b", lower=0.0),
-    Row("dvl_water_track", "1 if velocity is that through the water, 0 if it is that over the ground", lower=0.0, upper=1.0,
-        flag=True),
-    Row("dvl_current_n", "Current of the water, constant part", "m/s", (3,), "n"),
-    Row("dvl_current_sigma", "Current of the water north and east (Gauss-Markov), standard deviation", "m/s", lower=0.0),
-    Row("dvl_current_time", "Current of the water north and east (Gauss-Markov), correlation time", "s", start=3600.0,
-        lower=1e-3, upper=HUGE),
-))  # fmt: skip
-
-STATE = Table((
-    Row("dvl_scale_factor_true", "Scale factor error"),
-    Row("dvl_misalignment_true", "Rotation vector from the nominal to the actual axes", "rad", (3,), "b"),
-    Row("dvl_current_true", "Current of the water at the latest epoch", "m/s", (3,), "n"),
-    Row("dvl_current", "Changing part of the current at the latest epoch, north and east", "m/s", (2,), "n"),
-))  # fmt: skip
-
-
-def _start(p: Values, r: Any) -> dict[str, Any]:
-    n = normals(r)
-    current = p.dvl_current_sigma * n[4:6]
-    return {
-        "dvl_misalignment_true": p.dvl_misalignment + p.dvl_misalignment_sigma * n[0:3],
-        "dvl_scale_factor_true": p.dvl_scale_factor + p.dvl_scale_factor_sigma * n[3],
-        "dvl_current": current,
-        "dvl_current_true": p.dvl_current_n + ca.vertcat(current, 0.0),
-    }
-
-
-def _measure(p: Values, x: Values, r: Any, motion: Motion) -> dict[str, Any]:
-    n = normals(r)
-    current = gauss_markov(x.dvl_current, p.dvl_current_sigma, p.dvl_current_time, p.dvl_interval, n[3:5])
-    current_n = p.dvl_current_n + ca.vertcat(current, 0.0)
-    lever = ca.cross(motion.rate_eb_b, p.dvl_lever_arm_b)
-    velocity = rotate_inverse(x.q_nb, x.velocity_n - p.dvl_water_track * current_n) + lever
-    seen = rotate_inverse(from_rotation_vector(x.dvl_misalignment_true), velocity)
-    return {
-        "dvl_velocity_b": seen + x.dvl_scale_factor_true * seen + p.dvl_noise * n[0:3],
-        "dvl_velocity_true": rotate_inverse(x.q_nb, x.velocity_n) + lever,
-        "dvl_current": current,
-        "dvl_current_true": current_n,
-    }
-
-
-def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
-    current = root_sum(rows["dvl_current_n"], rows["dvl_current_sigma"])
-    return {
-        "dvl_lever_arm_b": rows["dvl_lever_arm_b"],
-        "dvl_noise": rows["dvl_noise"],
-        "dvl_scale_factor_sigma": root_sum(rows["dvl_scale_factor"], rows["dvl_scale_factor_sigma"]),
-        "dvl_misalignment_sigma": root_sum(rows["dvl_misalignment"], rows["dvl_misalignment_sigma"]),
-        "dvl_current_sigma": current * float(rows["dvl_water_track"]),
-        "dvl_current_time": rows["dvl_current_time"],
-    }
-
-
-ERRORS = (
-    ErrorSource("DVL noise", ("dvl_noise",)),
-    ErrorSource("DVL scale factor", ("dvl_scale_factor", "dvl_scale_factor_sigma")),
-    ErrorSource("DVL misalignment", ("dvl_misalignment", "dvl_misalignment_sigma")),
-    ErrorSource("DVL current", ("dvl_current_n", "dvl_current_sigma")),
+LEVER_ARM = Row("dvl_lever_arm_b", "From the inertial unit to the log", "m", (3,), "b", lower=-1e3, upper=1e3)
+WATER_TRACK = Row(
+    "dvl_water_track",
+    "1 if velocity is that through the water, 0 if it is that over the ground",
+    lower=0.0,
+    upper=1.0,
+    flag=True,
 )
+CHANGING_CURRENT = drift(
+    "dvl_current", "changing_current", "DVL current", "Current of the water north and east", "m/s", (2,), "n",
+    start_time=3600.0, states=(Estimated("current", "current of the water: north, east"),), flag=WATER_TRACK.name,
+    normals=(4, 3),
+)  # fmt: skip
+TERMS = (
+    white("dvl_noise", "DVL noise", "White noise of each axis", "m/s", (3,), "b"),
+    constant(
+        "dvl_scale_factor", "scale_factor", "DVL scale factor", "Scale factor error, the same on all axes: speed of sound",
+        states=(Estimated("dvl_scale", "scale factor of the Doppler velocity log"),), normals=(3,),
+    ),
+    constant(
+        "dvl_misalignment", "misalignment", "DVL misalignment", "Rotation vector from the nominal to the actual axes", "rad",
+        (3,), "b", states=(Estimated("dvl_misalignment", "misalignment of the Doppler velocity log"),), normals=(0,),
+    ),
+    replace(
+        constant("dvl_current_n", "current", "DVL current", "Current of the water", "m/s", (3,), "n", drawn=False,
+                 flag=WATER_TRACK.name),
+        stated=CHANGING_CURRENT.stated[:1],  # one sigma of both
+    ),
+    CHANGING_CURRENT,
+)  # fmt: skip
 
-EQUATIONS = Sampled(
-    DVL,
-    parameters=PARAMETERS,
-    state=STATE,
-    exact=Table((Row("dvl_velocity_true", "True velocity of the log over the ground at the epoch", "m/s", (3,), "b"),)),
-    measure=_measure,
-    uniforms=6,
-    truth=("dvl_scale_factor_true", "dvl_misalignment_true", "dvl_current_true"),
-    told=_told,
-    errors=ERRORS,
-    start=_start,
-    start_uniforms=6,
-)
+
+def _current(e: Values) -> Any:
+    """Current of the water (3, m/s, n)."""
+    return e.current + ca.vertcat(e.changing_current, 0.0)
+
+
+def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
+    velocity = motion.body_velocity(p.dvl_lever_arm_b, _current(e))
+    seen = rotate_inverse(from_rotation_vector(e.misalignment), velocity)
+    return {"dvl_velocity_b": seen + e.scale_factor * seen + e.noise}
+
 
 FIGURES: dict[str, Figure] = {
     "noise_mps": Figure("dvl_noise", "m/s"),
@@ -150,25 +106,34 @@ GRADES = by_name(
     ),
 )
 
-if TYPE_CHECKING:
-    DvlFigures = FiguresSection
-else:
-    DvlFigures = figures_section("DvlFigures", PARAMETERS, GRADES, FIGURES, "ship")
-
-
-class DvlSection(DvlFigures, TimedSection):
-    """The Doppler velocity log."""
-
-    sensor: ClassVar[Sensor] = EQUATIONS.sensor()
-
-    lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the inertial unit to the log: forward, right, down", "m")
-    water_track: bool = key(False, "whether the log shows the velocity through the water", strict=True)
-
-    def rows(self, rate_hz: float) -> dict[str, Any]:
-        """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for times that do not fit the samples."""
-        return {
-            **self.timing(rate_hz),
-            **self.error_rows(),
-            "dvl_lever_arm_b": np.array(self.lever_arm_m),
-            "dvl_water_track": float(self.water_track),
-        }
+DVL = Instrument(
+    "dvl",
+    title="Doppler velocity log",
+    called="the Doppler velocity log",
+    what="velocity in body axes",
+    causes="its scale factor, mounting, lever arm and latency, and whether it tracks the ground or the water (current)",
+    values=(
+        Row("dvl_velocity_b", "Velocity over the ground, or through the water", "m/s", (3,), "b", lower=-1e4, upper=1e4),
+    ),
+    terms=TERMS,
+    measure=_measure,
+    holds=("vertical", "horizontal"),
+    parameters=(LEVER_ARM, WATER_TRACK),
+    stated=(LEVER_ARM,),
+    exact=lambda motion, e, p: {"dvl_velocity_true": motion.body_velocity(p.dvl_lever_arm_b)},
+    exact_rows=(Row("dvl_velocity_true", "True velocity of the log over the ground at the epoch", "m/s", (3,), "b"),),
+    totals=((Row("dvl_current_true", "Current of the water at the latest epoch", "m/s", (3,), "n"), lambda e, p: _current(e)),),
+    aid_parameters=("dvl_lever_arm_b", "dvl_noise"),
+    least_sigma={"dvl_velocity_b": 1e-3},
+    turned=True,
+    columns=(Column("velocity", "dvl_velocity_b", "velocity's x, y, z [m/s]", axes=True),),
+    settings=(
+        Setting("lever_arm_m", LeverArm, (0.0, 0.0, 0.0), "from the inertial unit to the log: forward, right, down", "m",
+                "dvl_lever_arm_b", needed=True),
+        Setting("water_track", Annotated[bool, Strict()], False, "whether the log shows the velocity through the water",
+                row=WATER_TRACK.name, convert=float),
+    ),
+    figures=FIGURES,
+    grades=GRADES,
+    grade="ship",
+)  # fmt: skip

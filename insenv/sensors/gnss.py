@@ -29,7 +29,7 @@ from insenv.attitude import rotate
 from insenv.base.errors import InputError
 from insenv.base.toml import LeverArm, NotNegative, Number, key, one_of
 from insenv.core.compose import Part
-from insenv.core.elementary import TWO_PI, clamp, exp, maximum, select, sin_cos
+from insenv.core.elementary import TWO_PI, clamp, exp, maximum, normals, select, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import geodetic_from_ned_offset
@@ -37,8 +37,8 @@ from insenv.geodesy.position import place_rows
 from insenv.sensors.catalogue import GNSS_GRADES, gnss_grade
 from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.figures import TimedSection
-from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
+from insenv.sensors.instrument import sigma_row
 from insenv.sensors.sampled import OUTAGES
 
 GNSS_UNIFORMS = 13
@@ -181,7 +181,14 @@ def gnss_part(instant: Instant) -> Part:
     )
 
 
-def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
+GNSS_STATED = Table((
+    sigma_row("antenna_lever_arm_sigma", "Error of the lever arm of the antenna", "m", (3,), "b"),
+    sigma_row("gnss_delay_sigma", "Error of the age of a fix: true minus stated", "s"),
+))  # fmt: skip
+"""What is told of a receiver beside the fields of `insenv.Knowledge`."""
+
+
+def _stated_errors(rows: Mapping[str, Any]) -> dict[str, Any]:
     delay = float(np.hypot(rows["gnss_delay_error"], rows["gnss_delay_sigma"]))
     return {
         "antenna_lever_arm_sigma": np.hypot(rows["antenna_lever_arm_error"], rows["antenna_lever_arm_sigma"]),
@@ -224,7 +231,7 @@ GNSS = Sensor(
         "gnss_velocity_sigma",
     ),
     truth=("antenna_lever_arm_true", "gnss_delay_true"),
-    told=_told,
+    stated_errors=_stated_errors,
     errors=GNSS_ERRORS,
     stated=Stated("gnss_valid", _stated),
 )

@@ -15,115 +15,90 @@ baseline.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import casadi as ca
-import numpy as np
+from pydantic import AfterValidator
 
-from insenv.attitude import rotate
-from insenv.base.errors import InputError
-from insenv.base.toml import Vector3, key, within
+from insenv.base.toml import Vector3, within
 from insenv.core.elementary import PI, atan2, maximum, minimum
 from insenv.core.model import Values
-from insenv.core.tables import Row, Table
-from insenv.sensors.contract import ErrorSource, Sensor, Stated
-from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
+from insenv.core.tables import Row
+from insenv.sensors import units
+from insenv.sensors.figures import Figure, Grade, by_name
 from insenv.sensors.gnss import direction
-from insenv.sensors.imu import normals
-from insenv.sensors.imu_tables import HUGE
-from insenv.sensors.instruments import HEADING
-from insenv.sensors.sampled import LOST, Motion, Sampled, gauss_markov, root_sum
+from insenv.sensors.instrument import Column, Estimated, Instrument, Outlier, Setting, Term, constant, drift, white
 
 SHORTEST = 1e-3
 """Least horizontal length, m, by which the reported standard deviation divides."""
 SMALLEST_SIGMA = 1e-6
 """Smallest standard deviation that the receiver reports, rad."""
+FLATTEST = 0.3
+"""Least horizontal part of the baseline, of its length, with which a filter uses its azimuth: 17 deg from the vertical."""
 
-PARAMETERS = Table((
-    HEADING.told["heading_baseline_b"],
-    Row("heading_baseline_error", "Actual minus stated baseline, fixed part", "m", (3,), "b"),
-    Row("heading_baseline_error_sigma", "Actual minus stated baseline, 1 sigma of the part drawn at the start", "m", (3,), "b",
-        lower=0.0),
-    Row("heading_baseline_noise", "White noise of the measured baseline, standard deviation", "m", (3,), "n", lower=0.0),
-    Row("heading_wander_sigma", "Correlated error of the measured baseline (Gauss-Markov), standard deviation", "m", (3,), "n",
-        lower=0.0),
-    Row("heading_wander_time", "Correlated error of the measured baseline (Gauss-Markov), correlation time", "s", start=60.0,
-        lower=1e-3, upper=HUGE),
-    Row("heading_outlier_probability", "Probability of a wrong ambiguity", lower=0.0, upper=1.0),
-    Row("heading_outlier_size", "Length of the displacement by a wrong ambiguity, in a random direction", "m", start=0.19,
-        lower=0.0),
-    Row("heading_length_tolerance", "Largest difference of the measured from the stated length, 0: no check", "m", lower=0.0),
-))  # fmt: skip
-
-STATE = Table((
-    Row("heading_baseline_true", "Actual baseline from the first to the second antenna", "m", (3,), "b"),
-    Row("heading_wander", "Correlated error at the latest epoch", "m", (3,), "n"),
-))  # fmt: skip
+BASELINE = Row("heading_baseline_b", "From the first to the second antenna", "m", (3,), "b", (1.0, 0.0, 0.0), -1e3, 1e3)
+OUTLIER_PROBABILITY = Row("heading_outlier_probability", "Probability of a wrong ambiguity", lower=0.0, upper=1.0)
 
 
-def _start(p: Values, r: Any) -> dict[str, Any]:
-    n = normals(r)
-    error = p.heading_baseline_error + p.heading_baseline_error_sigma * n[0:3]
-    return {"heading_baseline_true": p.heading_baseline_b + error, "heading_wander": p.heading_wander_sigma * n[3:6]}
+def _length_squared(p: Values) -> Any:
+    return ca.sumsqr(p.heading_baseline_b) + 1e-12
 
 
-def _measure(p: Values, x: Values, r: Any, motion: Motion) -> dict[str, Any]:
-    n = normals(r[0:6])
-    wander = gauss_markov(x.heading_wander, p.heading_wander_sigma, p.heading_wander_time, p.heading_interval, n[0:3])
-    outlier = (r[6] < p.heading_outlier_probability) * p.heading_outlier_size * direction(r[7], r[8])
-    exact = rotate(x.q_nb, x.heading_baseline_true)
-    shown = exact + wander + outlier + p.heading_baseline_noise * n[3:6]
-    difference = ca.fabs(ca.sqrt(ca.sumsqr(shown)) - ca.sqrt(ca.sumsqr(p.heading_baseline_b)))
-    return {
-        "heading_azimuth": atan2(shown[1], shown[0]),
-        "heading_azimuth_sigma": _azimuth_sigma(p, shown),
-        "heading_baseline_n": shown,
-        "heading_azimuth_true": atan2(exact[1], exact[0]),
-        "heading_wander": wander,
-        LOST: (p.heading_length_tolerance > 0.0) * (difference > p.heading_length_tolerance),
-    }
+TERMS = (
+    white("heading_baseline_noise", "heading noise", "White noise of the measured baseline", "m", (3,), "n", sigma_shape=(3,),
+          normals=(3,)),
+    constant(
+        "heading_baseline_error", "baseline", "heading baseline", "Actual minus stated baseline", "m", (3,), "b",
+        value="heading_baseline_offset", stated="heading_baseline_sigma", normals=(0,),
+    ),
+    drift(
+        "heading_wander", "wander", "heading wander", "Slowly changing error of the measured baseline: multipath", "m", (3,),
+        "n", sigma_shape=(3,), start_time=60.0, normals=(3, 0),
+    ),
+    # what an error of the baseline across it does to the azimuth is all of it that a filter can tell
+    Term(
+        "offset", "heading baseline", "constant", (), "rad",
+        states=(Estimated("heading_offset", "azimuth error of the antenna baseline in the body", sigma="heading_baseline_sigma",
+                          start_sigma=lambda p: p.heading_baseline_sigma / ca.sqrt(_length_squared(p))),),
+    ),
+)  # fmt: skip
 
 
-def _azimuth_sigma(p: Values, shown: Any) -> Any:
-    """Standard deviation of the azimuth (rad) of a measured baseline (3, m, n) that the receiver reports."""
-    north, east = shown[0], shown[1]
+def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
+    baseline = motion.to_navigation(p.heading_baseline_b + e.baseline) + e.wander + e.outlier + e.noise
+    return {"heading_azimuth": atan2(baseline[1], baseline[0]) + e.offset, "heading_baseline_n": baseline}
+
+
+def _exact(motion: Any, e: Values, p: Values) -> dict[str, Any]:
+    baseline = motion.to_navigation(p.heading_baseline_b + e.baseline)
+    return {"heading_azimuth_true": atan2(baseline[1], baseline[0])}
+
+
+def _azimuth_sigma(p: Values, rows: Mapping[str, Any]) -> dict[str, Any]:
+    """Standard deviation of the azimuth (rad) of a measured baseline that the receiver reports."""
+    north, east = rows["heading_baseline_n"][0], rows["heading_baseline_n"][1]
     level = maximum(north * north + east * east, SHORTEST * SHORTEST)
     variance = p.heading_baseline_noise**2 + p.heading_wander_sigma**2
     across = (east * east * variance[0] + north * north * variance[1]) / (level * level)
-    return minimum(maximum(ca.sqrt(across), SMALLEST_SIGMA), PI)
+    return {"heading_azimuth_sigma": minimum(maximum(ca.sqrt(across), SMALLEST_SIGMA), PI)}
 
 
-def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "heading_baseline_b": rows["heading_baseline_b"],
-        "heading_baseline_sigma": root_sum(rows["heading_baseline_error"], rows["heading_baseline_error_sigma"]),
-        "heading_baseline_noise": rows["heading_baseline_noise"],
-        "heading_wander_sigma": rows["heading_wander_sigma"],
-        "heading_wander_time": rows["heading_wander_time"],
-    }
+def _lost(p: Values, rows: Mapping[str, Any]) -> Any:
+    """Whether the measured length differs too much from the stated one."""
+    difference = ca.fabs(ca.sqrt(ca.sumsqr(rows["heading_baseline_n"])) - ca.sqrt(ca.sumsqr(p.heading_baseline_b)))
+    return (p.heading_length_tolerance > 0.0) * (difference > p.heading_length_tolerance)
 
 
-ERRORS = (
-    ErrorSource("heading noise", ("heading_baseline_noise",)),
-    ErrorSource("heading wander", ("heading_wander_sigma",)),
-    ErrorSource("heading baseline", ("heading_baseline_error", "heading_baseline_error_sigma")),
-    ErrorSource("heading outliers", ("heading_outlier_probability",)),
-)
+def _usable(motion: Any, p: Values) -> Any:
+    baseline = motion.to_navigation(p.heading_baseline_b)
+    return ca.sumsqr(baseline[:2]) > FLATTEST**2 * _length_squared(p)
 
-EQUATIONS = Sampled(
-    HEADING,
-    parameters=PARAMETERS,
-    state=STATE,
-    exact=Table((Row("heading_azimuth_true", "True azimuth of the actual baseline at the epoch of the measurement", "rad"),)),
-    measure=_measure,
-    uniforms=9,
-    truth=("heading_baseline_true",),
-    told=_told,
-    errors=ERRORS,
-    stated=Stated(HEADING.new, lambda p, x: {"heading_azimuth_sigma": _azimuth_sigma(p, x.heading_baseline_n)}),
-    start=_start,
-    start_uniforms=6,
-)
+
+def _with_length(value: Any) -> Any:
+    if not any(value):
+        raise ValueError("[0, 0, 0] m: allowed is a baseline with a length")
+    return value
+
 
 FIGURES: dict[str, Figure] = {
     "noise_m": Figure("heading_baseline_noise", "m", vector=True),
@@ -160,23 +135,64 @@ GRADES = by_name(
     ),
 )
 
-if TYPE_CHECKING:
-    HeadingFigures = FiguresSection
-else:
-    HeadingFigures = figures_section("HeadingFigures", PARAMETERS, GRADES, FIGURES, "rtk")
-
-
-class HeadingSection(HeadingFigures, TimedSection):
-    """The two-antenna heading."""
-
-    sensor: ClassVar[Sensor] = EQUATIONS.sensor()
-
-    baseline_m: Annotated[Vector3, within(-1e3, 1e3)] = key(
-        (1.0, 0.0, 0.0), "from the first to the second antenna: forward, right, down", "m"
-    )
-
-    def rows(self, rate_hz: float) -> dict[str, Any]:
-        """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for a baseline without length, or wrong times."""
-        if not any(self.baseline_m):
-            raise InputError("heading.baseline_m = [0, 0, 0] m: allowed is a baseline with a length")
-        return {**self.timing(rate_hz), **self.error_rows(), "heading_baseline_b": np.array(self.baseline_m)}
+HEADING = Instrument(
+    "heading",
+    title="Two-antenna heading",
+    called="the two-antenna heading",
+    what="azimuth",
+    causes="the baseline's direction in the body, its length, and the stated sigma of the azimuth",
+    values=(
+        Row("heading_azimuth", "Azimuth of the baseline from the first to the second antenna, clockwise from north", "rad",
+            lower=-7.0, upper=7.0),
+        Row("heading_azimuth_sigma", "Standard deviation of the azimuth that the receiver reports", "rad", start=1.0,
+            lower=0.0, upper=1e3),
+        Row("heading_baseline_n", "The baseline; zero where only the azimuth is known", "m", (3,), "n", lower=-1e4, upper=1e4),
+    ),
+    terms=TERMS,
+    measure=_measure,
+    holds=("heading",),
+    parameters=(
+        BASELINE,
+        OUTLIER_PROBABILITY,
+        Row("heading_outlier_size", "Length of the displacement by a wrong ambiguity, in a random direction", "m", start=0.19,
+            lower=0.0),
+        Row("heading_length_tolerance", "Largest difference of the measured from the stated length, 0: no check", "m",
+            lower=0.0),
+    ),
+    stated=(BASELINE,),
+    exact=_exact,
+    exact_rows=(Row("heading_azimuth_true", "True azimuth of the actual baseline at the epoch of the measurement", "rad"),),
+    totals=(
+        (Row("heading_baseline_true", "Actual baseline from the first to the second antenna", "m", (3,), "b"),
+         lambda e, p: p.heading_baseline_b + e.baseline),
+    ),
+    accuracy=_azimuth_sigma,
+    lost=_lost,
+    outlier=Outlier(
+        "outlier", OUTLIER_PROBABILITY.name, 3,
+        lambda p, r: (r[0] < p.heading_outlier_probability) * p.heading_outlier_size * direction(r[1], r[2]),
+    ),
+    aid_row="heading_azimuth",
+    limit_row="heading_baseline_n",
+    aid_parameters=("heading_baseline_b", "heading_wander_sigma", "heading_wander_time"),
+    angle=True,
+    sigma="heading_azimuth_sigma",
+    least_sigma={"heading_azimuth": 1e-4, "heading_baseline_n": 1e-3},
+    lasting=lambda motion, p: (ca.sumsqr(p.heading_wander_sigma[:2]) / 2 / _length_squared(p), p.heading_wander_time),
+    usable=_usable,
+    columns=(
+        Column("azimuth", "heading_azimuth", "azimuth of the baseline, clockwise from north", units.ANGLE_UNITS, "deg",
+               angle=True),
+        Column("azimuth_sigma", "heading_azimuth_sigma", "standard deviation of the azimuth", units.ANGLE_UNITS,
+               unit_key="azimuth_unit", constant="azimuth_sigma_deg"),
+        Column("baseline", "heading_baseline_n", "measured baseline north, east, down [m]; absent: the azimuth alone",
+               optional=True),
+    ),
+    settings=(
+        Setting("baseline_m", Annotated[Vector3, within(-1e3, 1e3), AfterValidator(_with_length)], (1.0, 0.0, 0.0),
+                "from the first to the second antenna: forward, right, down", "m", BASELINE.name, needed=True),
+    ),
+    figures=FIGURES,
+    grades=GRADES,
+    grade="rtk",
+)  # fmt: skip

@@ -30,7 +30,7 @@ from insenv.attitude import from_rotation_vector, normalize, to_dcm
 from insenv.base.errors import InputError
 from insenv.base.toml import LeverArm, Number, Rotation, key
 from insenv.core.compose import Part
-from insenv.core.elementary import exp, normal_pair, select
+from insenv.core.elementary import exp, normals, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.sensors import units
@@ -61,12 +61,6 @@ def imu_part() -> Part:
         start=_start,
         start_uniforms=START_UNIFORMS,
     )
-
-
-def normals(uniforms: Any) -> Any:
-    """Independent standard normals (n) from an even number n of uniforms in (0, 1), as a column."""
-    pairs = [normal_pair(uniforms[i], uniforms[i + 1]) for i in range(0, uniforms.shape[0], 2)]
-    return ca.vertcat(*[number for pair in pairs for number in pair])
 
 
 def _of(values: Values, triad: Triad, row: str) -> Any:

@@ -13,132 +13,72 @@ changes slowly (currents), a first-order Gauss-Markov process on each axis.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any
 
-import casadi as ca
 import numpy as np
 
-from insenv.attitude import rotate_inverse
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, Vector3, key, within
+from insenv.base.toml import Number, Vector3, within
 from insenv.core.model import Values
-from insenv.core.tables import Row, Table
-from insenv.geodesy.magnetic import magnetic_field, world_magnetic_model
+from insenv.core.tables import Row
+from insenv.geodesy.magnetic import world_magnetic_model
 from insenv.sensors import units
-from insenv.sensors.contract import ErrorSource, Place, Sensor
-from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
-from insenv.sensors.imu import normals
-from insenv.sensors.imu_tables import HUGE
-from insenv.sensors.instruments import MAGNETOMETER
-from insenv.sensors.sampled import QUANTUM_SIGMA, Motion, Sampled, gauss_markov, root_sum, rounded
+from insenv.sensors.contract import Place
+from insenv.sensors.figures import Figure, Grade, by_name
+from insenv.sensors.instrument import Column, Estimated, Instrument, Setting, Term, constant, drift, sigma_row, white
 
-PARAMETERS = Table((
-    MAGNETOMETER.told["magnetic_field_n"],
-    MAGNETOMETER.told["magnetic_field_gradient"],
-    Row("magnetic_anomaly_n", "Field that the model lacks, fixed part", "T", (3,), "n"),
-    Row("magnetic_anomaly_sigma", "Field that the model lacks, 1 sigma of the part drawn at the start", "T", (3,), "n",
-        lower=0.0),
-    Row("magnetometer_noise", "White noise, standard deviation", "T", lower=0.0),
-    Row("magnetometer_hard_iron", "Hard iron, fixed part", "T", (3,), "b"),
-    Row("magnetometer_hard_iron_sigma", "Hard iron, 1 sigma of the part drawn at the start", "T", (3,), "b", lower=0.0),
-    Row("magnetometer_soft_iron", "Soft iron, fixed part", "1", (3, 3), "b"),
-    Row("magnetometer_soft_iron_sigma", "Soft iron, 1 sigma of the part drawn at the start on the diagonal", lower=0.0),
-    Row("magnetometer_coupling_sigma", "Soft iron, 1 sigma of the part drawn at the start off the diagonal", lower=0.0),
-    Row("magnetometer_drift_sigma", "Slowly changing field of the vehicle (Gauss-Markov), standard deviation", "T", lower=0.0),
-    Row("magnetometer_drift_time", "Slowly changing field of the vehicle (Gauss-Markov), correlation time", "s", start=600.0,
-        lower=1e-3, upper=HUGE),
-    Row("magnetometer_quantum", "Step in which the field is shown, 0 for none", "T", lower=0.0),
-))  # fmt: skip
-
-STATE = Table((
-    Row("magnetometer_hard_iron_true", "Hard iron and drift together at the latest epoch", "T", (3,), "b"),
-    Row("magnetometer_soft_iron_true", "Soft iron", "1", (3, 3), "b"),
-    Row("magnetic_anomaly_true", "Field that the model lacks", "T", (3,), "n"),
-    Row("magnetometer_turn_on", "Hard iron, fixed and drawn", "T", (3,), "b"),
-    Row("magnetometer_drift", "Slowly changing field of the vehicle at the latest epoch", "T", (3,), "b"),
-))  # fmt: skip
-
-
-def _start(p: Values, r: Any) -> dict[str, Any]:
-    n = normals(r)
-    hard = p.magnetometer_hard_iron + p.magnetometer_hard_iron_sigma * n[0:3]
-    drift = p.magnetometer_drift_sigma * n[6:9]
-    diagonal, other = p.magnetometer_soft_iron_sigma, p.magnetometer_coupling_sigma
-    drawn = ca.vertcat(
-        ca.horzcat(diagonal * n[9], other * n[10], other * n[11]),
-        ca.horzcat(other * n[12], diagonal * n[13], other * n[14]),
-        ca.horzcat(other * n[15], other * n[16], diagonal * n[17]),
-    )
-    return {
-        "magnetometer_turn_on": hard,
-        "magnetometer_drift": drift,
-        "magnetometer_hard_iron_true": hard + drift,
-        "magnetometer_soft_iron_true": p.magnetometer_soft_iron + drawn,
-        "magnetic_anomaly_true": p.magnetic_anomaly_n + p.magnetic_anomaly_sigma * n[3:6],
-    }
-
-
-def _measure(p: Values, x: Values, r: Any, motion: Motion) -> dict[str, Any]:
-    n = normals(r)
-    drift = gauss_markov(
-        x.magnetometer_drift, p.magnetometer_drift_sigma, p.magnetometer_drift_time, p.magnetometer_interval, n[0:3]
-    )
-    hard = x.magnetometer_turn_on + drift
-    earth_n = magnetic_field(
-        p.magnetic_field_n, p.magnetic_field_gradient, x.latitude, x.longitude, x.height,
-        p.start_latitude, p.start_longitude, p.start_height,
-    )  # fmt: skip
-    field = rotate_inverse(x.q_nb, earth_n + x.magnetic_anomaly_true)
-    shown = field + x.magnetometer_soft_iron_true @ field + hard + p.magnetometer_noise * n[3:6]
-    return {
-        "magnetometer_field_b": rounded(shown, p.magnetometer_quantum),
-        "magnetometer_field_true": field,
-        "magnetometer_hard_iron_true": hard,
-        "magnetometer_drift": drift,
-    }
-
-
-def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
-    fixed = np.asarray(rows["magnetometer_soft_iron"])
-    anomaly = np.hypot(rows["magnetic_anomaly_n"], rows["magnetic_anomaly_sigma"])
-    return {
-        "magnetic_field_n": rows["magnetic_field_n"],
-        "magnetic_field_gradient": rows["magnetic_field_gradient"],
-        "magnetic_field_sigma": anomaly,
-        "magnetometer_noise": root_sum(rows["magnetometer_noise"], QUANTUM_SIGMA * rows["magnetometer_quantum"]),
-        "magnetometer_hard_iron_sigma": root_sum(rows["magnetometer_hard_iron"], rows["magnetometer_hard_iron_sigma"]),
-        "magnetometer_soft_iron_sigma": root_sum(np.diag(fixed), rows["magnetometer_soft_iron_sigma"]),
-        "magnetometer_coupling_sigma": root_sum(fixed - np.diag(np.diag(fixed)), rows["magnetometer_coupling_sigma"]),
-        "magnetometer_drift_sigma": rows["magnetometer_drift_sigma"],
-        "magnetometer_drift_time": rows["magnetometer_drift_time"],
-    }
-
-
-ERRORS = (
-    ErrorSource("magnetometer noise", ("magnetometer_noise",)),
-    ErrorSource("magnetic anomaly", ("magnetic_anomaly_n", "magnetic_anomaly_sigma")),
-    ErrorSource("magnetometer hard iron", ("magnetometer_hard_iron", "magnetometer_hard_iron_sigma")),
-    ErrorSource(
-        "magnetometer soft iron", ("magnetometer_soft_iron", "magnetometer_soft_iron_sigma", "magnetometer_coupling_sigma")
+FIELD = Row("magnetic_field_n", "Field of the Earth at the reported start", "T", (3,), "n", lower=-1e-3, upper=1e-3)
+GRADIENT = Row(
+    "magnetic_field_gradient", "Its change per metre north, east, down (columns), components in the local n", "T/m", (3, 3),
+    "n", lower=-1e-6, upper=1e-6,
+)  # fmt: skip
+TERMS = (
+    white("magnetometer_noise", "magnetometer noise", "White noise of each axis", "T", (3,), "b", normals=(3,)),
+    constant(
+        "magnetometer_hard_iron", "hard_iron", "magnetometer hard iron", "Hard iron: constant field of the vehicle", "T", (3,),
+        "b", value="magnetometer_turn_on",
+        states=(Estimated("hard_iron", "hard iron: constant magnetic field of the vehicle"),), normals=(0,),
     ),
-    ErrorSource("magnetometer drift", ("magnetometer_drift_sigma",)),
-    ErrorSource("magnetometer rounding", ("magnetometer_quantum",)),
-)
+    drift(
+        "magnetometer_drift", "drift", "magnetometer drift", "Slowly changing field of the vehicle", "T", (3,), "b",
+        states=(Estimated("magnetometer_drift", "slowly varying magnetic field of the vehicle"),), normals=(6, 0),
+    ),
+    Term(
+        "soft_iron", "magnetometer soft iron", "constant", (3, 3), "1", "b",
+        fixed=Row("magnetometer_soft_iron", "Soft iron, fixed part", "1", (3, 3), "b"),
+        sigma=Row("magnetometer_soft_iron_sigma", "Soft iron, 1 sigma of the part drawn at the start on the diagonal",
+                  lower=0.0),
+        coupling=Row("magnetometer_coupling_sigma", "Soft iron, 1 sigma of the part drawn at the start off the diagonal",
+                     lower=0.0),
+        value=Row("magnetometer_soft_iron_true", "Soft iron", "1", (3, 3), "b"),
+        stated=(
+            sigma_row("magnetometer_soft_iron_sigma", "Diagonal of the soft-iron matrix, scale factors included"),
+            sigma_row("magnetometer_coupling_sigma", "Other elements of the soft-iron matrix, misalignment included"),
+        ),
+        states=(
+            Estimated("soft_iron", "soft iron: diagonal of the matrix"),
+            Estimated("soft_iron_coupling", "soft iron: other elements of the matrix, xy, xz, yx, yz, zx, zy"),
+        ),
+        normals=(9,),
+    ),
+    constant(
+        "magnetic_anomaly_n", "anomaly", "magnetic anomaly", "Field that the model of the Earth lacks: model and crust", "T",
+        (3,), "n", value="magnetic_anomaly_true", sigma="magnetic_anomaly_sigma", stated="magnetic_field_sigma",
+        stated_shape=(3,),
+        states=(Estimated("magnetic_field_error", "error of the model of the Earth's magnetic field"),), normals=(3,),
+    ),
+)  # fmt: skip
 
-EQUATIONS = Sampled(
-    MAGNETOMETER,
-    parameters=PARAMETERS,
-    state=STATE,
-    exact=Table((Row("magnetometer_field_true", "True field without the vehicle's own at that epoch", "T", (3,), "b"),)),
-    measure=_measure,
-    uniforms=6,
-    truth=("magnetometer_hard_iron_true", "magnetometer_soft_iron_true", "magnetic_anomaly_true"),
-    told=_told,
-    errors=ERRORS,
-    start=_start,
-    start_uniforms=18,
-)
+
+def _field_b(motion: Any, e: Values, p: Values) -> Any:
+    """The field without that of the vehicle (3, T, b)."""
+    return motion.to_body(p.magnetic_field_n + p.magnetic_field_gradient @ motion.displacement_n + e.anomaly)
+
+
+def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
+    field_b = _field_b(motion, e, p)
+    return {"magnetometer_field_b": field_b + e.soft_iron @ field_b + (e.hard_iron + e.drift) + e.noise}
+
 
 FIGURES: dict[str, Figure] = {
     "noise_nt": Figure("magnetometer_noise", "nT", units.nt_to_t),
@@ -185,41 +125,57 @@ GRADES = by_name(
     ),
 )  # fmt: skip
 
-if TYPE_CHECKING:
-    MagnetometerFigures = FiguresSection
-else:
-    MagnetometerFigures = figures_section("MagnetometerFigures", PARAMETERS, GRADES, FIGURES, "autopilot")
 
-
-class MagnetometerSection(MagnetometerFigures, TimedSection):
-    """The magnetometer."""
-
-    sensor: ClassVar[Sensor] = EQUATIONS.sensor()
-
-    interval_s: Number = key(0.05, "interval between measurements, a whole number of samples", "s", gt=0, le=3600)
-    year: Number = key(2026.0, "decimal year at which the World Magnetic Model is evaluated", "year")
-    field_nt: Annotated[Vector3, within(-1e5, 1e5)] | None = key(
-        None, "field of the Earth north, east, down, the same everywhere; that of the World Magnetic Model if absent", "nT"
-    )
-
-    def rows(self, rate_hz: float) -> dict[str, Any]:
-        """Parameter rows (SI) for samples at `rate_hz`, without the field.  Raises `InputError` for wrong times."""
-        return {**self.timing(rate_hz), **self.error_rows()}
-
-    def rows_at(self, rate_hz: float, place: Place) -> dict[str, Any]:
-        """Parameter rows (SI) with the field at `place`.  Raises `InputError` for a year that the model does not cover."""
-        return {**self.rows(rate_hz), **field_rows(self.year, self.field_nt, place)}
-
-
-def field_rows(year: float, field_nt: Any, place: Place) -> dict[str, Any]:
-    """The rows of the Earth's field: `field_nt` (3, nT) everywhere or, if None, the World Magnetic Model at a place.
+def _surroundings(section: Any, place: Place | None) -> dict[str, Any]:
+    """The rows of the Earth's field: that of the section everywhere or, if it has none, the World Magnetic Model at a place.
 
     Raises `InputError` that names the key.
     """
+    year, field_nt = getattr(section, "year", 2026.0), getattr(section, "field_nt", None)
     if field_nt is not None:
-        return {"magnetic_field_n": units.nt_to_t(np.asarray(field_nt)), "magnetic_field_gradient": np.zeros((3, 3))}
+        return {FIELD.name: units.nt_to_t(np.asarray(field_nt)), GRADIENT.name: np.zeros((3, 3))}
+    if place is None:
+        raise InputError("magnetometer: the field of the Earth needs a place: [gnss], [initial] latitude_deg, or field_nt")
     try:
         field, gradient = world_magnetic_model(place.latitude, place.longitude, place.height, year)
     except InputError as error:
         raise InputError(f"magnetometer.{error}") from None
-    return {"magnetic_field_n": field, "magnetic_field_gradient": gradient}
+    return {FIELD.name: field, GRADIENT.name: gradient}
+
+
+MAGNETOMETER = Instrument(
+    "magnetometer",
+    title="Magnetometer",
+    called="the magnetometer",
+    what="field in body axes",
+    causes="iron and currents near it (hard and soft iron sigmas), the date of the field model, and its axes",
+    values=(Row("magnetometer_field_b", "Magnetic flux density", "T", (3,), "b", lower=-1.0, upper=1.0),),
+    terms=TERMS,
+    measure=_measure,
+    holds=("heading",),
+    parameters=(FIELD, GRADIENT),
+    stated=(FIELD, GRADIENT),
+    exact=lambda motion, e, p: {"magnetometer_field_true": _field_b(motion, e, p)},
+    exact_rows=(Row("magnetometer_field_true", "True field without the vehicle's own at that epoch", "T", (3,), "b"),),
+    totals=(
+        (Row("magnetometer_hard_iron_true", "Hard iron and drift together at the latest epoch", "T", (3,), "b"),
+         lambda e, p: e.hard_iron + e.drift),
+    ),
+    quantum=Row("magnetometer_quantum", "Step in which the field is shown, 0 for none", "T", lower=0.0),
+    aid_parameters=("magnetic_field_n", "magnetic_field_gradient", "magnetometer_noise"),
+    least_sigma={"magnetometer_field_b": 1e-9},
+    columns=(
+        Column("field", "magnetometer_field_b", "field's x, y, z", {"T": 1.0, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+               axes=True),
+    ),
+    settings=(
+        Setting("year", Number, 2026.0, "decimal year at which the World Magnetic Model is evaluated", "year"),
+        Setting("field_nt", Annotated[Vector3, within(-1e5, 1e5)] | None, None,
+                "field of the Earth north, east, down, the same everywhere; that of the World Magnetic Model if absent", "nT"),
+    ),
+    surroundings=_surroundings,
+    figures=FIGURES,
+    grades=GRADES,
+    grade="autopilot",
+    interval_s=0.05,
+)  # fmt: skip

@@ -12,99 +12,63 @@ proportional to the force that it transmits: f_x is the forward specific force o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from math import radians
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from insenv.attitude import from_rotation_vector, multiply, rotate, rotate_inverse
-from insenv.base.toml import LeverArm, Number, Rotation, key
+from insenv.attitude import from_rotation_vector, multiply, rotate
+from insenv.base.toml import LeverArm, Rotation
 from insenv.core.model import Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Row
 from insenv.sensors import units
-from insenv.sensors.contract import ErrorSource, Sensor
-from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
-from insenv.sensors.imu import normals
-from insenv.sensors.instruments import ODOMETER
-from insenv.sensors.sampled import QUANTUM_SIGMA, Motion, Sampled, root_sum, rounded
+from insenv.sensors.figures import Figure, Grade, by_name
+from insenv.sensors.instrument import Column, Estimated, Instrument, Setting, constant, white
 
-PARAMETERS = Table((
-    ODOMETER.told["odometer_lever_arm_b"],
-    ODOMETER.told["odometer_mounting"],
-    Row("odometer_mounting_error", "Rotation vector from the nominal to the actual axes, fixed part", "rad", (3,), "v"),
-    Row("odometer_mounting_error_sigma", "Rotation vector from the nominal to the actual axes, 1 sigma of the drawn part",
-        "rad", (3,), "v", lower=0.0),
-    Row("odometer_noise", "White noise of a speed, standard deviation", "m/s", lower=0.0),
-    Row("odometer_scale_factor", "Scale factor error, fixed part"),
-    Row("odometer_scale_factor_sigma", "Scale factor error, 1 sigma of the part drawn at the start", lower=0.0),
-    Row("odometer_slip", "Slip per forward specific force, fixed part", "s^2/m", lower=-1.0, upper=1.0),
-    Row("odometer_slip_sigma", "Slip per forward specific force, 1 sigma of the part drawn at the start", "s^2/m", lower=0.0),
-    Row("odometer_quantum", "Step in which the speed is shown, 0 for none", "m/s", lower=0.0),
-))  # fmt: skip
-
-STATE = Table((
-    Row("odometer_scale_factor_true", "Scale factor error"),
-    Row("odometer_slip_true", "Slip per forward specific force", "s^2/m"),
-    Row("odometer_mounting_error_true", "Rotation vector from the nominal to the actual axes", "rad", (3,), "v"),
-    Row("odometer_axis", "Forward axis of the odometer", "1", (3,), "b", (1.0, 0.0, 0.0)),
-))  # fmt: skip
-
-
-def _start(p: Values, r: Any) -> dict[str, Any]:
-    n = normals(r)
-    error = p.odometer_mounting_error + p.odometer_mounting_error_sigma * n[0:3]
-    q_bv = multiply(from_rotation_vector(p.odometer_mounting), from_rotation_vector(error))
-    return {
-        "odometer_mounting_error_true": error,
-        "odometer_axis": rotate(q_bv, ca.SX([1.0, 0.0, 0.0])),
-        "odometer_scale_factor_true": p.odometer_scale_factor + p.odometer_scale_factor_sigma * n[3],
-        "odometer_slip_true": p.odometer_slip + p.odometer_slip_sigma * n[4],
-    }
+ASSUMED_MOUNTING = radians(3.0)
+"""rad: standard deviation of the mounting where nothing is told of it."""
+LEVER_ARM = Row("odometer_lever_arm_b", "From the inertial unit to the wheel's or sensor's point", "m", (3,), "b",
+                lower=-1e3, upper=1e3)  # fmt: skip
+MOUNTING = Row("odometer_mounting", "Rotation vector from b to the odometer's axes v, v_v = C(rotation)^T v_b", "rad", (3,),
+               "b", lower=-7.0, upper=7.0)  # fmt: skip
+QUANTUM = Row("odometer_quantum", "Step in which the speed is shown, 0 for none", "m/s", lower=0.0)
+TERMS = (
+    white("odometer_noise", "odometer noise", "White noise of a speed", "m/s"),
+    constant(
+        "odometer_scale_factor", "scale_factor", "odometer scale factor", "Scale factor error: circumference of the wheel",
+        states=(Estimated("odometer_scale", "scale factor of the odometer"),), normals=(3,),
+    ),
+    constant(
+        "odometer_slip", "slip", "odometer slip", "Slip: relative speed error per forward specific force", "s^2/m",
+        limits={"lower": -1.0, "upper": 1.0},
+        states=(Estimated("odometer_slip", "slip of the wheel per forward specific force"),), normals=(4,),
+    ),
+    constant(
+        "odometer_mounting_error", "mounting", "odometer mounting", "Rotation vector from the nominal to the actual axes",
+        "rad", (3,), "v", stated="odometer_mounting_sigma",
+        states=(Estimated("odometer_mounting_error", "mounting error of the odometer: pitch, yaw", (1, 2),
+                          assumed=ASSUMED_MOUNTING),),
+        normals=(0,),
+    ),
+)  # fmt: skip
 
 
-def _measure(p: Values, x: Values, r: Any, motion: Motion) -> dict[str, Any]:
-    n = normals(r)
-    velocity_b = rotate_inverse(x.q_nb, x.velocity_n) + ca.cross(motion.rate_eb_b, p.odometer_lever_arm_b)
-    speed = ca.dot(x.odometer_axis, velocity_b)
-    force = x.true_delta_velocity[0] / p.sample_interval
-    shown = (1.0 + x.odometer_scale_factor_true + x.odometer_slip_true * force) * speed + p.odometer_noise * n[0]
-    return {"odometer_speed": rounded(shown, p.odometer_quantum), "odometer_speed_true": speed}
+def axis(number: int, p: Values, mounting_error: Any) -> Any:
+    """Forward (0), right (1) or down (2) axis of the odometer (3, b), turned by the mounting and then by its error."""
+    unit = ca.SX.zeros(3)
+    unit[number] = 1.0
+    return rotate(multiply(from_rotation_vector(p.odometer_mounting), from_rotation_vector(mounting_error)), ca.densify(unit))
 
 
-def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "odometer_lever_arm_b": rows["odometer_lever_arm_b"],
-        "odometer_mounting": rows["odometer_mounting"],
-        "odometer_mounting_sigma": root_sum(rows["odometer_mounting_error"], rows["odometer_mounting_error_sigma"]),
-        "odometer_noise": root_sum(rows["odometer_noise"], QUANTUM_SIGMA * rows["odometer_quantum"]),
-        "odometer_scale_factor_sigma": root_sum(rows["odometer_scale_factor"], rows["odometer_scale_factor_sigma"]),
-        "odometer_slip_sigma": root_sum(rows["odometer_slip"], rows["odometer_slip_sigma"]),
-        "odometer_quantum": rows["odometer_quantum"],
-    }
+def _speed(motion: Any, e: Values, p: Values) -> Any:
+    return ca.dot(axis(0, p, e.mounting), motion.body_velocity(p.odometer_lever_arm_b))
 
 
-ERRORS = (
-    ErrorSource("odometer noise", ("odometer_noise",)),
-    ErrorSource("odometer scale factor", ("odometer_scale_factor", "odometer_scale_factor_sigma")),
-    ErrorSource("odometer slip", ("odometer_slip", "odometer_slip_sigma")),
-    ErrorSource("odometer mounting", ("odometer_mounting_error", "odometer_mounting_error_sigma")),
-    ErrorSource("odometer rounding", ("odometer_quantum",)),
-)
+def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
+    share = 1.0 + e.scale_factor + e.slip * motion.specific_force_b[0]
+    return {"odometer_speed": share * _speed(motion, e, p) + e.noise}
 
-EQUATIONS = Sampled(
-    ODOMETER,
-    parameters=PARAMETERS,
-    state=STATE,
-    exact=Table((Row("odometer_speed_true", "True speed along the true forward axis at the epoch of the measurement", "m/s"),)),
-    measure=_measure,
-    uniforms=2,
-    truth=("odometer_scale_factor_true", "odometer_slip_true", "odometer_mounting_error_true"),
-    told=_told,
-    errors=ERRORS,
-    start=_start,
-    start_uniforms=6,
-)
 
 FIGURES: dict[str, Figure] = {
     "noise_mps": Figure("odometer_noise", "m/s"),
@@ -171,26 +135,35 @@ GRADES = by_name(
     ),
 )
 
-if TYPE_CHECKING:
-    OdometerFigures = FiguresSection
-else:
-    OdometerFigures = figures_section("OdometerFigures", PARAMETERS, GRADES, FIGURES, "wheel")
-
-
-class OdometerSection(OdometerFigures, TimedSection):
-    """The odometer."""
-
-    sensor: ClassVar[Sensor] = EQUATIONS.sensor()
-
-    interval_s: Number = key(0.1, "interval between measurements, a whole number of samples", "s", gt=0, le=3600)
-    lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the inertial unit to the wheel: forward, right, down", "m")
-    mounting_deg: Rotation = key((0.0, 0.0, 0.0), "nominal rotation from body to odometer axes, as a rotation vector", "deg")
-
-    def rows(self, rate_hz: float) -> dict[str, Any]:
-        """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for times that do not fit the samples."""
-        return {
-            **self.timing(rate_hz),
-            **self.error_rows(),
-            "odometer_lever_arm_b": np.array(self.lever_arm_m),
-            "odometer_mounting": units.deg_to_rad(np.array(self.mounting_deg)),
-        }
+ODOMETER = Instrument(
+    "odometer",
+    title="Odometer",
+    called="the odometer",
+    what="forward speed",
+    causes="its scale factor, lever arm, mounting and latency, wheels that slip or block, and its stated noise",
+    values=(Row("odometer_speed", "Speed along the forward axis of the odometer", "m/s", lower=-1e4, upper=1e4),),
+    terms=TERMS,
+    measure=_measure,
+    holds=("horizontal",),
+    parameters=(LEVER_ARM, MOUNTING),
+    stated=(LEVER_ARM, MOUNTING, QUANTUM),
+    exact=lambda motion, e, p: {"odometer_speed_true": _speed(motion, e, p)},
+    exact_rows=(
+        Row("odometer_speed_true", "True speed along the true forward axis at the epoch of the measurement", "m/s"),
+    ),
+    quantum=QUANTUM,
+    aid_parameters=("odometer_lever_arm_b", "odometer_mounting", "odometer_noise"),
+    least_sigma={"odometer_speed": 1e-3},
+    turned=True,
+    columns=(Column("speed", "odometer_speed", "speed, forward positive", units.SPEED_UNITS, "m/s"),),
+    settings=(
+        Setting("lever_arm_m", LeverArm, (0.0, 0.0, 0.0), "from the inertial unit to the wheel: forward, right, down", "m",
+                "odometer_lever_arm_b", needed=True),
+        Setting("mounting_deg", Rotation, (0.0, 0.0, 0.0), "nominal rotation from body to odometer axes, as a rotation vector",
+                "deg", "odometer_mounting", units.deg_to_rad),
+    ),
+    figures=FIGURES,
+    grades=GRADES,
+    grade="wheel",
+    interval_s=0.1,
+)  # fmt: skip

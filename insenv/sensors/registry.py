@@ -6,7 +6,11 @@ from insenv.base.errors import InputError
 from insenv.base.plugins import Plugins, check_section_name, overrides
 from insenv.base.shipped import SENSORS
 from insenv.base.toml import shown
+from insenv.core.tables import Table
 from insenv.sensors.contract import Sensor, SensorSection
+from insenv.sensors.gnss import GNSS_STATED
+from insenv.sensors.instrument import Instrument
+from insenv.sensors.instrument_section import section_of
 
 TAKEN = frozenset(dir(SensorSection)) | {
     "title", "description", "duration_s", "rate_hz", "seed", "estimators", "start", "vehicle", "imu", "gnss", "knowledge",
@@ -15,17 +19,29 @@ TAKEN = frozenset(dir(SensorSection)) | {
 """Names of the keys and attributes of a scenario, which no section of a sensor can have."""
 
 
-def _id(section: type[SensorSection]) -> str:
-    sensor = getattr(section, "sensor", None)
-    if isinstance(section, type) and issubclass(section, SensorSection) and isinstance(sensor, Sensor):
-        overrides(section, SensorSection, ("rows",))
-        return check_section_name(f"{section.__name__}: sensor id", sensor.id)
-    raise InputError(f"{shown(section)}: a sensor is registered by a subclass of SensorSection whose `sensor` is a Sensor")
+Registered = type[SensorSection] | Instrument
+"""What may be registered: a section with equations of its own, or an instrument, of which the section follows."""
 
 
-_PLUGINS: Plugins[type[SensorSection]] = Plugins(
+def _id(thing: Registered) -> str:
+    if isinstance(thing, Instrument):
+        return check_section_name("Instrument: id", thing.id)
+    sensor = getattr(thing, "sensor", None)
+    if isinstance(thing, type) and issubclass(thing, SensorSection) and isinstance(sensor, Sensor):
+        overrides(thing, SensorSection, ("rows",))
+        return check_section_name(f"{thing.__name__}: sensor id", sensor.id)
+    raise InputError(
+        f"{shown(thing)}: a sensor is registered by an Instrument or a subclass of SensorSection whose `sensor` is a Sensor"
+    )
+
+
+_PLUGINS: Plugins[Registered] = Plugins(
     "sensor", "insenv.sensors", _id, SENSORS, ("a key or attribute of a scenario", lambda: TAKEN)
 )
+
+
+def _section(thing: Registered) -> type[SensorSection]:
+    return section_of(thing) if isinstance(thing, Instrument) else thing
 
 
 def names() -> list[str]:
@@ -35,17 +51,33 @@ def names() -> list[str]:
 
 def get(id: str) -> type[SensorSection]:
     """The section of the sensor of that id.  Raises `InputError` with the nearest id."""
-    return _PLUGINS.get(id)
+    return _section(_PLUGINS.get(id))
 
 
 def registered() -> dict[str, type[SensorSection]]:
     """The sections of all sensors beside the inertial unit, by id."""
-    return _PLUGINS.all()
+    return {id: _section(thing) for id, thing in _PLUGINS.all().items()}
 
 
-def register(section: type[SensorSection]) -> type[SensorSection]:
+def instruments() -> dict[str, Instrument]:
+    """All aiding instruments by id, in the order of registration."""
+    return {id: thing for id, thing in _PLUGINS.all().items() if isinstance(thing, Instrument)}
+
+
+def instrument(id: str) -> Instrument | None:
+    """The aiding instrument of that id; None for a sensor that has equations of its own."""
+    thing = _PLUGINS.get(id)
+    return thing if isinstance(thing, Instrument) else None
+
+
+def stated_rows() -> Table:
+    """What estimators are told of the receiver and of all instruments.  Start values, mostly 0, mean "no such error"."""
+    return sum((each.stated_errors for each in instruments().values()), GNSS_STATED)
+
+
+def register(thing: Registered) -> Registered:
     """Make a sensor known.  Raises `InputError` if another one has its id."""
-    return _PLUGINS.register(section)
+    return _PLUGINS.register(thing)
 
 
 def check_loaded(name: str) -> None:

@@ -1,4 +1,4 @@
-"""An instrument that measures at its own rate and delivers after a latency: the part that all aiding instruments share.
+"""An instrument as part of a plant: it measures at its own rate, and delivers after a latency.
 
 A measurement is made at an epoch, on the sample that ends there, and arrives `NAME_latency` later.  Epochs come every
 `NAME_interval`, beginning one interval after the start.  Outage windows remove epochs, not deliveries, as those of the GNSS
@@ -7,75 +7,87 @@ receiver do.  Between epochs a sample only increments a counter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
+from insenv.attitude import rotate, rotate_inverse
 from insenv.base.errors import InputError
 from insenv.core.compose import Part
-from insenv.core.elementary import exp, select
+from insenv.core.elementary import exp, normals, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
+from insenv.geodesy.magnetic import displacement_n
 from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
-from insenv.sensors.imu_tables import HUGE
-from insenv.sensors.instruments import Instrument
+from insenv.sensors.instrument import HUGE, Instrument, Term, errors_of
 
 OUTAGES = 16
 """Number of outage windows in the parameters."""
-LOST = "lost"
-"""Key of what `Sampled.measure` returns: 1 if the instrument shows nothing at this epoch."""
 
 
-@dataclass(frozen=True)
-class Motion:
-    """The motion at an epoch, at the inertial unit: omega_eb^b (3, rad/s), its derivative, d(velocity_n)/dt (3, m/s^2)."""
+class TrueMotion:
+    """The motion of the plant at an epoch, as instruments see it (`insenv.sensors.instrument.Motion`).
 
-    rate_eb_b: Any
-    rate_change_b: Any
-    acceleration_n: Any
+    rate_eb_b: omega_eb^b (3, rad/s).
+    """
+
+    def __init__(self, p: Values, x: Values, rate_eb_b: Any) -> None:
+        self._p, self._x, self._rate_eb_b = p, x, rate_eb_b
+
+    @property
+    def specific_force_b(self) -> Any:
+        return self._x.true_delta_velocity / self._p.sample_interval
+
+    @property
+    def height(self) -> Any:
+        return self._x.height
+
+    @property
+    def climbed(self) -> Any:
+        return self._x.height - self._p.start_height
+
+    @property
+    def speed_squared(self) -> Any:
+        return ca.sumsqr(self._x.velocity_n)
+
+    @property
+    def displacement_n(self) -> Any:
+        x, p = self._x, self._p
+        return displacement_n(x.latitude, x.longitude, x.height, p.start_latitude, p.start_longitude, p.start_height)
+
+    def to_body(self, vector_n: Any) -> Any:
+        return rotate_inverse(self._x.q_nb, vector_n)
+
+    def to_navigation(self, vector_b: Any) -> Any:
+        return rotate(self._x.q_nb, vector_b)
+
+    def body_velocity(self, arm_b: Any, flow_n: Any = None) -> Any:
+        velocity_n = self._x.velocity_n if flow_n is None else self._x.velocity_n - flow_n
+        return rotate_inverse(self._x.q_nb, velocity_n) + ca.cross(self._rate_eb_b, arm_b)
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """The equations of an instrument.
-
-    instrument: its rows.  parameters, state: further rows than those of the timing and the measurement.  exact: true values of
-    what it measures, which arrive with the measurement.  measure: ``(p, x, r, motion) -> {row: value}`` of all measured values,
-    of `exact` and of rows of `state`, r being `uniforms` uniforms; and `LOST` if it may show nothing.  truth: rows of `state`
-    that are outputs of the plant, as `exact` is.  start: ``(p, r) -> {row: value}``.  sample: ``(p, x, u) -> {row: value}``,
-    what it does on every sample.  told, errors, stated: as of `Sensor`; the outages are a source of errors as well.
-    """
+    """The plant's equations of an instrument."""
 
     instrument: Instrument
-    parameters: Table
-    state: Table
-    exact: Table
-    measure: Callable[[Values, Values, Any, Motion], dict[str, Any]]
-    uniforms: int
-    truth: tuple[str, ...]
-    told: Callable[[Mapping[str, Any]], Mapping[str, Any]]
-    errors: tuple[ErrorSource, ...]
-    start: Callable[[Values, Any], dict[str, Any]] | None = None
-    start_uniforms: int = 0
-    sample: Callable[[Values, Values, Values], dict[str, Any]] | None = field(default=None)
-    stated: Stated | None = None
 
     @property
     def all_parameters(self) -> Table:
         """Those of the timing, then its own."""
-        return timing_rows(self.instrument.id) + self.parameters
+        return timing_rows(self.instrument.id) + self.instrument.all_parameters
 
-    @property
+    @cached_property
     def all_state(self) -> Table:
-        """Rows of the measurement and its exact values, of the pending ones, of the timing, then its own."""
-        given, id = self.instrument, self.instrument.id
-        arriving = (*(given.measurement[name] for name in given.values), *self.exact)
+        """Rows of the measurement and its exact values, of the pending ones, of the timing, then its errors."""
+        this, id = self.instrument, self.instrument.id
+        arriving = (*this.values, *this.exact_rows)
         return (
-            given.measurement
-            + self.exact
+            this.measurement
+            + Table(this.exact_rows)
             + Table(tuple(replace(row, name=self._pending(row.name), meaning=f"{row.meaning}; pending") for row in arriving))
             + Table((
                 Row(f"{id}_pending", "1 if the latest epoch gave a measurement", lower=0.0, upper=1.0),
@@ -83,91 +95,190 @@ class Sampled:
                 Row(f"{id}_counter", "Samples since the latest epoch"),
                 Row(f"{id}_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
             ))
-            + self.state
+            + Table(tuple(row for row, _ in this.totals))
+            + Table(tuple(term.value for term in this.terms if term.value is not None))
+            + (Table() if this.lag is None else this.lag.state)
         )  # fmt: skip
+
+    @property
+    def truth(self) -> tuple[str, ...]:
+        """Rows of the state that are true values of errors: their names end with ``_true``."""
+        errors = (*(row for row, _ in self.instrument.totals), *(term.value for term in self.instrument.terms))
+        return tuple(row.name for row in errors if row is not None and row.name.endswith("_true"))
 
     def sensor(self) -> Sensor:
         """The sensor of these equations."""
-        given, id = self.instrument, self.instrument.id
-        missing = (
+        this, id = self.instrument, self.instrument.id
+        timing = (
             ErrorSource(f"{id} latency", (f"{id}_latency",)),
             ErrorSource(f"{id} outages", (f"{id}_outage_start", f"{id}_outage_end")),
         )
         return Sensor(
             id,
             self._part,
-            outputs=given.measurement.names,
-            truth=(*self.exact.names, *self.truth),
-            told=self.told,
-            errors=self.errors + missing,
-            stated=self.stated,
+            outputs=this.measurement.names,
+            truth=(*(row.name for row in this.exact_rows), *self.truth),
+            stated_errors=this.stated_values,
+            errors=this.error_sources + timing,
+            stated=None if this.accuracy is None else Stated(this.new, self._accuracy),
         )
+
+    def _accuracy(self, p: Values, x: Values) -> dict[str, Any]:
+        assert self.instrument.accuracy is not None
+        return self.instrument.accuracy(p, {row.name: getattr(x, row.name) for row in self.instrument.values})
 
     def _part(self, instant: Instant) -> Part:
         id = self.instrument.id
 
         def measure(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
-            return self._measured(p, x, r, Motion(*instant(p, x)))
+            return self._measured(p, x, r, TrueMotion(p, x, instant(p, x)[0]))
 
         return Part(
             parameters=self.all_parameters,
             state=self.all_state,
             steps={
                 "sample": Step(self._counted),
-                id: Step(measure, when=f"{id}_due", uniforms=self.uniforms),
+                id: Step(measure, when=f"{id}_due", uniforms=self._epoch_normals + self._further_uniforms),
                 f"{id}_delivery": Step(self._delivered, when=self.instrument.new),
             },
-            start=self.start,
-            start_uniforms=self.start_uniforms,
+            start=self._start,
+            start_uniforms=_even(self._last("start")),
         )
+
+    # --- the errors -----------------------------------------------------------------------------------
+
+    def _place(self, term: Term, when: str) -> slice | None:
+        """Which of the standard normals of the start, or of an epoch, a term takes; None: none."""
+        draws = {"constant": ("start",) if term.value is not None else (), "drift": ("start", "epoch"), "white": ("epoch",)}
+        drawn = draws[term.kind]
+        if when not in drawn:
+            return None
+        first = term.normals[drawn.index(when)]
+        return slice(first, first + term.size)
+
+    def _last(self, when: str) -> int:
+        places = (self._place(term, when) for term in self.instrument.terms)
+        return max((place.stop for place in places if place is not None), default=0)
+
+    @property
+    def _epoch_normals(self) -> int:
+        return _even(self._last("epoch"))
+
+    @property
+    def _further_uniforms(self) -> int:
+        return 0 if self.instrument.outlier is None else self.instrument.outlier.uniforms
+
+    def _start(self, p: Values, r: Any) -> dict[str, Any]:
+        this, n = self.instrument, normals(r) if self._last("start") else None
+        values = {
+            term.name: _with_fixed(term, p, _scaled(term, p, n[place]))
+            for term in this.terms
+            if (place := self._place(term, "start")) is not None
+        }
+        rows = {term.value.name: values[term.name] for term in this.terms if term.value is not None}
+        return {**rows, **self._totals(p, values), **({} if this.lag is None else this.lag.start(p))}
+
+    def _totals(self, p: Values, values: Mapping[str, Any]) -> dict[str, Any]:
+        errors = errors_of(self.instrument, {**_fixed(self.instrument, p), **values})
+        return {row.name: total(errors, p) for row, total in self.instrument.totals}
+
+    def _at_epoch(self, p: Values, x: Values, r: Any) -> dict[str, Any]:
+        """The errors of a measurement by name."""
+        this, count = self.instrument, self._epoch_normals
+        n, values = normals(r[0:count]), _fixed(this, p)
+        interval = getattr(p, f"{this.id}_interval")
+        for term in this.terms:
+            place = self._place(term, "epoch")
+            if term.value is not None:
+                values[term.name] = getattr(x, term.value.name)
+            if term.kind == "drift":
+                assert term.sigma is not None and term.time is not None
+                sigma, time = getattr(p, term.sigma.name), getattr(p, term.time.name)
+                values[term.name] = gauss_markov(values[term.name], sigma, time, interval, n[place])
+            elif term.kind == "white":
+                values[term.name] = _scaled(term, p, n[place])
+        if this.lag is not None:
+            values[this.lag.name] = this.lag.value(x)
+        if this.outlier is not None:
+            values[this.outlier.name] = this.outlier.draw(p, r[count:])
+        return values
+
+    # --- the steps ------------------------------------------------------------------------------------
 
     def _counted(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
         id, dt = self.instrument.id, p.sample_interval
         counter = getattr(x, f"{id}_counter") + 1.0
         arrives = ca.fabs(counter * dt - getattr(p, f"{id}_latency")) < 0.5 * dt
-        own = {} if self.sample is None else self.sample(p, x, u)
         return {
             f"{id}_counter": counter,
             f"{id}_due": (counter + 0.5) * dt > getattr(p, f"{id}_interval"),
             self.instrument.new: arrives * getattr(x, f"{id}_pending"),
-            **own,
+            **({} if self.instrument.lag is None else self.instrument.lag.sample(p, x)),
         }
 
-    def _measured(self, p: Values, x: Values, r: Any, motion: Motion) -> dict[str, Any]:
-        id, dt = self.instrument.id, p.sample_interval
-        rows = self.measure(p, x, r, motion)
+    def _measured(self, p: Values, x: Values, r: Any, motion: TrueMotion) -> dict[str, Any]:
+        this, id, dt = self.instrument, self.instrument.id, p.sample_interval
+        values = self._at_epoch(p, x, r)
+        errors = errors_of(this, values, p)
+        rows = this.measure(motion, errors, p)
+        if this.quantum is not None:
+            rows = {name: rounded(value, getattr(p, this.quantum.name)) for name, value in rows.items()}
+        lost: Any = 0.0 if this.lost is None else this.lost(p, rows)
+        rows |= {} if this.accuracy is None else this.accuracy(p, rows)
+        rows |= this.exact(motion, errors, p)
+        drifts = {term.value.name: values[term.name] for term in this.terms if term.kind == "drift" and term.value is not None}
         epochs = getattr(x, f"{id}_epochs") + 1.0
         # a microsecond decides ties, which rounding would otherwise decide arbitrarily
         time = epochs * getattr(p, f"{id}_interval") + 1e-6
-        lost: Any = rows.pop(LOST, 0.0)
         begin, end = getattr(p, f"{id}_outage_start"), getattr(p, f"{id}_outage_end")
         for i in range(OUTAGES):
             lost = lost + (time >= begin[i]) * (time < end[i])
         there = lost == 0.0
         return {
-            **{self._pending(name) if self._waits(name) else name: value for name, value in rows.items()},
+            **{self._pending(name): value for name, value in rows.items()},
+            **drifts,
+            **(self._totals(p, values) if drifts else {}),
             f"{id}_pending": there,
             f"{id}_epochs": epochs,
             f"{id}_counter": 0.0,
-            self.instrument.new: there * (getattr(p, f"{id}_latency") < 0.5 * dt),
+            this.new: there * (getattr(p, f"{id}_latency") < 0.5 * dt),
         }
 
     def _delivered(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
-        id = self.instrument.id
-        names = (*self.instrument.values, *self.exact.names)
+        this, id = self.instrument, self.instrument.id
         late = select(getattr(p, f"{id}_latency") < 0.5 * p.sample_interval, 0.0, getattr(x, f"{id}_counter"))
         return {
-            **{name: getattr(x, self._pending(name)) for name in names},
-            self.instrument.age: late * p.sample_interval,
+            **{row.name: getattr(x, self._pending(row.name)) for row in (*this.values, *this.exact_rows)},
+            this.age: late * p.sample_interval,
         }
-
-    def _waits(self, name: str) -> bool:
-        """Whether the value of a row waits for the delivery of the measurement."""
-        return name in self.instrument.measurement or name in self.exact
 
     def _pending(self, name: str) -> str:
         id = self.instrument.id
         return f"{id}_pending_{name.removeprefix(f'{id}_')}"
+
+
+def _even(count: int) -> int:
+    return count + count % 2
+
+
+def _fixed(instrument: Instrument, p: Values) -> dict[str, Any]:
+    """The errors that are not drawn, by name."""
+    fixed = (term for term in instrument.terms if term.fixed is not None and term.value is None)
+    return {term.name: getattr(p, term.fixed.name) for term in fixed}  # type: ignore[union-attr]
+
+
+def _scaled(term: Term, p: Values, n: Any) -> Any:
+    """Standard normals times the standard deviations of a term, in its shape."""
+    assert term.sigma is not None
+    if term.coupling is None:
+        return getattr(p, term.sigma.name) * n
+    rows, columns = term.shape
+    sigma = [[getattr(p, (term.sigma if i == j else term.coupling).name) for j in range(columns)] for i in range(rows)]
+    return ca.vertcat(*[ca.horzcat(*[sigma[i][j] * n[columns * i + j] for j in range(columns)]) for i in range(rows)])
+
+
+def _with_fixed(term: Term, p: Values, drawn: Any) -> Any:
+    return drawn if term.fixed is None else getattr(p, term.fixed.name) + drawn
 
 
 def timing_rows(id: str) -> Table:
@@ -205,12 +316,3 @@ def rounded(value: Any, quantum: Any) -> Any:
     """A value rounded to whole quanta; itself if the quantum is 0."""
     per_count = 1.0 / (quantum + (quantum == 0.0))
     return quantum * ca.floor(value * per_count + 0.5) + (quantum == 0.0) * value
-
-
-def root_sum(*parts: Any) -> float:
-    """Root of the sum of the squares of the largest elements of each part: fixed and drawn parts of an error as one sigma."""
-    return float(np.sqrt(sum(float(np.max(np.abs(part))) ** 2 for part in parts)))
-
-
-QUANTUM_SIGMA = 12.0**-0.5
-"""Standard deviation of the rounding error over the quantum."""

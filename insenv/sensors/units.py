@@ -21,6 +21,12 @@ ZERO_CELSIUS = 273.15
 """K."""
 
 
+ANGLE_UNITS = {"deg": DEGREE, "rad": 1.0}
+"""unit -> radians."""
+SPEED_UNITS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
+"""unit -> m/s."""
+
+
 def deg_to_rad(value: Any) -> Any:
     """deg to rad; also deg/s to rad/s."""
     return np.multiply(value, DEGREE)

@@ -52,7 +52,7 @@ def tuned_parameters(
     values: parameters of the estimator by row name, SI.  but: rows that are not tuned by default.  Raises `InputError` for a
     key that is unknown or whose value is 0.
     """
-    settable = estimator.model.parameters if estimator.settable is None else estimator.settable
+    settable = estimator.settable_rows
     known = {row: names for row, names in keys_by_row(settable).items() if row in values}
     if keys is None:
         noises = (row for row in known if _is_noise(row) and row not in but and np.all(np.asarray(values[row]) > 0.0))

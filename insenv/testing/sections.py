@@ -13,7 +13,7 @@ from insenv.core.runner import make_runner
 from insenv.runs.simulated import run
 from insenv.scenario import Plant, build, load
 from insenv.sensors import SensorSection
-from insenv.sensors.instruments import TOLD
+from insenv.sensors.registry import stated_rows
 from insenv.testing.models import check_backends, check_snapshots, check_tables
 from insenv.vehicles import VehicleSection
 
@@ -74,9 +74,10 @@ def check_sensor(section: type[SensorSection], *, compiled: bool = True, **value
     for name in sensor.outputs:
         assert name in plants[0].model.outputs, f"{this}: its output {name!r} is no output of the plant"
     table = plants[0].model.parameters
-    if sensor.told is not None:
-        unknown = set(sensor.told(table.unpack(table.pack(plants[0].parameters)))) - set(TOLD.names)
-        assert not unknown, f"{this} tells estimators {sorted(unknown)}, which are no rows of insenv.sensors.instruments.TOLD"
+    if sensor.stated_errors is not None:
+        stated = sensor.stated_errors(table.unpack(table.pack(plants[0].parameters)))
+        unknown = set(stated) - set(stated_rows().names)
+        assert not unknown, f"{this} states {sorted(unknown)}, which are no rows of insenv.sensors.registry.stated_rows"
     runs = [make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples) for plant in plants]
     shown = [plant.model.outputs.unpack(found) for plant, found in zip(plants, runs, strict=True)]
     assert runs[0].tobytes() == runs[1].tobytes(), f"{this}: a seed gives two different runs"

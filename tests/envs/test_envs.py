@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 
 from insenv.base.errors import InputError
 from insenv.envs import IDS, testing
-from insenv.sensors.instruments import INSTRUMENTS
+from insenv.sensors.registry import instruments
 
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
@@ -79,11 +79,11 @@ def test_observations_show_the_measurements_of_instruments_and_no_truth():
     scenario = {
         "title": "Car", "duration_s": 20.0, "rate_hz": 100.0, "start": {"latitude_deg": 48.0, "longitude_deg": 11.0},
         "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 15.0}, {"drive_s": 60.0}]}, "imu": {"grade": "tactical"},
-        "gnss": {"grade": "rtk"}, **{id: {} for id in INSTRUMENTS},
+        "gnss": {"grade": "rtk"}, **{id: {} for id in instruments()},
     }  # fmt: skip
     env = gymnasium.make(DRIVE, scenario=scenario, samples_per_step=10)
     names = env.unwrapped.setup.task.watched.names
-    for instrument in INSTRUMENTS.values():
+    for instrument in instruments().values():
         assert set(instrument.measurement.names) <= set(names)
     assert not [name for name in names if "true" in name]
 

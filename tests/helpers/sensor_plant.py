@@ -13,13 +13,14 @@ from insenv.core.compose import Part, merge
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
-from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
+from insenv.sensors import registry
 from insenv.sensors.gnss import GNSS_STATE, gnss_part
 from insenv.sensors.imu import imu_part
 from insenv.sensors.imu_tables import IMU_STATE
+from insenv.sensors.sampled import Sampled
 
 CHANCE = 1e-5
-MODULES = {"barometer": barometer, "magnetometer": magnetometer, "odometer": odometer, "dvl": dvl, "heading": heading}
+INSTRUMENTS = registry.instruments()
 TRUTH = {
     "true_delta_angle": (3,), "true_delta_velocity": (3,), "latitude": (), "longitude": (), "height": (), "velocity_n": (3,),
     "acceleration_n": (3,), "q_nb": (4,), "rate_eb_b": (3,), "rate_change_b": (3,),
@@ -42,7 +43,7 @@ def plant(instrument: str = "") -> Model:
     tick = Part(steps={"tick": Step(lambda p, x, u: {"step": x.step + 1})})
     outputs, parts = IMU_STATE + GNSS_STATE, [imu_part(), gnss_part(_instant)]
     if instrument:
-        equations = MODULES[instrument].EQUATIONS
+        equations = Sampled(INSTRUMENTS[instrument])
         outputs, parts = equations.all_state, [equations.sensor().part(_instant)]
     return merge("sensors", "Sensors", [given, *parts, tick], outputs, lambda p, x: {n: getattr(x, n) for n in outputs.names})
 

@@ -21,7 +21,7 @@ from insenv.estimators import registry as estimators
 from insenv.scenario import Scenario, build
 from insenv.scenario.assembly import plant_model
 from insenv.sensors import registry as sensors
-from insenv.sensors.instruments import INSTRUMENTS
+from insenv.sensors.registry import instruments
 from insenv.vehicles import registry as vehicles
 
 START = {"title": "t", "duration_s": 1, "start": {"latitude_deg": 50, "longitude_deg": 8}}
@@ -166,4 +166,4 @@ def test_an_installed_package_with_faults_leaves_the_command_line_alone(declare)
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=100)
     assert done.returncode == 0, done.stderr
     assert "internal error" not in done.stderr and done.stderr.count("insenv: warning: package 'mine'") == 2
-    assert [row["id"] for row in strict(done.stdout)["sensors"]] == ["gnss", *INSTRUMENTS]
+    assert [row["id"] for row in strict(done.stdout)["sensors"]] == ["gnss", *instruments()]

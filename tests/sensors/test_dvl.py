@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from sensor_plant import assert_gauss_markov, assert_variance, attitudes, simulate, starts
 
-from insenv.sensors import dvl
+from insenv.sensors.dvl import DVL
 
 
 def test_it_shows_the_velocity_of_its_point_over_the_ground_or_through_the_water() -> None:
@@ -30,5 +30,6 @@ def test_noise_and_current() -> None:
     x = starts({"dvl_scale_factor_sigma": 0.005, "dvl_misalignment_sigma": (0.01, 0.02, 0.03)}, 2000, of="dvl")
     assert_variance(x["dvl_scale_factor_true"], 0.005**2)
     assert_variance(x["dvl_misalignment_true"], (1e-4, 4e-4, 9e-4))
-    told = dvl.EQUATIONS.told({**dvl.PARAMETERS.unpack(dvl.PARAMETERS.pack(rows)), "dvl_water_track": 0.0})
-    assert told["dvl_current_sigma"] == 0.0, "a log that tracks the ground has no current"
+    table = DVL.all_parameters
+    stated = DVL.stated_values({**table.unpack(table.pack(rows)), "dvl_water_track": 0.0})
+    assert stated["dvl_current_sigma"] == 0.0, "a log that tracks the ground has no current"

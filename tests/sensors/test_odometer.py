@@ -33,4 +33,3 @@ def test_scale_slip_and_quantum() -> None:
     assert_variance(x["odometer_scale_factor_true"], 1e-4)
     assert_variance(x["odometer_slip_true"], 4e-6)
     assert_variance(x["odometer_mounting_error_true"], (0.01, 0.04, 0.09))
-    np.testing.assert_allclose(np.linalg.norm(x["odometer_axis"], axis=1), 1.0, atol=1e-14)

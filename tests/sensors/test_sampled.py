@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 from exactness import inexact_operations
-from sensor_plant import MODULES, plant, simulate
+from sensor_plant import INSTRUMENTS, plant, simulate
 
 from insenv.base.errors import InputError
 from insenv.scenario import load
 from insenv.sensors.registry import registered
 
 
-@pytest.mark.parametrize("id", MODULES)
+@pytest.mark.parametrize("id", INSTRUMENTS)
 def test_operations_are_exact(id: str) -> None:
     assert not any(inexact_operations(function) for function in plant(id).functions.values())
 
 
-@pytest.mark.parametrize("id", MODULES)
+@pytest.mark.parametrize("id", INSTRUMENTS)
 def test_times(id: str) -> None:
     """The first measurement comes one interval after the start, each arrives after the latency, outages remove epochs."""
     rows = {f"{id}_interval": 0.1, f"{id}_latency": 0.03, f"{id}_outage_start": [0.35] + [0.0] * 15}
@@ -32,7 +32,7 @@ def test_times(id: str) -> None:
     assert not without[f"{id}_age"].any()
 
 
-@pytest.mark.parametrize("id", MODULES)
+@pytest.mark.parametrize("id", INSTRUMENTS)
 def test_every_figure_of_a_grade_is_a_key_and_has_a_source(id: str) -> None:
     section = registered()[id]
     assert "perfect" in section.grades and not section.grades["perfect"].figures

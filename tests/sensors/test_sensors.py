@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from sensor_plant import MODULES
+from sensor_plant import INSTRUMENTS
 
 from insenv.core.runner import make_runner
 from insenv.geodesy.magnetic import world_magnetic_model
 from insenv.scenario import build, load
-from insenv.sensors.instruments import INSTRUMENTS
+from insenv.sensors.registry import instruments
 
 LEGS = [{"accelerate_to_mps": 15.0}, {"turn_deg": 90.0, "radius_m": 40}, {"drive_s": 60}]
 
@@ -27,11 +27,11 @@ def outputs(given):
 
 
 def test_instruments_change_no_number_of_the_others() -> None:
-    alone, among = outputs(scenario()), outputs(scenario(*MODULES))
+    alone, among = outputs(scenario()), outputs(scenario(*INSTRUMENTS))
     for name, value in alone.items():
         np.testing.assert_array_equal(among[name], value, err_msg=name)
-    for id in MODULES:
-        assert among[f"{id}_new"].sum() > 25 and np.ptp(among[INSTRUMENTS[id].values[0]]) > 0
+    for id in INSTRUMENTS:
+        assert among[f"{id}_new"].sum() > 25 and np.ptp(among[instruments()[id].values[0].name]) > 0
 
 
 def test_knowledge_has_what_is_told() -> None:
@@ -46,4 +46,4 @@ def test_knowledge_has_what_is_told() -> None:
     field, gradient = world_magnetic_model(*place, 2027.0)
     np.testing.assert_array_equal(rows["magnetic_field_n"], field)
     np.testing.assert_array_equal(rows["magnetic_field_gradient"], gradient)
-    assert rows["barometer_noise"] == 0.0 and rows["dvl_current_time"] == 600.0, "no such instrument: the start values"
+    assert "barometer_noise" not in rows and "dvl_current_time" not in rows, "no such instrument"

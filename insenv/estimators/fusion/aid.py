@@ -53,6 +53,7 @@ class Aid:
     groups: the components that are counted apart; empty: all together.
     renamed: names of rows of `reported`, if they are not ID_NAME, by NAME.
     causes: what to look at where its measurements do not fit the filter, for messages.
+    holds: what its measurements hold of a navigation: height or vertical velocity, horizontal velocity or position, heading.
     """
 
     id: str
@@ -80,6 +81,7 @@ class Aid:
     groups: tuple[slice, ...] = ()
     renamed: Mapping[str, str] = field(default_factory=dict)
     causes: str = ""
+    holds: tuple[str, ...] = ("vertical", "horizontal", "heading")
 
     @property
     def due_row(self) -> str:

@@ -1,65 +1,81 @@
-"""The error states and aids that insenv ships, by name, and a composition from names and own ones."""
+"""The error states and aids of fusion filters by name, those of all registered instruments included; composition by names."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 
 from insenv.base.errors import InputError, nearest
-from insenv.estimators.fusion import barometer, dvl, gnss, heading, in_place, inertial, magnetometer, odometer, zero_velocity
+from insenv.estimators.fusion import gnss, in_place, inertial, non_holonomic, zero_velocity
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import ErrorState
+from insenv.estimators.fusion.instruments import aid_of, states_of
+from insenv.sensors import registry
+from insenv.sensors.instrument import Instrument
 
 ALWAYS = ("gyro_bias", "accel_bias")
 """States that every filter has."""
-STATES: Mapping[str, ErrorState] = {
-    state.name: state for module in (inertial, gnss, odometer, barometer, magnetometer, dvl, heading) for state in module.STATES
-}
-AIDS: Mapping[str, Aid] = {
-    aid.id: aid
-    for aid in (
-        gnss.WHITE, odometer.AID, odometer.NON_HOLONOMIC, barometer.AID, magnetometer.AID, dvl.AID, heading.AID,
-        zero_velocity.AID, in_place.AID,
-    )
-}  # fmt: skip
-"""In the order in which a filter uses those that measure at the same sample: zero velocity, the surest, last."""
-OF_AID = {
-    "gnss": gnss.STATES,
-    "odometer": odometer.STATES,
-    "non_holonomic": (odometer.MOUNTING,),
-    "barometer": barometer.STATES,
-    "magnetometer": magnetometer.STATES,
-    "dvl": dvl.STATES,
-    "heading": heading.STATES,
-}
-"""The states that only the measurements of an aid show, by id of the aid."""
-
-
 OF_UNIT = tuple(state.name for state in inertial.STATES if state.name not in ALWAYS)
 """The states of the inertial unit beside its biases."""
 
 
+def _instruments() -> tuple[Instrument, ...]:
+    """All instruments in the order of their states and aids: the odometer comes first, before the constraint of its wheels."""
+    by_id = registry.instruments()
+    return (by_id.pop("odometer"), *by_id.values())
+
+
+@cache
+def _states(instruments: tuple[Instrument, ...]) -> Mapping[str, ErrorState]:
+    own = (*inertial.STATES, *gnss.STATES, *(state for instrument in instruments for state in states_of(instrument)))
+    return {state.name: state for state in own}
+
+
+@cache
+def _aids(instruments: tuple[Instrument, ...]) -> Mapping[str, Aid]:
+    odometer, *others = map(aid_of, instruments)
+    every = (gnss.WHITE, odometer, non_holonomic.NON_HOLONOMIC, *others, zero_velocity.AID, in_place.AID)
+    return {aid.id: aid for aid in every}
+
+
+def all_states() -> Mapping[str, ErrorState]:
+    """The states by name, in their order in a filter."""
+    return _states(_instruments())
+
+
+def all_aids() -> Mapping[str, Aid]:
+    """The aids by id, in the order in which a filter uses those that measure at the same sample: the surest comes last."""
+    return _aids(_instruments())
+
+
+def states_by_aid() -> Mapping[str, tuple[ErrorState, ...]]:
+    """The states that only the measurements of an aid show, by id of the aid."""
+    of_instruments = {instrument.id: states_of(instrument) for instrument in _instruments()}
+    return {"gnss": gnss.STATES, "non_holonomic": (non_holonomic.MOUNTING,), **of_instruments}
+
+
 def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str | Aid], title: str = "") -> Composition:
-    """A filter with these states, beside the biases, and these aids, in the order of `STATES` and `AIDS`, own ones last.
+    """A filter with these states, beside the biases, and these aids, in their order, own ones last.
 
     The same object for the same parts, so that its model is written out and compiled once.  Raises `InputError` for an
     unknown name, a name that is given twice, no aid, or a state whose aid is missing.
     """
-    chosen = _chosen("state", id, states, STATES, ErrorState)
-    used = _chosen("aid", id, aids, AIDS, Aid)
+    known, known_aids = all_states(), all_aids()
+    chosen = _chosen("state", id, states, known, ErrorState)
+    used = _chosen("aid", id, aids, known_aids, Aid)
     if not used:
-        raise InputError(f"fusion {id!r}: aids = []: allowed is at least one of {', '.join(AIDS)}")
+        raise InputError(f"fusion {id!r}: aids = []: allowed is at least one of {', '.join(known_aids)}")
     names, ids = {state.name for state in chosen}, {aid.id for aid in used}
     for state in chosen:
-        owners = [aid for aid, own in OF_AID.items() if state in own]
+        owners = [aid for aid, own in states_by_aid().items() if state in own]
         if owners and not ids & set(owners):
             raise InputError(f"fusion {id!r}: nothing shows the state {state.name!r} without the aid {' or '.join(owners)}")
-    biases = tuple(STATES[name] for name in ALWAYS if name not in names)
+    biases = tuple(known[name] for name in ALWAYS if name not in names)
     used = tuple(gnss.WANDER_ESTIMATED if aid is gnss.WHITE and gnss.WANDER.name in names else aid for aid in used)
     every = (*biases, *chosen)
-    own = tuple(state for state in every if state not in STATES.values())
-    every = (*(state for state in STATES.values() if state in every), *own)
+    own = tuple(state for state in every if state not in known.values())
+    every = (*(state for state in known.values() if state in every), *own)
     count = 9 + sum(state.size for state in every)
     named = "".join(f", {state.name}" for state in every if state.name not in ALWAYS)
     made = f"{count} states: navigation, biases{named}; aids: {', '.join(aid.id for aid in used)}"
@@ -69,19 +85,19 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
 _composed = lru_cache(maxsize=64)(Composition)
 
 
-def _chosen(kind: str, id: str, given: Iterable[object], known: Mapping[str, object], wanted: type) -> tuple:
-    if isinstance(given, (str, bytes)) or not isinstance(given, Iterable):
-        raise InputError(f"fusion {id!r}: {kind}s = {given!r}: allowed is a list of names")
-    found = []
-    for one in given:
-        if isinstance(one, str):
-            if one not in known:
-                raise InputError(f"fusion {id!r}: unknown {kind} {one!r}{nearest(one, tuple(known))}")
-            one = known[one]
-        if not isinstance(one, wanted):
-            raise InputError(f"fusion {id!r}: {kind} {one!r}: allowed is a name or an object of class {wanted.__name__}")
-        if one in found:
-            raise InputError(f"fusion {id!r}: {kind} {getattr(one, 'id', getattr(one, 'name', one))!r} is given twice")
-        found.append(one)
+def _chosen(kind: str, id: str, names: Iterable[object], known: Mapping[str, object], wanted: type) -> tuple:
+    if isinstance(names, (str, bytes)) or not isinstance(names, Iterable):
+        raise InputError(f"fusion {id!r}: {kind}s = {names!r}: allowed is a list of names")
+    chosen: list[object] = []
+    for part in names:
+        if isinstance(part, str):
+            if part not in known:
+                raise InputError(f"fusion {id!r}: unknown {kind} {part!r}{nearest(part, tuple(known))}")
+            part = known[part]
+        if not isinstance(part, wanted):
+            raise InputError(f"fusion {id!r}: {kind} {part!r}: allowed is a name or an object of class {wanted.__name__}")
+        if part in chosen:
+            raise InputError(f"fusion {id!r}: {kind} {getattr(part, 'id', getattr(part, 'name', part))!r} is given twice")
+        chosen.append(part)
     order: Sequence[object] = list(known.values())
-    return tuple(sorted(found, key=lambda each: order.index(each) if each in order else len(order)))
+    return tuple(sorted(chosen, key=lambda each: order.index(each) if each in order else len(order)))

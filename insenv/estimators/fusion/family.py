@@ -19,12 +19,12 @@ from insenv.core.tables import Table
 from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import history, unknown_start
 from insenv.estimators.fusion.aid import Aid
-from insenv.estimators.fusion.available import AIDS, OF_AID, OF_UNIT, STATES, composition
+from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, states_by_aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.in_place import SHAKEN
-from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC, UNTOLD_ARM
+from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNTOLD_ARM
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
@@ -32,7 +32,6 @@ from insenv.estimators.parts.finding import Finding
 from insenv.estimators.velocity_integration.estimator import OLDEST
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 from insenv.geodesy import OMEGA_IE
-from insenv.sensors.instruments import TOLD
 
 # Which states and aids a filter has where nobody says: by the unit, the instruments and the vehicle.
 #
@@ -44,8 +43,6 @@ WORTH = 0.1
 MINUTE = 60.0
 FLOATING = ("ship", "multirotor")
 """Kinds of vehicle that never stand still."""
-HOLDING = ("gnss", "dvl", "odometer")
-"""Sensors, and their aids, that hold the horizontal velocity, also of a vehicle that is steered away."""
 PARKED = ("car", "aircraft")
 """Kinds of vehicle that stand still where they stay in place."""
 HOVERING = ("multirotor",)
@@ -59,10 +56,16 @@ def aids_of(drive: Drive) -> tuple[str, ...]:
     the estimate agrees, and one that is 3 standard deviations off takes a parked vehicle for one that accelerates.
     """
     wheels = drive.vehicle == "car" and "odometer" in drive.sensors
-    parked = bool(drive.in_place and drive.vehicle in PARKED and drive.sensors.isdisjoint(HOLDING))
+    parked = bool(drive.in_place and drive.vehicle in PARKED and not held(drive.sensors))
     stays = drive.vehicle == TURNTABLE or parked
     own = {"zero_velocity": not stays and drive.vehicle not in FLOATING, "non_holonomic": wheels, "in_place": stays}
-    return tuple(id for id, aid in AIDS.items() if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
+    every = all_aids().items()
+    return tuple(id for id, aid in every if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
+
+
+def held(ids: Collection[str]) -> bool:
+    """Whether one of the aids is an instrument that holds the horizontal velocity, also of a vehicle that is steered away."""
+    return any(id in ids and aid.sensors and "horizontal" in aid.holds for id, aid in all_aids().items())
 
 
 def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[str, ...]:
@@ -70,7 +73,7 @@ def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[st
     rows = known.rows
     found = told_of_unit(known) if drive.vehicle == TURNTABLE else _shown_by_manoeuvres(known, drive)
     for aid in aids:
-        found += [state.name for state in OF_AID.get(aid, ()) if _told(rows, STATES[state.name].sigma)]
+        found += [state.name for state in states_by_aid().get(aid, ()) if _told(rows, all_states()[state.name].sigma)]
     if NON_HOLONOMIC.id in aids and untold_mounting(known):
         found.append(MOUNTING.name)
     return tuple(dict.fromkeys(found))
@@ -79,7 +82,7 @@ def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[st
 def told_of_unit(known: Knowledge) -> list[str]:
     """The states of the unit beside its biases whose standard deviation is told."""
     rows = known.rows
-    return [state for state in OF_UNIT if _told(rows, STATES[state].sigma)]
+    return [state for state in OF_UNIT if _told(rows, all_states()[state].sigma)]
 
 
 def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
@@ -120,7 +123,9 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
     (`insenv.estimators.parts.error_model`).
     """
     rows, sheet = known.rows_of(table), known.sensors
-    for name in TOLD.names:  # an error that is not told, of a state that was asked for, has the size that its row starts with
+    for (
+        name
+    ) in known.instruments:  # an error that is not told, of a state that was asked for, has the size that its row starts with
         if name in rows and not np.any(rows[name]) and table[name].flat_start().any():
             del rows[name]
     if untold_mounting(known) and "non_holonomic_arm_sigma" in table:
@@ -174,7 +179,6 @@ def _numbers(value: Any, size: int) -> NDArray[np.float64]:
 
 
 ID = "fusion"
-_SECTIONS = tuple(f"[{sensor}]" for aid in AIDS.values() for sensor in aid.sensors)
 
 
 def fusion(
@@ -247,9 +251,9 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         return (
             *applicability.linear_start(parameters, duration_s, UNKNOWN_START),
-            *(() if _holds(filter, _VERTICAL) else vertical_channel.by_bias(parameters, duration_s)),
-            *(() if _holds(filter, _HORIZONTAL) else applicability.free_start(parameters, duration_s)),
-            *(() if _holds(filter, _HEADING) or _gyrocompasses(ids, parameters) else (NO_HEADING,)),
+            *(() if _holds(filter, "vertical") else vertical_channel.by_bias(parameters, duration_s)),
+            *(() if _holds(filter, "horizontal") else applicability.free_start(parameters, duration_s)),
+            *(() if _holds(filter, "heading") or _gyrocompasses(ids, parameters) else (NO_HEADING,)),
             *(applicability.drifting_heading(parameters, duration_s) if IN_PLACE in ids else ()),
             *uncounted,
             *_without_sigma(filter, parameters),
@@ -273,12 +277,6 @@ UNKNOWN_START = (
     "log), with velocities of GNSS or of a Doppler log, and without the aids magnetometer and heading"
 )
 IN_PLACE = "in_place"
-_VERTICAL = ("gnss", "barometer", "dvl", "non_holonomic", "in_place")
-"""Aids that hold the height or the vertical velocity."""
-_HORIZONTAL = (*HOLDING, "zero_velocity", "in_place")
-"""Aids that hold the horizontal velocity or position."""
-_HEADING = ("gnss", "magnetometer", "heading", "in_place")
-"""Aids that show the heading: GNSS by motion, a fixed place by the rotation of the Earth."""
 NO_HEADING = (
     "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
     "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable"
@@ -294,8 +292,8 @@ def _gyrocompasses(ids: Collection[str], parameters: Mapping[str, Any]) -> bool:
     return "dvl" in ids and float(parameters["gyro_bias_sigma"]) < GYROCOMPASS * horizontal
 
 
-def _holds(filter: Composition, ids: tuple[str, ...]) -> bool:
-    return any(aid.id in ids or aid.id not in AIDS for aid in filter.aids)
+def _holds(filter: Composition, what: str) -> bool:
+    return any(what in aid.holds for aid in filter.aids)
 
 
 NO_PLACE = (
@@ -319,7 +317,7 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
     left_out = [
         state.name
         for aid in filter.aids
-        for state in OF_AID.get(aid.id, ())
+        for state in states_by_aid().get(aid.id, ())
         if state.name not in states and state is not WANDER and np.any(np.asarray(known.rows.get(state.sigma, 0.0)) > 0.0)
     ]
     found = []
@@ -358,7 +356,8 @@ def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:
     """The filter for a drive: the states and aids in `choices`, those of the presets where it has none."""
     aids = choices["aids"] if "aids" in choices else aids_of(drive)
     if not aids and "aids" not in choices:
-        raise InputError(f"estimator {ID!r} needs an instrument: {drive.where} has none of {', '.join(_SECTIONS)}")
+        sections = ", ".join(f"[{sensor}]" for aid in all_aids().values() for sensor in aid.sensors)
+        raise InputError(f"estimator {ID!r} needs an instrument: {drive.where} has none of {sections}")
     states = choices["states"] if "states" in choices else states_of(known, drive, aids)
     return composition(ID, states, aids)
 
@@ -366,7 +365,9 @@ def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:
 def _family(make: Callable[..., Estimator]) -> Estimator:
     """The estimator whose members `make` makes; its own model is that of the smallest."""
     general = make(composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle"))
-    settable = composition(ID, STATES, AIDS).parameters
+
+    def settable() -> Table:
+        return composition(ID, all_states(), all_aids()).parameters
 
     def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
         filter = _composed(known, drive, choices)
@@ -375,7 +376,7 @@ def _family(make: Callable[..., Estimator]) -> Estimator:
     return replace(
         general,
         sensors=(),
-        choices={"states": tuple(STATES), "aids": tuple(AIDS)},
+        choices=lambda: {"states": tuple(all_states()), "aids": tuple(all_aids())},
         settable=settable,
         adapt=adapt,
     )

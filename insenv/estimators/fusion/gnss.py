@@ -19,18 +19,18 @@ from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import gnss_fix, rows
 from insenv.geodesy import NOMINAL_GRAVITY
-from insenv.sensors.instruments import TOLD
+from insenv.sensors.gnss import GNSS_STATED
 
 LEVER_ARM = ErrorState(
     Row("gnss_lever_arm", "Estimated lever arm of the antenna", "m", (3,), "b"),
     sigma="antenna_lever_arm_sigma",
-    rows=rows.LEVER_ARM + Table((replace(TOLD["antenna_lever_arm_sigma"], start=0.1),)),
+    rows=rows.LEVER_ARM + Table((replace(GNSS_STATED["antenna_lever_arm_sigma"], start=0.1),)),
     started=lambda p: p.antenna_lever_arm,
 )
 DELAY = ErrorState(
     Row("gnss_delay", "Estimated age of the fixes beyond the stated age", "s", (1,)),
     sigma="gnss_delay_sigma",
-    rows=Table((replace(TOLD["gnss_delay_sigma"], start=0.02),)),
+    rows=Table((replace(GNSS_STATED["gnss_delay_sigma"], start=0.02),)),
 )
 WANDER = ErrorState(
     Row("gnss_wander", "Estimated slowly varying error of the fixes: measured minus true", "m", (3,), "n"),

@@ -19,6 +19,7 @@ AT_EACH_SAMPLE = Aid(
     what="three components, while the vehicle is at rest",
     causes="whether the vehicle stands still there (a log's `standing`, standing_rate, standing_force) and standing_sigma",
     unit="m/s",
+    holds=("horizontal",),
     residual=lambda p, seen, u: seen.velocity_w,
     variance=lambda p, x, u, spread: ca.repmat(p.standing_sigma**2, 3, 1),
     due=lambda p, x, u: u.standing,

@@ -36,7 +36,7 @@ def available(sensors: Collection[str], fix_velocity: bool, known: Knowledge) ->
     """The alignment that these sensors allow, or None; a log that shows the velocity through water that flows allows none."""
     if "gnss" in sensors and fix_velocity:
         return BY_FIXES
-    return BY_LOG if "dvl" in sensors and known.rows["dvl_current_sigma"] == 0 else None
+    return BY_LOG if "dvl" in sensors and known.rows.get("dvl_current_sigma", 0.0) == 0 else None
 
 
 def memory_time(gyro_bias: float, angle_random_walk: float) -> float:
@@ -145,7 +145,7 @@ def _adapted(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
     fixes = f"the fixes of {drive.where} have no velocity" if "gnss" in drive.sensors else f"{drive.where} has no [gnss]"
     log = "and there is no [dvl]"
     if "dvl" in drive.sensors:
-        current = known.rows["dvl_current_sigma"]
+        current = known.rows.get("dvl_current_sigma", 0.0)
         log = f"and its Doppler log is through water that flows, with a current of {current:.3g} m/s"
     return replace(ESTIMATOR, lacks=f"the velocity of GNSS or of a Doppler log that tracks the ground: {fixes}, {log}")
 

@@ -30,7 +30,7 @@ from insenv.estimators.velocity_integration.source import (
     earth_turn,
     pull_rate,
 )
-from insenv.sensors.instruments import DVL
+from insenv.sensors.dvl import DVL
 
 LARGEST_HEADING = 0.12
 """rad: standard deviation of a heading that may be wrong by atan(b_east / (Omega cos L + b_north)), which a bias b of the gyros
@@ -78,12 +78,13 @@ def _exact(p: Any, of_alpha: Any, of_beta: Any) -> Any:
     return select(_finds_north(p), of_beta, of_alpha)
 
 
-_TOLD = ("dvl_lever_arm_b", "dvl_noise", "dvl_scale_factor_sigma", "dvl_misalignment_sigma")
+_STATED = ("dvl_lever_arm_b", "dvl_noise", "dvl_scale_factor_sigma", "dvl_misalignment_sigma")
 LOG = Source(
     arrives="dvl_new",
     age="dvl_age",
     inputs=DVL.measurement,
-    parameters=rows.chosen(DVL.told, *_TOLD) + rows.chosen(rows.START, "start_latitude", "start_longitude", "start_height"),
+    parameters=rows.chosen(DVL.stated_errors, *_STATED)
+    + rows.chosen(rows.START, "start_latitude", "start_longitude", "start_height"),
     sigma=lambda p: ca.vertcat(ca.repmat(p.dvl_misalignment_sigma, 3, 1), p.dvl_scale_factor_sigma),
     seen=_seen,
     state=Table((Row("way", "Way over the ground before the heading was known", "m", (3,), "i"),)),

@@ -12,7 +12,7 @@ from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core.tables import Table
 from insenv.estimators.parts import frozen_frame, lever_arm, rows
-from insenv.sensors.instruments import GNSS_TOLD
+from insenv.sensors.gnss import GNSS_STATED
 
 DRIFT, ALPHA, MEAN, SUM, KEPT, GYRO, ACCEL, OF_VECTOR = (slice(i, i + 3) for i in range(0, 24, 3))
 OF_SCALAR, N = 24, 25
@@ -122,7 +122,7 @@ FIXES = Source(
     arrives="gnss_velocity_valid",
     age="gnss_age",
     inputs=rows.FIX_INPUTS,
-    parameters=rows.LEVER_ARM + GNSS_TOLD,
+    parameters=rows.LEVER_ARM + GNSS_STATED,
     sigma=lambda p: ca.vertcat(p.antenna_lever_arm_sigma, p.gnss_delay_sigma),
     seen=_seen,
     exact=lambda p, of_alpha, of_beta: of_alpha,

@@ -1,8 +1,8 @@
-"""The aiding instruments as measurements of the error states.
+"""The aiding instruments as measurements of the error states: their measurement equations, differentiated along the truth.
 
-Each instrument is linear in the errors of navigation and in its own error sources, all estimate minus truth.  Of the epochs
-within a step, the white noises are averaged and the measurement is applied at the end of the step, at most 0.1 s later.  The
-latency, which only delays what is known, is not counted, nor is rounding beyond its variance.
+Errors of navigation are those of `insenv.evaluation.limits.steps`, estimate minus truth.  Of the epochs within a step, the
+white noises are averaged and the measurement is applied at the end of the step, at most 0.1 s later.  The latency, which only
+delays what is known, is not counted, nor is rounding beyond its variance.
 """
 
 from __future__ import annotations
@@ -11,255 +11,163 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.attitude import skew
+from insenv.core.model import Values
+from insenv.core.numeric import vectorized
 from insenv.evaluation.limits.states import Source, source
 from insenv.evaluation.limits.steps import DR, DV, PSI, Steps
+from insenv.sensors import registry
+from insenv.sensors.instrument import Instrument, Term, errors_of
 
 Array = NDArray[np.float64]
 
-LEAST = {"barometer": 1e-4, "magnetometer": 1e-11, "odometer": 1e-5, "dvl": 1e-5, "heading": 1e-5}
-"""Smallest standard deviation of a measurement: that of an instrument without errors, SI."""
-_OFF_DIAGONAL = np.array([1, 2, 3, 5, 6, 7])
-
-Linear = Callable[["View"], tuple[Array, dict[str, Array]]]
-"""From a block of steps to how the measurement follows the errors of navigation (m, r, 9), and by name of a source its states
-(m, r, all components)."""
+LEAST = 0.01
+"""Smallest standard deviation of a measurement here, as a share of that which a filter takes of a perfect instrument."""
+NAVIGATION = 9
 
 
-@dataclass(frozen=True)
-class View:
-    """A block of m steps as instruments see it, at their ends.
+class DisturbedMotion:
+    """The true motion with a small error (9: psi, dv, dr in e), as instruments see it (`insenv.sensors.instrument.Motion`).
 
-    C_en, C_nb (m, 3, 3); velocity_b, rate_b, force_b (m, 3): velocity (m/s) and angular rate (rad/s) over the Earth, specific
-    force (m/s^2).  steps: the block.
+    What it does to the climb and to the displacement from the start is left out.  C_en, C_nb (3 x 3); velocity_n, rate_b,
+    force_b, displacement_n (3); height, climbed.
     """
 
-    steps: Steps
-    C_en: Array
-    C_nb: Array
-    velocity_b: Array
-    rate_b: Array
-    force_b: Array
+    def __init__(self, error: Any, C_en: Any, C_nb: Any, velocity_n: Any, rate_b: Any, **motion: Any) -> None:
+        self._C_en, self._rate_b = C_en, rate_b
+        self._C_eb = (ca.SX.eye(3) + skew(error[PSI])) @ C_en @ C_nb
+        self._velocity_e = C_en @ velocity_n + error[DV]
+        self.specific_force_b = motion["force_b"]
+        self.height = motion["height"] - ca.dot(C_en[:, 2], error[DR])
+        self.climbed = motion["climbed"]
+        self.displacement_n = motion["displacement_n"]
 
     @property
-    def C_be(self) -> Array:
-        """(m, 3, 3)."""
-        return np.asarray((self.C_en @ self.C_nb).swapaxes(1, 2))
+    def speed_squared(self) -> Any:
+        return ca.sumsqr(self._velocity_e)
 
-    def turned(self, vector_n: Array) -> Array:
-        """Error of C_bn u_n per psi (m, 3, 3), u_n (m, 3) being known: C_be [u_e x]."""
-        in_e = (self.C_en @ vector_n[..., None])[..., 0]
-        return np.asarray(self.C_be @ attitude.numeric.skew(in_e))
+    def to_body(self, vector_n: Any) -> Any:
+        return self._C_eb.T @ (self._C_en @ vector_n)
+
+    def to_navigation(self, vector_b: Any) -> Any:
+        return self._C_en.T @ (self._C_eb @ vector_b)
+
+    def body_velocity(self, arm_b: Any, flow_n: Any = None) -> Any:
+        velocity_e = self._velocity_e if flow_n is None else self._velocity_e - self._C_en @ flow_n
+        return self._C_eb.T @ velocity_e + ca.cross(self._rate_b, arm_b)
 
 
 @dataclass(frozen=True)
 class Aid:
-    """An instrument: its sources, its white noise (r,), when it measures, and its equations.
+    """An instrument along a trajectory: its sources, its white noise (r,), when it measures, and its sensitivity.
 
-    interval: inertial samples.  outages (k, 2): begin and end, s.  sample_interval: s.
+    sensitivity: from arrays of the true motion at m instants to the derivatives (m, r, 9 + elements of all sources).
+    interval: inertial samples.  outages (k, 2): begin and end, s.  sample_interval: s.  place: of the start (rad, m).
     """
 
     id: str
     sources: tuple[Source, ...]
+    columns: Mapping[str, slice]
     noise: Array
-    linear: Linear
+    sensitivity: Callable[..., Array]
     interval: int
     outages: Array
     sample_interval: float
+    place: tuple[float, float, float]
 
     def epochs(self, begin: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
         """Number of its epochs after sample `begin` up to sample `end`, for each of m steps."""
-        found = end // self.interval - begin // self.interval
+        count = end // self.interval - begin // self.interval
         for first, last in self.outages:
             if last > first:  # epochs k with first <= k interval < last
                 low, high = (int(np.ceil(t / (self.interval * self.sample_interval) - 1e-6)) for t in (first, last))
                 lost = np.minimum(end // self.interval, high - 1) - np.maximum(begin // self.interval, low - 1)
-                found = found - np.maximum(lost, 0)
-        return np.asarray(np.maximum(found, 0))
+                count = count - np.maximum(lost, 0)
+        return np.asarray(np.maximum(count, 0))
 
-
-def view(steps: Steps, C_en: Array) -> View:
-    """The block as instruments see it."""
-    C_nb = attitude.numeric.to_dcm(steps.q_nb)
-    velocity, rate, force = (
-        (C_nb.swapaxes(1, 2) @ each[..., None])[..., 0]
-        for each in (steps.velocity_n, steps.rate_n, steps.thrust / steps.length[:, None])
-    )
-    return View(steps, C_en, C_nb, velocity, rate, force)
+    def linear(self, steps: Steps, C_en: Array) -> tuple[Array, dict[str, Array]]:
+        """How the measurement at the end of each of m steps follows the errors of navigation (m, r, 9), and by name of a source
+        its elements (m, r, all elements)."""
+        C_nb = attitude.numeric.to_dcm(steps.q_nb)
+        rate_b, force_b = (
+            (C_nb.swapaxes(1, 2) @ each[..., None])[..., 0] for each in (steps.rate_n, steps.thrust / steps.length[:, None])
+        )
+        latitude, longitude, height = self.place
+        R_M, R_N = geodesy.numeric.radii(np.sin(steps.latitude))
+        east = np.angle(np.exp(1j * (steps.longitude - longitude))) * (R_N + steps.height) * np.cos(steps.latitude)
+        displacement = np.stack([(steps.latitude - latitude) * (R_M + steps.height), east, height - steps.height], axis=1)
+        found = self.sensitivity(C_en, C_nb, steps.velocity_n, rate_b, force_b, steps.height, displacement)
+        H = found.reshape(len(steps.time), -1, found.shape[-1])
+        return H[..., :NAVIGATION], {name: H[..., columns] for name, columns in self.columns.items()}
 
 
 def aids_of(rows: Mapping[str, Any], sample_interval: float) -> tuple[Aid, ...]:
     """The instruments of a plant's parameters by row name (SI)."""
-    return tuple(_aid(id, make, rows, sample_interval) for id, make in _MAKERS.items() if f"{id}_interval" in rows)
+    ids = [id for id in registry.names() if f"{id}_interval" in rows]
+    instruments = [instrument for id in ids if (instrument := registry.instrument(id)) is not None]
+    return tuple(aid_of(instrument, rows, sample_interval) for instrument in instruments)
 
 
-def _aid(id: str, make: Any, rows: Mapping[str, Any], sample_interval: float) -> Aid:
-    sources, noise, linear = make(_Rows(rows))
+def aid_of(instrument: Instrument, rows: Mapping[str, Any], sample_interval: float) -> Aid:
+    """An instrument with these parameters."""
+    id, row = instrument.id, instrument.limiting
+    terms = [term for term in instrument.terms if term.kind != "white"]
+    columns, begin = {}, NAVIGATION
+    for term in terms:
+        columns[_name(instrument, term)] = slice(begin, begin + term.size)
+        begin += term.size
+    sources = [source(_name(instrument, term), None, term.variance(rows), time=_times(term, rows)) for term in terms]
+    noise = instrument.noise.variance(rows)
+    if instrument.quantum is not None:
+        noise = noise + float(rows[instrument.quantum.name]) ** 2 / 12.0
+    if instrument.outlier is not None:  # a detected outlier is a measurement that is missing
+        noise = noise / max(1.0 - float(rows[instrument.outlier.probability]), 1e-12)
     windows = np.stack([np.ravel(rows[f"{id}_outage_{end}"]) for end in ("start", "end")], axis=1).astype(float)
+    latitude, longitude, height = (float(np.ravel(rows[f"start_{name}"])[0]) for name in ("latitude", "longitude", "height"))
     return Aid(
         id=id,
         sources=tuple(each for each in sources if each is not None),
-        noise=np.maximum(noise, LEAST[id]),
-        linear=linear,
+        columns=columns,
+        noise=np.maximum(np.sqrt(np.broadcast_to(noise, row.size)), LEAST * instrument.least_sigma.get(row.name, 0.0)),
+        sensitivity=_sensitivity(instrument, terms, rows, height),
         interval=round(float(rows[f"{id}_interval"]) / sample_interval),
         outages=windows,
         sample_interval=sample_interval,
+        place=(latitude, longitude, height),
     )
 
 
-@dataclass(frozen=True)
-class _Rows:
-    rows: Mapping[str, Any]
-
-    def __call__(self, name: str, size: int = 1) -> Array:
-        return np.array(np.broadcast_to(np.asarray(self.rows[name], dtype=float).ravel(), size))
-
-    def square(self, *names: str, size: int = 1) -> Array:
-        """Sum of the squares of rows: fixed and drawn parts as one variance."""
-        return np.asarray(sum(self(name, size) ** 2 for name in names))
+def _name(instrument: Instrument, term: Term) -> str:
+    return f"{instrument.id} {term.name.replace('_', ' ')}"
 
 
-def _barometer(row: _Rows) -> tuple[Any, Array, Linear]:
-    start = float(row("start_height")[0])
-    sources = (
-        source("barometer bias", None, row.square("barometer_bias", "barometer_bias_sigma")),
-        source("barometer drift", None, row.square("barometer_drift_sigma"), time=row("barometer_drift_time")),
-        source("barometer scale", None, row.square("barometer_scale_factor", "barometer_scale_factor_sigma")),
-        source("barometer speed", None, row.square("barometer_speed_error")),
-    )
-
-    def linear(seen: View) -> tuple[Array, dict[str, Array]]:
-        m = len(seen.steps.time)
-        nav = np.zeros((m, 1, 9))
-        nav[:, 0, DR] = -seen.C_en[:, :, 2]
-        speed = np.sum(seen.steps.velocity_n**2, axis=1) / (2.0 * geodesy.STANDARD_GRAVITY)
-        one = np.ones((m, 1, 1))
-        return nav, {
-            "barometer bias": one,
-            "barometer drift": one,
-            "barometer scale": (seen.steps.height - start)[:, None, None],
-            "barometer speed": speed[:, None, None],
-        }
-
-    return sources, _white(row, "barometer_noise", "barometer_quantum", 1), linear
+def _times(term: Term, rows: Mapping[str, Any]) -> Array | None:
+    return None if term.time is None else np.broadcast_to(np.asarray(rows[term.time.name], dtype=float), term.size)
 
 
-def _magnetometer(row: _Rows) -> tuple[Any, Array, Linear]:
-    field, gradient = row("magnetic_field_n", 3), row("magnetic_field_gradient", 9).reshape(3, 3)
-    place = [float(row(f"start_{name}")[0]) for name in ("latitude", "longitude", "height")]
-    fixed = row("magnetometer_soft_iron", 9) ** 2
-    soft = fixed + row("magnetometer_coupling_sigma", 9) ** 2
-    soft[[0, 4, 8]] = fixed[[0, 4, 8]] + row("magnetometer_soft_iron_sigma", 3) ** 2
-    drift = row.square("magnetometer_drift_sigma", size=3)
-    sources = (
-        source("magnetic anomaly", None, row.square("magnetic_anomaly_n", "magnetic_anomaly_sigma", size=3)),
-        source("hard iron", None, row.square("magnetometer_hard_iron", "magnetometer_hard_iron_sigma", size=3)),
-        source("soft iron", None, soft),
-        source("magnetometer drift", None, drift, time=row("magnetometer_drift_time", 3)),
-    )
+def _sensitivity(
+    instrument: Instrument, terms: list[Term], rows: Mapping[str, Any], start_height: float
+) -> Callable[..., Array]:
+    """Derivatives of what the instrument shows with these parameters by the errors of navigation, then by those of `terms`."""
+    p = Values(**{row.name: ca.DM(np.asarray(rows[row.name], dtype=float)) for row in instrument.all_parameters})
 
-    def linear(seen: View) -> tuple[Array, dict[str, Array]]:
-        steps, m = seen.steps, len(seen.steps.time)
-        R_M, R_N = geodesy.numeric.radii(np.sin(steps.latitude))
-        east = np.angle(np.exp(1j * (steps.longitude - place[1]))) * (R_N + steps.height) * np.cos(steps.latitude)
-        way = np.stack([(steps.latitude - place[0]) * (R_M + steps.height), east, place[2] - steps.height], axis=1)
-        field_n = field + way @ gradient.T
-        C_bn = seen.C_nb.swapaxes(1, 2)
-        field_b = (C_bn @ field_n[..., None])[..., 0]
-        nav, eye = np.zeros((m, 3, 9)), np.tile(np.eye(3), (m, 1, 1))
-        nav[:, :, PSI] = seen.turned(field_n)
-        return nav, {
-            "magnetic anomaly": C_bn,
-            "hard iron": eye,
-            "soft iron": np.einsum("ij,mk->mijk", np.eye(3), field_b).reshape(m, 3, 9),
-            "magnetometer drift": eye,
-        }
+    def derivatives(C_en: Any, C_nb: Any, velocity_n: Any, rate_b: Any, force_b: Any, height: Any, displacement_n: Any) -> Any:
+        error = ca.SX.sym("error", NAVIGATION + sum(term.size for term in terms))
+        motion = DisturbedMotion(
+            error, C_en, C_nb, velocity_n, rate_b, force_b=force_b, height=height, climbed=height - start_height,
+            displacement_n=displacement_n,
+        )  # fmt: skip
+        values, begin = {}, NAVIGATION
+        for term in terms:
+            part = error[begin : begin + term.size]
+            values[term.name] = ca.reshape(part, *term.shape[::-1]).T if len(term.shape) == 2 else part
+            begin += term.size
+        shown = instrument.measure(motion, errors_of(instrument, values), p)[instrument.limiting.name]
+        return ca.substitute(ca.jacobian(shown, error), error, ca.SX.zeros(error.numel()))
 
-    return sources, _white(row, "magnetometer_noise", "magnetometer_quantum", 3), linear
-
-
-def _odometer(row: _Rows) -> tuple[Any, Array, Linear]:
-    arm = row("odometer_lever_arm_b", 3)
-    C_bv = attitude.numeric.to_dcm(attitude.numeric.from_rotation_vector(row("odometer_mounting", 3)))
-    sources = (
-        source("odometer scale", None, row.square("odometer_scale_factor", "odometer_scale_factor_sigma")),
-        source("odometer slip", None, row.square("odometer_slip", "odometer_slip_sigma")),
-        source("odometer mounting", None, row.square("odometer_mounting_error", "odometer_mounting_error_sigma", size=3)),
-    )
-
-    def linear(seen: View) -> tuple[Array, dict[str, Array]]:
-        axis = C_bv[:, 0]
-        at_wheel = (seen.velocity_b + np.cross(seen.rate_b, arm)) @ C_bv
-        nav = np.zeros((len(at_wheel), 1, 9))
-        nav[:, 0, DV] = axis @ seen.C_be
-        nav[:, 0, PSI] = axis @ seen.turned(seen.steps.velocity_n)
-        speed = at_wheel[:, :1]
-        return nav, {
-            "odometer scale": speed[:, None],
-            "odometer slip": (seen.force_b[:, :1] * speed)[:, None],
-            "odometer mounting": np.cross([1.0, 0.0, 0.0], at_wheel)[:, None],
-        }
-
-    return sources, _white(row, "odometer_noise", "odometer_quantum", 1), linear
-
-
-def _dvl(row: _Rows) -> tuple[Any, Array, Linear]:
-    arm, water = row("dvl_lever_arm_b", 3), float(row("dvl_water_track")[0])
-    time = row("dvl_current_time", 2)
-    sources = (
-        source("dvl scale", None, row.square("dvl_scale_factor", "dvl_scale_factor_sigma")),
-        source("dvl misalignment", None, row.square("dvl_misalignment", "dvl_misalignment_sigma", size=3)),
-        source("current", None, water * row.square("dvl_current_n", size=3)),
-        source("changing current", None, water * row.square("dvl_current_sigma", size=2), time=time),
-    )
-
-    def linear(seen: View) -> tuple[Array, dict[str, Array]]:
-        shown = seen.velocity_b + np.cross(seen.rate_b, arm)
-        nav = np.zeros((len(shown), 3, 9))
-        nav[:, :, DV] = seen.C_be
-        nav[:, :, PSI] = seen.turned(seen.steps.velocity_n)
-        C_bn = seen.C_nb.swapaxes(1, 2)
-        return nav, {
-            "dvl scale": shown[..., None],
-            "dvl misalignment": attitude.numeric.skew(shown),
-            "current": -C_bn,
-            "changing current": -C_bn[:, :, :2],
-        }
-
-    return sources, np.full(3, float(row("dvl_noise")[0])), linear
-
-
-def _heading(row: _Rows) -> tuple[Any, Array, Linear]:
-    baseline, good = row("heading_baseline_b", 3), 1.0 - float(row("heading_outlier_probability")[0])
-    error = row.square("heading_baseline_error", "heading_baseline_error_sigma", size=3)
-    sources = (
-        source("baseline", None, error),
-        source("baseline wander", None, row.square("heading_wander_sigma", size=3), time=row("heading_wander_time", 3)),
-    )
-
-    def linear(seen: View) -> tuple[Array, dict[str, Array]]:
-        m = len(seen.steps.time)
-        baseline_e = (seen.C_en @ seen.C_nb @ baseline[:, None])[..., 0]
-        nav = np.zeros((m, 3, 9))
-        nav[:, :, PSI] = -seen.C_en.swapaxes(1, 2) @ attitude.numeric.skew(baseline_e)
-        return nav, {"baseline": seen.C_nb, "baseline wander": np.tile(np.eye(3), (m, 1, 1))}
-
-    # a detected outlier is a measurement that is missing
-    return sources, row("heading_baseline_noise", 3) / np.sqrt(max(good, 1e-12)), linear
-
-
-def _white(row: _Rows, noise: str, quantum: str, size: int) -> Array:
-    """Standard deviation (size,) of white noise, rounding included."""
-    return np.sqrt(row(noise, size) ** 2 + row(quantum, size) ** 2 / 12.0)
-
-
-_MAKERS = {
-    "barometer": _barometer,
-    "magnetometer": _magnetometer,
-    "odometer": _odometer,
-    "dvl": _dvl,
-    "heading": _heading,
-}
+    return vectorized(derivatives, (3, 3), (3, 3), 3, 3, 3, (), 3)

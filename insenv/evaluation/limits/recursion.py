@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.evaluation.limits.aids import Aid, view
+from insenv.evaluation.limits.aids import Aid
 from insenv.evaluation.limits.states import REST_SIGMA, SWAY_SIGMA, Mooring, Source, Unit, entering
 from insenv.evaluation.limits.steps import (
     DR,
@@ -240,7 +240,7 @@ class CovarianceFilter:
 
     def _aid(self, aid: Aid, steps: Steps, C_en: Array) -> tuple[Array, Array]:
         """The measurement matrix (m, r, states) of an instrument at the end of each step, and its white variance (r,)."""
-        nav, own = aid.linear(view(steps, C_en))
+        nav, own = aid.linear(steps, C_en)
         H = np.zeros((*nav.shape[:2], len(self.P)))
         H[:, :, :NAVIGATION] = nav
         for source in aid.sources:

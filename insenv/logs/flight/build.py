@@ -32,7 +32,7 @@ from insenv.logs.flight.series import (
     unit_rows,
 )
 from insenv.logs.inertial import implausible, increments, sampling
-from insenv.logs.instruments import told
+from insenv.logs.instruments import description_class, stated_errors
 from insenv.logs.readers import read_bytes
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
 from insenv.logs.rest import rest_until
@@ -109,7 +109,7 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
         unit=unit,
         settings=tuned,
         instruments=readings,
-        told={name: value for each in readings for name, value in told(each.id, None, place).items()},
+        told={name: value for each in readings for name, value in stated_errors(each.id, None, place).items()},
     )
 
 
@@ -309,4 +309,4 @@ def _as_log_description(
             "position_sigma": [f"{fixes.name}.sigma_{axis}" for axis in "ned"],
             "lever_arm_m": description.lever_arm_m,
         }
-    return validated(LogDescription, data, label).model_copy(update={"initial": initial})
+    return validated(description_class(), data, label).model_copy(update={"initial": initial})

@@ -12,7 +12,7 @@ from insenv.core.runner import make_runner
 from insenv.estimators.contract import Drive, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.family import aids_of, prepared
-from insenv.estimators.fusion.odometer import UNTOLD_ARM
+from insenv.estimators.fusion.non_holonomic import UNTOLD_ARM
 from insenv.scenario import build, load, parse
 from insenv.scenario.chunks import input_rows
 

@@ -9,7 +9,7 @@ import pytest
 
 import insenv
 from insenv.core.model import Values
-from insenv.estimators.fusion.available import AIDS
+from insenv.estimators.fusion.available import all_aids
 from insenv.evaluation.limits.bound import bound_of_unit
 from insenv.report.page.of_run import run_document
 from insenv.report.tables import unit_columns, unit_rows
@@ -119,5 +119,5 @@ def test_what_first_order_omits_counts_as_the_velocity_of_an_orientation(in_plac
     rng, heading, bias = np.random.default_rng(1), 0.2, np.array([0.03, 0.03, 0.03])
     drawn = np.cross(heading * rng.normal(size=(100_000, 1)) * [0, 0, 1], bias * rng.normal(size=(100_000, 3)))[:, :2] * 60.0
     spread = {"attitude": ca.SX([0.0, 0.0, heading**2]), "accel_bias": ca.SX(bias**2)}.__getitem__
-    found = ca.evalf(AIDS["in_place"].variance(Values(in_place_sigma=in_place_sigma), None, None, spread)).full().ravel()
+    found = ca.evalf(all_aids()["in_place"].variance(Values(in_place_sigma=in_place_sigma), None, None, spread)).full().ravel()
     assert found == pytest.approx(np.full(3, max(np.mean(drawn**2), in_place_sigma**2)), rel=0.03)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from insenv import geodesy
 from insenv.core.model import Values
 from insenv.estimators.fusion import history
-from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
+from insenv.estimators.fusion.available import all_aids, all_states, composition, states_by_aid
 from insenv.estimators.fusion.measurement import update
 from insenv.estimators.fusion.navigation import Navigation, corrected, corrected_increments
 
@@ -111,7 +111,7 @@ def test_the_states_of_the_unit_take_out_what_the_simulated_unit_puts_in():
     }
     measured_angle, measured_velocity = M @ angle + constant * dt + 2 * constant * velocity, M @ velocity - constant * dt
     measured = Values(delta_angle=ca.DM(measured_angle), delta_velocity=ca.DM(measured_velocity), dt=dt)
-    states = [STATES[name] for name in ("gyro_bias", "accel_bias", *UNIT)]
+    states = [all_states()[name] for name in ("gyro_bias", "accel_bias", *UNIT)]
     correct = corrected_increments(states, {name: ca.DM(value) for name, value in values.items()}, measured)
     found = [ca.evalf(ca.SX(each)).full().ravel() for each in correct]
     np.testing.assert_allclose(found[0], angle, rtol=0, atol=1e-10)
@@ -119,11 +119,11 @@ def test_the_states_of_the_unit_take_out_what_the_simulated_unit_puts_in():
 
 
 @pytest.mark.parametrize("age", [0.0, 0.05])
-@pytest.mark.parametrize("id", AIDS)
+@pytest.mark.parametrize("id", all_aids())
 def test_sensitivities_equal_differences_through_the_feedback(id, age):
     """H of every aid with all its states and those of the unit: the residual with an error fed back, by differences."""
     generator = np.random.default_rng(5)
-    filter = composition("all", [*UNIT, *(state.name for state in OF_AID.get(id, ()))], [id])
+    filter = composition("all", [*UNIT, *(state.name for state in states_by_aid().get(id, ()))], [id])
     aid = filter.aids[0]
     state = {**STATE, **kept_motion(), "q_ew": np.ravel(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.4))}
     inputs = {k: age if k.endswith("_age") else value for k, value in INPUTS.items()}
@@ -200,7 +200,7 @@ def test_a_point_of_a_body_at_rest_does_not_move_over_the_earth(age):
 @pytest.mark.parametrize("scale", [0.0, 0.02])
 def test_an_unknown_scale_of_a_barometer_does_not_measure_the_height(scale):
     """The height's own column is that of a plain barometer; by (height - start) scale, sigma was 0.82 times the limit."""
-    filter = composition("height", [state.name for state in OF_AID["barometer"]], ["barometer"])
+    filter = composition("height", [state.name for state in states_by_aid()["barometer"]], ["barometer"])
     x = {**STATE, **kept_motion(), "q_ew": [1.0, 0.0, 0.0, 0.0], "height": 160.0, "barometer_scale": [scale]}
     kept = filter.state.pack({k: v for k, v in x.items() if k in filter.state and v is not None})
     state, p = constants(**filter.state.unpack(kept)), constants(**{row.name: row.flat_start() for row in filter.parameters})

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.model import Values
-from insenv.estimators.fusion import dvl, history, omitted, unknown_start
-from insenv.estimators.fusion.available import composition
+from insenv.estimators.fusion import history, omitted, unknown_start
+from insenv.estimators.fusion.available import all_aids, composition
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 from insenv.estimators.velocity_integration.estimator import BY_FIXES
 
@@ -112,5 +112,5 @@ def test_a_log_counts_the_product_of_two_errors():
     expected = np.mean(np.sum(xi**2, axis=1) * np.sum(drawn[:, TILT] ** 2, axis=1))
     for count, wanted in ((1.0, expected), (0.0, 0.01**2)):
         x = Values(covariance=ca.SX(ca.DM(covariance)), velocity_w=ca.SX(ca.DM(velocity)), dvl_count=ca.SX(count))
-        found = number(dvl.AID.variance(Values(dvl_noise=0.01), x, None, lambda name: ca.SX.zeros(3)))
+        found = number(all_aids()["dvl"].variance(Values(dvl_noise=0.01), x, None, lambda name: ca.SX.zeros(3)))
         assert found.ravel() == pytest.approx(np.full(3, wanted), rel=0.03)

@@ -16,7 +16,7 @@ from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.fusion import fusion
-from insenv.estimators.fusion.available import STATES
+from insenv.estimators.fusion.available import all_states
 from insenv.estimators.fusion.inertial import COUPLINGS
 from insenv.scenario.chunks import input_rows
 
@@ -208,7 +208,7 @@ def test_errors_of_the_unit_enter_as_in_an_independent_mechanization(seed):
     """20 s at 250 m/s in a curve: what scale factors, misalignments and g-sensitivity of any sign do together."""
     rng, estimator, duration = np.random.default_rng(seed), fusion(UNIT, ["gnss"], "unit"), 20.0
     errors, own = np.zeros((3, 1, 3, 3)), []
-    for name in (name for name in STATES if name in UNIT):  # in the order of the states
+    for name in (name for name in all_states() if name in UNIT):  # in the order of the states
         places = COUPLINGS if name.endswith("misalignment") else [(i, i) for i in range(3)]
         drawn = UNIT[name] * rng.choice([-1.0, 1.0], len(places)) * rng.uniform(0.5, 2.0, len(places))
         for place, value in zip(places, drawn, strict=True):

@@ -1,9 +1,8 @@
-"""Odometer: forward speed of a wheel; and the non-holonomic constraint: wheels move neither sideways nor off the road.
+"""The non-holonomic constraint: wheels move neither sideways nor off the road.
 
-With the axes v of the wheels (forward, right, down), v_v = C(mounting)^T C_bw (v + omega x l),
+With the axes v of the wheels (forward, right, down), which are those of the odometer,
 
-    odometer   (1 + k + s f_x) v_v,x     k scale factor, s slip per forward specific force
-    wheels     v_v,y = v_v,z = 0
+    v_v,y = v_v,z = 0
 
 Tyres slip sideways in a turn by an angle that grows with the lateral acceleration, and the body pitches and heaves on its
 suspension: the constraint's sigma grows with speed.  Its errors last for seconds, so it is used twice a second, and less for
@@ -12,71 +11,34 @@ each repetition.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import radians
 from typing import Any
 
 import casadi as ca
 
-from insenv import attitude
-from insenv.attitude import skew
 from insenv.core.elementary import maximum, select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.aid import Aid, Spread, beyond_linear, gate_row, noise_variance, waited
-from insenv.estimators.fusion.error_state import constant, sigma_row
+from insenv.estimators.fusion.aid import Aid, Spread, gate_row, waited
+from insenv.estimators.fusion.error_state import sigma_row
+from insenv.estimators.fusion.instruments import states_of
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts.kalman import correlated_again
-from insenv.sensors.instruments import ODOMETER
+from insenv.sensors.odometer import LEVER_ARM, ODOMETER, axis
+from insenv.sensors.odometer import MOUNTING as NOMINAL_MOUNTING
 
-_TOLD = ODOMETER.told
-_AXES = Table((_TOLD["odometer_lever_arm_b"], _TOLD["odometer_mounting"]))
-
-SCALE = constant("odometer_scale", "scale factor of the odometer", "1", 1, _TOLD["odometer_scale_factor_sigma"])
-SLIP = constant("odometer_slip", "slip of the wheel per forward specific force", "s^2/m", 1, _TOLD["odometer_slip_sigma"])
-MOUNTING = constant(
-    "odometer_mounting_error", "mounting error of the odometer: pitch, yaw", "rad", 2,
-    replace(_TOLD["odometer_mounting_sigma"], start=radians(3.0)), "b",
-)  # fmt: skip
-STATES = (SCALE, SLIP, MOUNTING)
-
-
-def _wheels(p: Any, seen: Navigation, age: Any) -> Any:
-    """Velocity of the wheels' point in the wheels' axes (3, m/s)."""
-    reported = attitude.to_dcm(attitude.from_rotation_vector(p.odometer_mounting))
-    velocity = reported.T @ seen.body_velocity(p.odometer_lever_arm_b, age)
-    error = seen.value(MOUNTING.name, ca.SX.zeros(2))
-    return velocity - skew(ca.vertcat(0, error)) @ velocity
-
-
-def _odometer(p: Any, seen: Navigation, u: Any) -> Any:
-    k, s = seen.value(SCALE.name, 0.0), seen.value(SLIP.name, 0.0)
-    forward = _wheels(p, seen, u.odometer_age)[0]
-    return (1 + k + s * seen.specific_force_b[0]) * forward - u.odometer_speed
-
-
-AID = Aid(
-    id="odometer",
-    title="the odometer",
-    size=1,
-    what="forward speed",
-    unit="m/s",
-    causes="its scale factor, lever arm, mounting and latency, wheels that slip or block, and its stated noise",
-    residual=_odometer,
-    variance=lambda p, x, u, spread: noise_variance(p.odometer_noise, 1e-3) + beyond_linear(spread, ca.sumsqr(x.velocity_w)),
-    due=lambda p, x, u: u.odometer_new,
-    sensors=("odometer",),
-    inputs=ODOMETER.measurement,
-    parameters=_AXES + Table((_TOLD["odometer_noise"], gate_row("odometer"))),
-    age=lambda u: u.odometer_age,
-    gate="odometer_gate",
-)
-
+MOUNTING = next(state for state in states_of(ODOMETER) if state.name == "odometer_mounting_error")
+"""The state of the odometer that the constraint shows too."""
 UNTOLD_ARM = 1.5
 """m: standard deviation of the lever arm to the unsteered axle where nothing is told of it."""
 TURN = 5.0
 """s: for which a turn of a car lasts."""
 STANDSTILL = 1.0
 """m/s: below, wheels that slip are not told from wheels that stand."""
+
+
+def _residual(p: Any, seen: Navigation, u: Any) -> Any:
+    error = ca.SX(3, 1) if not seen.estimates(MOUNTING.name) else ca.vertcat(0, seen.value(MOUNTING.name))
+    velocity_b = seen.body_velocity(p.odometer_lever_arm_b, 0.0)
+    return ca.vertcat(*(ca.dot(axis(number, p, error), velocity_b) for number in (1, 2)))
 
 
 def _due(p: Any, x: Any, u: Any) -> Any:
@@ -106,11 +68,13 @@ NON_HOLONOMIC = Aid(
     unit="m/s",
     causes="the lever arm and the mounting (odometer_lever_arm, odometer_mounting), slip in turns, and whether the vehicle has "
     "wheels",
-    residual=lambda p, seen, u: _wheels(p, seen, 0.0)[1:],
+    residual=_residual,
+    holds=("vertical",),
     variance=_variance,
     due=_due,
-    parameters=_AXES
-    + Table((
+    parameters=Table((
+        LEVER_ARM,
+        NOMINAL_MOUNTING,
         sigma_row("non_holonomic_sigma", "Motion of the body against the road, sideways and downward", "m/s", start=0.05),
         sigma_row("non_holonomic_slip", "Slip angle of the wheels per lateral acceleration", "rad s^2/m", start=0.003),
         sigma_row("non_holonomic_pitch", "Pitch of the body against the road", "rad", start=0.01),
