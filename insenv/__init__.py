@@ -100,6 +100,7 @@ if TYPE_CHECKING:
     from insenv.runs.simulated import run
     from insenv.scenario import Scenario, limit, load
     from insenv.sensors import Sensor, SensorSection
+    from insenv.sensors.instrument import Instrument
     from insenv.studies.allan import allan
     from insenv.studies.budget import budget
     from insenv.studies.budget_result import Budget
@@ -117,6 +118,7 @@ __all__ = [
     "Estimator",
     "InputError",
     "InsenvError",
+    "Instrument",
     "Knowledge",
     "Model",
     "Report",
@@ -169,6 +171,7 @@ _HOMES = {
     "insenv.runs.simulated": ("run",),
     "insenv.scenario": ("Scenario", "limit", "load"),
     "insenv.sensors": ("Sensor", "SensorSection"),
+    "insenv.sensors.instrument": ("Instrument",),
     "insenv.vehicles": ("StartSection", "Vehicle", "VehicleSection"),
     "insenv.studies.allan": ("allan",),
     "insenv.studies.budget": ("budget",),

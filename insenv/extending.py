@@ -38,9 +38,10 @@ def register(thing: Thing) -> Thing:
         return estimators.register(thing)
     if isinstance(thing, type) and issubclass(thing, VehicleSection):
         return vehicles.register(thing)
-    if isinstance(thing, Instrument) or (isinstance(thing, type) and issubclass(thing, SensorSection)):
-        sensors.register(thing)
-        return thing
+    if isinstance(thing, Instrument):
+        return sensors.register(thing)
+    if isinstance(thing, type) and issubclass(thing, SensorSection):
+        return sensors.register(thing)
     raise InputError(
         f"register({shown(thing)}): allowed is an Estimator, a subclass of VehicleSection, an Instrument or a subclass of "
         "SensorSection"

@@ -54,7 +54,7 @@ def defaults(scenario: Scenario, year: float) -> dict[str, Any]:
         "barometer": {"noise_m": HEIGHT_NOISE_M, "interval_s": interval(BAROMETER_HZ)},
     }
     lacking = {id: values for id, values in keys.items() if getattr(scenario, id) is None}
-    return {id: registry.get(id)(grade="perfect", **values) for id, values in lacking.items()}  # type: ignore[call-arg]
+    return {id: registry.get(id)(grade="perfect", **values) for id, values in lacking.items()}
 
 
 @dataclass(frozen=True)

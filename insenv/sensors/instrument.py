@@ -92,7 +92,7 @@ class Term:
     states: how a filter estimates it; of a matrix the diagonal and the other elements.
     flag: parameter row without which it has no effect.
     normals: place of its first standard normal among those of the start (constant), or of each epoch (white), or both (drift);
-    the places are kept so that a seed gives the same run.
+    empty: after those of the terms before.
     """
 
     name: str
@@ -144,7 +144,7 @@ class Term:
 def constant(
     row: str, name: str, source: str, meaning: str, unit: str = "1", shape: tuple[int, ...] = (), frame: str = "", *,
     value: str = "", stated: str = "", stated_shape: tuple[int, ...] = (), sigma: str = "", drawn: bool = True,
-    limits: Mapping[str, float] | None = None, states: tuple[Estimated, ...] = (), flag: str = "",
+    limits: Mapping[str, Any] | None = None, states: tuple[Estimated, ...] = (), flag: str = "",
     normals: tuple[int, ...] = (),
 ) -> Term:  # fmt: skip
     """An error that is constant over a run: a fixed part, the parameter row `row`, and one drawn at the start.
@@ -183,7 +183,7 @@ def drift(
 
 def white(
     row: str, source: str, meaning: str, unit: str, shape: tuple[int, ...] = (), frame: str = "", *,
-    sigma_shape: tuple[int, ...] = (), normals: tuple[int, ...] = (0,),
+    sigma_shape: tuple[int, ...] = (), normals: tuple[int, ...] = (),
 ) -> Term:  # fmt: skip
     """White noise of a measurement: the term "noise" with the parameter row `row`, which estimators are told."""
     sigma_frame = frame if sigma_shape else ""

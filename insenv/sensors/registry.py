@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from insenv.base.errors import InputError
 from insenv.base.plugins import Plugins, check_section_name, overrides
 from insenv.base.shipped import SENSORS
@@ -75,9 +77,13 @@ def stated_rows() -> Table:
     return sum((each.stated_errors for each in instruments().values()), GNSS_STATED)
 
 
-def register(thing: Registered) -> Registered:
+Thing = TypeVar("Thing", type[SensorSection], Instrument)
+
+
+def register(thing: Thing) -> Thing:
     """Make a sensor known.  Raises `InputError` if another one has its id."""
-    return _PLUGINS.register(thing)
+    _PLUGINS.register(thing)
+    return thing
 
 
 def check_loaded(name: str) -> None:

@@ -142,38 +142,42 @@ class Sampled:
                 f"{id}_delivery": Step(self._delivered, when=self.instrument.new),
             },
             start=self._start,
-            start_uniforms=_even(self._last("start")),
+            start_uniforms=_even(self._last(self._normals["start"])),
         )
 
     # --- the errors -----------------------------------------------------------------------------------
 
-    def _place(self, term: Term, when: str) -> slice | None:
-        """Which of the standard normals of the start, or of an epoch, a term takes; None: none."""
-        draws = {"constant": ("start",) if term.value is not None else (), "drift": ("start", "epoch"), "white": ("epoch",)}
-        drawn = draws[term.kind]
-        if when not in drawn:
-            return None
-        first = term.normals[drawn.index(when)]
-        return slice(first, first + term.size)
+    @cached_property
+    def _normals(self) -> dict[str, dict[str, slice]]:
+        """Which of the standard normals of the start, and of an epoch, the terms take, by name."""
+        draws = {"constant": ("start",), "drift": ("start", "epoch"), "white": ("epoch",)}
+        places: dict[str, dict[str, slice]] = {"start": {}, "epoch": {}}
+        for term in self.instrument.terms:
+            drawn = draws[term.kind] if term.value is not None or term.kind == "white" else ()
+            for number, when in enumerate(drawn):
+                first = term.normals[number] if term.normals else self._last(places[when])
+                places[when][term.name] = slice(first, first + term.size)
+        return places
 
-    def _last(self, when: str) -> int:
-        places = (self._place(term, when) for term in self.instrument.terms)
-        return max((place.stop for place in places if place is not None), default=0)
+    @staticmethod
+    def _last(places: Mapping[str, slice]) -> int:
+        return max((place.stop for place in places.values()), default=0)
 
     @property
     def _epoch_normals(self) -> int:
-        return _even(self._last("epoch"))
+        return _even(self._last(self._normals["epoch"]))
 
     @property
     def _further_uniforms(self) -> int:
         return 0 if self.instrument.outlier is None else self.instrument.outlier.uniforms
 
     def _start(self, p: Values, r: Any) -> dict[str, Any]:
-        this, n = self.instrument, normals(r) if self._last("start") else None
+        this, places = self.instrument, self._normals["start"]
+        n = normals(r) if places else ca.SX()
         values = {
-            term.name: _with_fixed(term, p, _scaled(term, p, n[place]))
+            term.name: _with_fixed(term, p, _scaled(term, p, n[places[term.name]]))
             for term in this.terms
-            if (place := self._place(term, "start")) is not None
+            if term.name in places
         }
         rows = {term.value.name: values[term.name] for term in this.terms if term.value is not None}
         return {**rows, **self._totals(p, values), **({} if this.lag is None else this.lag.start(p))}
@@ -185,18 +189,17 @@ class Sampled:
     def _at_epoch(self, p: Values, x: Values, r: Any) -> dict[str, Any]:
         """The errors of a measurement by name."""
         this, count = self.instrument, self._epoch_normals
-        n, values = normals(r[0:count]), _fixed(this, p)
+        n, values, places = normals(r[0:count]), _fixed(this, p), self._normals["epoch"]
         interval = getattr(p, f"{this.id}_interval")
         for term in this.terms:
-            place = self._place(term, "epoch")
             if term.value is not None:
                 values[term.name] = getattr(x, term.value.name)
             if term.kind == "drift":
                 assert term.sigma is not None and term.time is not None
                 sigma, time = getattr(p, term.sigma.name), getattr(p, term.time.name)
-                values[term.name] = gauss_markov(values[term.name], sigma, time, interval, n[place])
+                values[term.name] = gauss_markov(values[term.name], sigma, time, interval, n[places[term.name]])
             elif term.kind == "white":
-                values[term.name] = _scaled(term, p, n[place])
+                values[term.name] = _scaled(term, p, n[places[term.name]])
         if this.lag is not None:
             values[this.lag.name] = this.lag.value(x)
         if this.outlier is not None:

@@ -21,4 +21,7 @@ def only_here(monkeypatch):
 def rail(monkeypatch):
     """The modules of the outside package."""
     monkeypatch.syspath_prepend(ROOT / "tests" / "outside" / "rail")
-    return {name: importlib.import_module(f"insenv_rail.{name}") for name in ("ahrs", "trolley", "compass", "compass_aid")}
+    return {
+        name: importlib.import_module(f"insenv_rail.{name}")
+        for name in ("ahrs", "trolley", "compass", "compass_aid", "airspeed")
+    }

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import fmpy
 import numpy as np
 import pytest
 from places import ROOT
@@ -16,6 +17,7 @@ from insenv import testing
 from insenv.base.errors import InputError
 from insenv.envs import AlignmentEnv, AlignmentVectorEnv, agents
 from insenv.estimators import registered
+from insenv.sensors.instrument_section import section_of
 
 PACKAGE = ROOT / "tests" / "outside" / "rail"
 CAR = {
@@ -83,6 +85,57 @@ def test_runs_campaigns_and_environments_take_it():
         observation, *_, info = single.step(action)
         observations, *_, infos = batch.step(actions)
         assert np.array_equal(observation, observations[0])
+
+
+AIR = {**{key: value for key, value in CAR.items() if key != "compass"}, "airspeed": {}, "duration_s": 40}
+
+
+@pytest.fixture
+def airspeed(rail):
+    """An instrument in one file, registered here."""
+    return insenv.register(rail["airspeed"].AIRSPEED)
+
+
+def test_an_instrument_in_one_file_is_measured_estimated_and_bounded(airspeed):
+    testing.check_sensor(section_of(airspeed), compiled=False, noise_mps=0.2)
+    with pytest.raises(InputError, match=r"airspeed\.grade = 'pito'.*did you mean 'pitot'"):
+        insenv.load({**AIR, "airspeed": {"grade": "pito"}})
+    with pytest.raises(InputError, match=r"airspeed\.noise_mps = -1"):
+        insenv.load({**AIR, "airspeed": {"noise_mps": -1}})
+    seen, blind = (insenv.run(scenario, "fusion", seed=5) for scenario in (AIR, {**AIR, "airspeed": None}))
+    (result,), (without,) = seen.results, blind.results
+    assert "airspeed_scale, wind; aids: gnss, airspeed, zero_velocity" in seen.notes[0]
+    assert result.health.aids["airspeed"].verdict == "consistent" and result.health.aids["airspeed"].measurements == 400
+    # the air at rest tells the wind to its noise and the speed of the car, the receiver tells that to 4 cm/s
+    assert np.all(np.abs(result.outputs["wind"][-1]) < 10.0) and np.ptp(result.outputs["wind"][:, 0]) > 0.5
+    assert 0.0 < result.limit["ve_mps"] < without.limit["ve_mps"]
+    assert result.sigma["ve_mps"][-1] > 0.9 * result.limit_sigma["ve_mps"][-1]
+
+
+def test_its_log_its_error_budget_and_its_campaign_follow(airspeed, tmp_path):
+    log, report = insenv.record(AIR, seed=5), insenv.run(AIR, "fusion", seed=5)
+    insenv.write(report, tmp_path, ["log"], log=log)
+    (path,) = tmp_path.glob("*.toml")
+    again = insenv.replay(path, "fusion", start="stated")
+    for name in ("q_nb", "wind", "airspeed_scale"):
+        assert np.array_equal(again.results[0].outputs[name][-1], report.results[0].outputs[name][-1]), name
+    path.write_text(path.read_text().replace("airspeed.csv", "speed.csv"))
+    with pytest.raises(InputError, match=r"speed\.csv"):
+        insenv.replay(path, "fusion")
+    sources = insenv.budget(AIR, "fusion", runs=2, duration_s=15.0).as_json()["sources"]
+    assert {"airspeed noise", "airspeed scale factor", "wind"} <= {source["name"] for source in sources}
+    vary = {"airspeed.wind_sigma_mps": (1.0, 2.0)}
+    assert insenv.campaign(AIR, "fusion", 2, duration_s=15.0, vary=vary).figures()["ve_mps"]["rms"] > 0.0
+
+
+@pytest.mark.slow
+def test_its_aid_is_exported_and_its_keys_are_controls(airspeed, tmp_path):
+    filter = insenv.fusion(["airspeed_scale", "wind"], ["gnss", "airspeed", "zero_velocity"], id="in-the-wind")
+    insenv.export_fmu(filter, tmp_path / "air.fmu")
+    names = {variable.name for variable in fmpy.read_model_description(str(tmp_path / "air.fmu")).modelVariables}
+    assert {"airspeed_speed", "airspeed_new", "parameters.airspeed_noise", "wind[1]", "airspeed_scale[1]"} <= names
+    page = insenv.page({**AIR, "airspeed": {"noise_mps": 0.3}}, tmp_path / "air.html", "fusion")
+    assert "airspeed.noise_mps" in page.read_text()
 
 
 @pytest.mark.slow
