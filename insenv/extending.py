@@ -36,10 +36,10 @@ def register(thing: Thing) -> Thing:
     """
     if isinstance(thing, Estimator):
         return estimators.register(thing)
-    if isinstance(thing, type) and issubclass(thing, VehicleSection):
-        return vehicles.register(thing)
     if isinstance(thing, Instrument):
         return sensors.register(thing)
+    if isinstance(thing, type) and issubclass(thing, VehicleSection):
+        return vehicles.register(thing)
     if isinstance(thing, type) and issubclass(thing, SensorSection):
         return sensors.register(thing)
     raise InputError(

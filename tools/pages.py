@@ -322,9 +322,8 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         for name, path, language in (
             ("pyproject", "pyproject.toml", "toml"),
             ("estimator", "insenv_rail/ahrs.py", "python"),
-            ("aid", "insenv_rail/compass_aid.py", "python"),
+            ("instrument", "insenv_rail/compass.py", "python"),
             ("vehicle", "insenv_rail/trolley.py", "python"),
-            ("sensor", "insenv_rail/compass.py", "python"),
             ("scenario", "rail.toml", "toml"),
         )
     },

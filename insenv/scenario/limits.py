@@ -55,7 +55,7 @@ def no_limit(plant: Plant) -> str:
     """The sentence why a plant has no limit; empty if it has one."""
     if plant.commands:
         return "no limit: limits are taken along the course of a scenario, not along commands"
-    further = sorted(id for id in plant.sensors if id != "gnss" and registry.instrument(id) is None)
+    further = sorted(id for id in plant.sensors if id != "gnss" and id not in registry.instruments())
     if not further:
         return ""
     return f"no limit: a limit needs the measurement equation of every sensor, there is none of {', '.join(map(repr, further))}"

@@ -449,4 +449,4 @@ def test_a_sensor_that_is_not_known_gives_no_limit():
     plant = build(load("car-city-drive"), seed=1)
     assert limits.no_limit(plant) == ""
     further = SimpleNamespace(commands=plant.commands, sensors=frozenset({"gnss", "odometer", "compass"}))
-    assert "errors of the sensors that insenv ships, not those of 'compass'" in limits.no_limit(further)
+    assert "measurement equation of every sensor, there is none of 'compass'" in limits.no_limit(further)

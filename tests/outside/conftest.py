@@ -21,7 +21,4 @@ def only_here(monkeypatch):
 def rail(monkeypatch):
     """The modules of the outside package."""
     monkeypatch.syspath_prepend(ROOT / "tests" / "outside" / "rail")
-    return {
-        name: importlib.import_module(f"insenv_rail.{name}")
-        for name in ("ahrs", "trolley", "compass", "compass_aid", "airspeed")
-    }
+    return {name: importlib.import_module(f"insenv_rail.{name}") for name in ("ahrs", "trolley", "compass")}

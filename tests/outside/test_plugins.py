@@ -21,6 +21,7 @@ from insenv.estimators import registry as estimators
 from insenv.scenario import Scenario, build
 from insenv.scenario.assembly import plant_model
 from insenv.sensors import registry as sensors
+from insenv.sensors.instrument_section import section_of
 from insenv.sensors.registry import instruments
 from insenv.vehicles import registry as vehicles
 
@@ -105,10 +106,10 @@ def test_names_are_plain_and_not_taken(rail):
 
 
 def test_a_fault_of_a_sensor_names_it(rail):
-    compass = rail["compass"].COMPASS
+    compass = section_of(rail["compass"].COMPASS).sensor
     for wrong, message in (
-        ([replace(compass, outputs=("compas_valid",))], "sensor 'compass': no row named 'compas_valid'; did you mean"),
-        ([compass, replace(compass, id="other")], "two rows are named 'compass_valid'"),
+        ([replace(compass, outputs=("compas_new",))], "sensor 'compass': no row named 'compas_new'; did you mean"),
+        ([compass, replace(compass, id="other")], "two rows are named 'compass_"),
     ):
         with said(message):
             plant_model(rail["trolley"].trolley(), tuple(wrong))

@@ -12,7 +12,7 @@ def sample(p, x, u):
     earth = attitude.from_small_rotation_vector(-geodesy.earth_rate_n(p.latitude) * u.dt)
     q = attitude.multiply(attitude.multiply(earth, x.q_nb), attitude.from_small_rotation_vector(u.delta_angle))
     force = attitude.rotate(q, u.delta_velocity) / (9.81 * u.dt)
-    off = wrap_angle(u.compass_heading - attitude.to_euler(q)[2]) * u.compass_valid * p.compass_interval / HEADING
+    off = wrap_angle(u.compass_heading - attitude.to_euler(q)[2]) * u.compass_new * p.compass_interval / HEADING
     turn = ca.vertcat(-force[1] * u.dt / LEVELLING, force[0] * u.dt / LEVELLING, off)
     return {"q_nb": attitude.renormalize(attitude.multiply(attitude.from_small_rotation_vector(turn), q))}
 
@@ -31,7 +31,7 @@ ESTIMATOR = Estimator(
                 Row("delta_angle", "Gyro increment", "rad", (3,), "b"),
                 Row("delta_velocity", "Accelerometer increment", "m/s", (3,), "b"),
                 Row("dt", "Length of the sample", "s", start=0.005),
-                Row("compass_valid", "1 with a compass reading"),
+                Row("compass_new", "1 with a compass reading"),
                 Row("compass_heading", "Compass reading", "rad"),
             )
         ),

@@ -1,60 +1,51 @@
-"""A compass: heading with a constant deviation and white noise, at its own rate."""
+"""A compass: the heading of the vehicle, with white noise, a constant deviation and one that changes slowly."""
 
-from math import radians
-from typing import ClassVar
+import casadi as ca
 
-from insenv import Row, Sensor, SensorSection, Step, Table, attitude
-from insenv.base.toml import Number, key
-from insenv.core.compose import Part
-from insenv.core.elementary import normal_pair
-
-
-def _count(p, x, u):
-    counter = x.compass_counter + 1
-    due = counter * p.sample_interval > p.compass_interval - 0.5 * p.sample_interval
-    return {"compass_counter": counter * (1 - due), "compass_valid": due}
+from insenv import Instrument, Row
+from insenv.core.elementary import atan2
+from insenv.sensors import units
+from insenv.sensors.figures import Figure, Grade, by_name
+from insenv.sensors.instrument import Column, Estimated, constant, drift, white
 
 
-def _measure(p, x, u, r):
-    noise = p.compass_noise * normal_pair(r[0], r[1])[0]
-    return {"compass_heading": attitude.to_euler(x.q_nb)[2] + p.compass_deviation + noise}
+def measure(motion, e, p):
+    forward_n = motion.to_navigation(ca.SX([1.0, 0.0, 0.0]))
+    return {"compass_heading": atan2(forward_n[1], forward_n[0]) + e.deviation + e.drift + e.noise}
 
 
-COMPASS = Sensor(
+COMPASS = Instrument(
     "compass",
-    part=lambda instant: Part(
-        parameters=Table(
-            (
-                Row("compass_interval", "Time between readings", "s", start=0.1, lower=1e-4),
-                Row("compass_noise", "White noise of a reading", "rad", lower=0.0),
-                Row("compass_deviation", "Constant error", "rad"),
-            )
-        ),
-        state=Table(
-            (
-                Row("compass_valid", "1 with a reading"),
-                Row("compass_heading", "Latest reading", "rad"),
-                Row("compass_counter", "Samples since the latest reading"),
-            )
-        ),
-        steps={"sample": Step(_count), "compass": Step(_measure, when="compass_valid", uniforms=2)},
+    title="Compass",
+    called="the compass",
+    what="heading",
+    causes="its deviation, and iron near it",
+    values=(Row("compass_heading", "Heading of the forward axis, clockwise from north", "rad", lower=-20.0, upper=20.0),),
+    terms=(
+        white("compass_noise", "compass noise", "White noise of a reading", "rad"),
+        constant("compass_deviation", "deviation", "compass deviation", "Constant error", "rad",
+                 states=(Estimated("compass_deviation", "constant error of the compass"),)),
+        drift("compass_drift", "drift", "compass drift", "Slowly changing error", "rad",
+              states=(Estimated("compass_drift", "slowly varying error of the compass"),)),
     ),
-    outputs=("compass_valid", "compass_heading"),
-)
-
-
-class CompassSection(SensorSection):
-    """A compass."""
-
-    sensor: ClassVar[Sensor] = COMPASS
-
-    interval_s: Number = key(0.1, "time between readings", "s", gt=0, le=3600)
-    noise_deg: Number = key(0.5, "white noise of a reading", "deg", ge=0, le=180)
-    deviation_deg: Number = key(0.0, "constant error", "deg", ge=-180, le=180)
-
-    def rows(self, rate_hz: float) -> dict:
-        return {
-            "compass_interval": self.interval_s,
-            "compass_noise": radians(self.noise_deg),
-            "compass_deviation": radians(self.deviation_deg),
-        }
+    measure=measure,
+    holds=("heading",),
+    aid_parameters=("compass_noise",),
+    angle=True,
+    least_sigma={"compass_heading": 1e-3},
+    columns=(Column("heading", "compass_heading", "heading, clockwise from north", units.ANGLE_UNITS, "deg", angle=True),),
+    figures={
+        "noise_deg": Figure("compass_noise", "deg", units.deg_to_rad),
+        "deviation_deg": Figure("compass_deviation", "deg", units.deg_to_rad),
+        "deviation_sigma_deg": Figure("compass_deviation_sigma", "deg", units.deg_to_rad),
+        "drift_sigma_deg": Figure("compass_drift_sigma", "deg", units.deg_to_rad),
+        "drift_time_s": Figure("compass_drift_time", "s"),
+    },
+    grades=by_name(
+        Grade("perfect", "No errors"),
+        Grade("boat", "Compass of a small boat", {"": "the author's choice"},
+              {"noise_deg": 0.5, "deviation_sigma_deg": 2.0, "drift_sigma_deg": 0.5, "drift_time_s": 600.0}),
+    ),
+    grade="boat",
+    interval_s=0.1,
+)  # fmt: skip
