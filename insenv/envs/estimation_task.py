@@ -187,12 +187,9 @@ def estimation_task(
 
     shown: state rows of the plant, of sensors other than the inertial unit and the GNSS receiver, that an observation
     contains for every inertial sample too.  compact: whether the observation of an alignment is that of
-    `insenv.envs.gravity` instead of the samples.  corrects: whether its action is a correction.  Raises `InputError` for
-    navigation without a GNSS receiver.
+    `insenv.envs.gravity` instead of the samples.  corrects: whether its action is a correction.
     """
     has_gnss = "gnss_valid" in plant.state
-    if navigates and not has_gnss:
-        raise InputError("a navigation environment needs GNSS fixes: the scenario has no [gnss]")
     actions, error, limit = _rows(navigates)
     if corrects:
         actions = gravity.ACTIONS

@@ -93,14 +93,12 @@ class Inner:
 def inner_loop(plant: Model, id: str, scaled: tuple[str, ...] = ()) -> Inner:
     """Return the loop of a plant and the filter `id`, with adjustable factors on its rows `scaled`.
 
-    Raises `InputError` for a filter that cannot run inside and for a plant without GNSS.
+    Raises `InputError` for a filter that cannot run inside.
     """
     estimator = estimators.get(id)
     if not fits(estimator, scaled):
         able = [name for name, other in estimators.registered().items() if fits(other, scaled)]
         raise InputError(f"estimator = {id!r}: allowed are filters that can run inside this environment: {', '.join(able)}")
-    if "gnss_valid" not in plant.state:
-        raise InputError(f"estimator {id!r} needs GNSS fixes: the scenario has no [gnss]")
     model = scaled_model(estimator.model, scaled) if scaled else estimator.model
     return Inner(estimator, loop_model(plant, model))
 

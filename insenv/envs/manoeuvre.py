@@ -7,14 +7,13 @@ the inertial samples.  The score is how much better the heading is known after t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import pi, radians
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
-from gymnasium.vector import AutoresetMode
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
@@ -36,12 +35,12 @@ from insenv.envs.filter_inside import (
     window_part,
     within,
 )
-from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
+from insenv.envs.setup import Arguments
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import InnerStarts, Range, Ranges
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
-from insenv.scenario import Scenario, plant_of
+from insenv.scenario import Scenario, ScenarioLike, plant_of
 from insenv.scenario.assembly import plant_model
 from insenv.vehicles import Vehicle
 from insenv.vehicles.turntable import COMMANDED, on_turntable
@@ -286,29 +285,49 @@ def _log(value: Any) -> Any:
     return log(select(value >= SMALLEST, value, SMALLEST))
 
 
-def _setup(
-    scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None, estimator: str,
-    reward: str, goal_deg: float, time_weight: float, dtype: str,
-) -> Setup:  # fmt: skip
-    """Return the setup for the arguments of the classes below."""
-    found = chosen_scenario(scenario, vehicle)
-    name = found.name or found.title
-    if found.vehicle.kind not in COMMANDS:
-        raise InputError(f"a manoeuvre environment needs a car or an aircraft: scenario {name!r} has a {found.vehicle.kind}")
-    if found.gnss is None:
-        raise InputError(f"a manoeuvre environment needs GNSS fixes: scenario {name!r} has no [gnss]")
-    check_type("estimator", estimator, str, "the id of an estimator")
-    check_choice("reward", reward, tuple(REWARDS))
-    constants = {
-        "time_weight": check_number("time_weight", time_weight, 0.0, 1e6),
-        "goal": radians(check_number("goal_deg", goal_deg, 0.0, 180.0, "deg", above=True)),
-    }
-    plant, kind = _commanded(found)
-    if ranges.start_speed_mps is None and plant_of(found)[1].get("start_speed", 0.0) > 0.0:
-        ranges = replace(ranges, start_speed_mps=COMMANDS[kind].start_speeds)
-    task = manoeuvre_task(plant, kind, estimator, reward)
-    starts = partial(InnerStarts, inner=inner_loop(plant, estimator))
-    return make_setup(found, task, ranges, samples_per_step, duration_s, constants, starts, dtype)
+@dataclass(kw_only=True, repr=False, eq=False)
+class Manoeuvre(Arguments):
+    """The arguments and the task of `ManoeuvreEnv` and `ManoeuvreVectorEnv`."""
+
+    gnss: ClassVar[bool] = True
+    units: ClassVar[tuple[str, str]] = UNITS
+    scenario: ScenarioLike = field(default="car-unknown-heading", kw_only=False)
+    samples_per_step: int = 400
+    imu: str | None = "random"
+    heading_deg: Range | None = (0.0, 360.0)
+    start_speed_mps: Range | None = None
+    estimator: str = "aqe-ekf"
+    reward: str = "error"
+    goal_deg: float = 0.1
+    time_weight: float = 1.0
+
+    def _scenario(self) -> Scenario:
+        scenario = super()._scenario()
+        name, kind = scenario.name or scenario.title, scenario.vehicle.kind
+        if kind not in COMMANDS:
+            raise InputError(f"a manoeuvre environment needs a car or an aircraft: scenario {name!r} has a {kind}")
+        return scenario
+
+    def _ranges(self, scenario: Scenario) -> Ranges:
+        ranges = super()._ranges(scenario)
+        if ranges.start_speed_mps is None and plant_of(scenario)[1].get("start_speed", 0.0) > 0.0:
+            return replace(ranges, start_speed_mps=COMMANDS[_commanded(scenario)[1]].start_speeds)
+        return ranges
+
+    def _constants(self, scenario: Scenario) -> Mapping[str, float]:
+        return {
+            "time_weight": check_number("time_weight", self.time_weight, 0.0, 1e6),
+            "goal": radians(check_number("goal_deg", self.goal_deg, 0.0, 180.0, "deg", above=True)),
+        }
+
+    def _task(self, scenario: Scenario) -> Task:
+        check_type("estimator", self.estimator, str, "the id of an estimator")
+        check_choice("reward", self.reward, tuple(REWARDS))
+        plant, kind = _commanded(scenario)
+        return manoeuvre_task(plant, kind, self.estimator, self.reward)
+
+    def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:
+        return InnerStarts(scenario, *rest, estimator=self.estimator)
 
 
 def _commanded(scenario: Scenario) -> tuple[Model, str]:
@@ -323,7 +342,8 @@ def _turntable_plant(vehicle: Vehicle) -> Model:
     return plant_model(on_turntable(vehicle))
 
 
-class ManoeuvreEnv(InertialEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class ManoeuvreEnv(Manoeuvre, InertialEnv):
     """
     ## Description
     A vehicle with GNSS does not know its heading. Fixes give its direction of travel; they do not give the orientation
@@ -405,45 +425,7 @@ class ManoeuvreEnv(InertialEnv):
     - v0: first version.
     """
 
-    def __init__(
-        self, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "", samples_per_step: int = 400,
-        duration_s: float | None = None, imu: str | None = "random", imu_range: tuple[str, str] | None = None,
-        heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None, initial_error: Range | None = None,
-        start_speed_mps: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf",
-        reward: str = "error", goal_deg: float = 0.1, time_weight: float = 1.0, dtype: str = "float64",
-        backend: str | None = None,
-        render_mode: str | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(
-            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps,
-            units=UNITS,
-        )  # fmt: skip
-        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight, dtype)
-        super().__init__(setup, backend=backend, render_mode=render_mode)
 
-
-class ManoeuvreVectorEnv(InertialVectorEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class ManoeuvreVectorEnv(Manoeuvre, InertialVectorEnv):
     """Many `ManoeuvreEnv` in one batch; takes the arguments of `ManoeuvreEnv` and of `InertialVectorEnv`."""
-
-    def __init__(
-        self, num_envs: int = 1, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "",
-        samples_per_step: int = 400, duration_s: float | None = None, imu: str | None = "random",
-        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
-        initial_error: Range | None = None, start_speed_mps: Range | None = None,
-        gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf", reward: str = "error",
-        goal_deg: float = 0.1, time_weight: float = 1.0,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, dtype: str = "float64",
-        backend: str | None = None,
-        render_mode: str | None = None, max_episode_steps: int | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(
-            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps,
-            units=UNITS,
-        )  # fmt: skip
-        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight, dtype)
-        super().__init__(
-            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
-            max_episode_steps=max_episode_steps,
-        )  # fmt: skip

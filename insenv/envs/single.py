@@ -43,17 +43,24 @@ class Snapshot:
 
 
 class Interface:
-    """Base of `InertialEnv` and `InertialVectorEnv`; pickled and copied as constructor arguments plus snapshot."""
+    """Base of `InertialEnv` and `InertialVectorEnv`; pickled and copied as constructor arguments plus snapshot.
+
+    An environment is a dataclass of one of them and of a subclass of `Arguments`: its fields are its constructor's arguments.
+    """
 
     setup: Setup
     _made_with: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls: type[Made], *args: Any, **kwargs: Any) -> Made:
-        # __init__ runs next and keeps its typed signature; here the message can name the nearest argument
+        # the __init__ of a dataclass refuses an unknown argument; here the message can name the nearest one
         check_keywords(cls.__name__, cls.__init__, kwargs)
         made = super().__new__(cls)
         made._made_with = (args, kwargs)
         return made
+
+    def set_up(self) -> Setup:
+        """Return the setup that the arguments define."""
+        raise NotImplementedError
 
     def __reduce__(self) -> Any:
         return _remade, (type(self), *self._made_with, self.snapshot())
@@ -101,6 +108,7 @@ def places_of(setup: Setup) -> dict[str, slice]:
 Array = NDArray[np.float64]
 
 
+@dataclass(kw_only=True, repr=False, eq=False)
 class InertialEnv(Interface, gymnasium.Env[Array, Array]):
     """One environment of a task; its subclasses define the task.
 
@@ -110,15 +118,18 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
 
     metadata = {"render_modes": ["rgb_array", "ansi"], "render_fps": 10}
 
-    def __init__(self, setup: Setup, *, backend: str | None = None, render_mode: str | None = None) -> None:
-        if render_mode is not None:
-            check_choice("render_mode", render_mode, ("rgb_array", "ansi"))
-        self.setup, self.render_mode = setup, render_mode
+    backend: str | None = None
+    render_mode: str | None = None
+
+    def __post_init__(self) -> None:
+        self.setup = setup = self.set_up()
+        if self.render_mode is not None:
+            check_choice("render_mode", self.render_mode, ("rgb_array", "ansi"))
         self.action_space: Any
         self.observation_space: Any
         self.action_space, self.observation_space = setup.spaces()
         task = setup.task
-        self._runner = make_runner(task.model, None, backend)
+        self._runner = make_runner(task.model, None, self.backend)
         self._call, self._buffer = self._runner.cycle(task.judge, task.watched.names, setup.samples)
         places = places_of(setup)
         self._observed = places["reward"].start
@@ -128,7 +139,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         self._action = self._runner._u[task.place]
         self._shape = (task.actions.size,)
         self._over: bool | None = None
-        self.history: list[tuple[Array, dict[str, Any]]] | None = None if render_mode is None else []
+        self.history: list[tuple[Array, dict[str, Any]]] | None = None if self.render_mode is None else []
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Start an episode; `options` (see the class) replace the arguments for this episode."""

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import pi, radians
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv import estimators
 from insenv.base.errors import InputError, nearest
 from insenv.core.model import Model
 from insenv.core.noise import first_uniforms
 from insenv.core.tables import Table
 from insenv.envs.checks import as_numbers, check_number, check_range, check_type, is_number, refused
-from insenv.envs.filter_inside import Inner
 from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
 from insenv.evaluation.limits import Limit
@@ -130,13 +130,12 @@ IMU_RANGE = ("marine", "tactical")
 """Default grades between which a random unit is drawn."""
 
 
-@dataclass(frozen=True)
-class Ranges:
-    """The quantities, besides the seed, that vary between episodes; None keeps the scenario's value.
+@dataclass(kw_only=True, repr=False, eq=False)
+class Variation:
+    """What varies between the episodes of every environment, besides the seed; None keeps the scenario's value.
 
-    The fields are arguments of `AlignmentEnv`.  The draw between two grades is uniform in the logarithm of each figure;
-    `initial_error` is both reported and used for the draw.  units: the grades of a random unit if `imu_range` is None.
-    Raises `InputError` for a value that is not allowed.
+    The draw between two grades is uniform in the logarithm of each figure; `initial_error` is both reported and used for
+    the draw.
     """
 
     imu: str | None = None
@@ -145,15 +144,25 @@ class Ranges:
     sea_state: Range | None = None
     initial_error: Range | None = None
     gnss_outages_s: tuple[Range, ...] | None = None
+
+
+@dataclass(kw_only=True)
+class Ranges(Variation):
+    """All that can vary between episodes: the arguments of an environment with the options of a reset.
+
+    units: the grades of a random unit if `imu_range` is None.  Raises `InputError` for a value that is not allowed.
+    """
+
     sway_phases: bool = False
     mounting_deg: float | None = None
     start_speed_mps: Range | None = None
     units: tuple[str, str] = IMU_RANGE
 
-    OPTIONS = (
-        "imu", "heading_deg", "sea_state", "initial_error", "gnss_outages_s", "sway_phases", "mounting_deg", "start_speed_mps",
-        "run_seed",
-    )  # fmt: skip
+    @classmethod
+    def of(cls, arguments: Any) -> Ranges:
+        """Return the ranges in an environment's arguments; what it does not take keeps its default."""
+        names = [field.name for field in fields(cls) if hasattr(arguments, field.name)]
+        return cls(**{name: getattr(arguments, name) for name in names})
 
     def __post_init__(self) -> None:
         check_type("imu", self.imu, (str, type(None)), 'a grade of the catalogue, "random" or None')
@@ -191,16 +200,21 @@ class Ranges:
         """
         check_type("options", options, Mapping, "a mapping")
         for name in options:
-            if name not in self.OPTIONS:
-                raise InputError(f"options: unknown option {name!r}{nearest(str(name), self.OPTIONS)}")
-        given = {name: value for name, value in options.items() if name != "run_seed"}
+            if name not in OPTIONS:
+                raise InputError(f"options: unknown option {name!r}{nearest(str(name), OPTIONS)}")
+        values = {name: value for name, value in options.items() if name != "run_seed"}
         for name in ("heading_deg", "sea_state", "start_speed_mps"):
-            if name in given and is_number(given[name]):
-                given[name] = (given[name], given[name])
-        if "run_seed" in options:
-            imu = None if self.imu == "random" else self.imu
-            return replace(Ranges(imu, self.imu_range, gnss_outages_s=self.gnss_outages_s, units=self.units), **given)
-        return replace(self, **given)
+            if name in values and is_number(values[name]):
+                values[name] = (values[name], values[name])
+        if "run_seed" not in options:
+            return replace(self, **values)
+        imu = None if self.imu == "random" else self.imu
+        undrawn = Ranges(imu=imu, imu_range=self.imu_range, gnss_outages_s=self.gnss_outages_s, units=self.units)
+        return replace(undrawn, **values)
+
+
+OPTIONS = (*(field.name for field in fields(Ranges) if field.name not in ("imu_range", "units")), "run_seed")
+"""Options of a reset."""
 
 
 def _are_intervals(pairs: Array) -> bool:
@@ -336,19 +350,16 @@ class Starts:
 class InnerStarts(Starts):
     """`Starts` of a task with a filter inside, whose parameters follow from the initial knowledge.
 
-    mistuning: if not 0, the filter's noises are wrong by factors whose decimal logarithms (row ``mistuning`` of the
-    task) are drawn uniformly between -mistuning and +mistuning.
+    arguments: those of `Starts`.  estimator: id of the filter.  mistuning: if not 0, the filter's noises are wrong by
+    factors whose decimal logarithms (row ``mistuning`` of the task) are drawn uniformly between -mistuning and +mistuning.
     """
 
-    def __init__(
-        self, scenario: Scenario, task: Task, ranges: Ranges, constants: Mapping[str, float], duration: float, *, inner: Inner,
-        mistuning: float = 0.0,
-    ) -> None:  # fmt: skip
-        super().__init__(scenario, task, ranges, constants, duration)
-        self.mistuning, self._estimator = mistuning, inner.estimator
-        self._tunings, self._same = scenario.tunings, build(scenario, driven=True).knowledge
-        table = inner.estimator.model.parameters
-        self._place = _span(task.model.parameters, [PREFIX + name for name in table.names])
+    def __init__(self, *arguments: Any, estimator: str, mistuning: float = 0.0) -> None:
+        super().__init__(*arguments)
+        self.mistuning, self._estimator = mistuning, estimators.get(estimator)
+        self._tunings, self._same = self.scenario.tunings, build(self.scenario, driven=True).knowledge
+        table = self._estimator.model.parameters
+        self._place = _span(self.task.model.parameters, [PREFIX + name for name in table.names])
         copied = self._estimator.copied(self._tunings)
         self._copied = None if copied is None else {name: field for name, field in copied.items() if field in KNOWN_FIELDS}
         self._uncopied: Array | None = None  # parameters that are the same in all episodes

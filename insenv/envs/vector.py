@@ -6,6 +6,7 @@ Row i is bit-identical to the single environment reset with seed + i, through al
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,14 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.core.batch import Batch, make_batch
 from insenv.envs.checks import check_type, check_whole, is_whole, refused
-from insenv.envs.setup import Setup, checked_action
+from insenv.envs.setup import checked_action
 from insenv.envs.single import Interface, Snapshot, places_of
 
 Array = NDArray[np.float64]
 Infos = dict[str, Any]
 
 
+@dataclass(kw_only=True, repr=False, eq=False)
 class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
     """Many environments of a task in one batch; its subclasses define the task.
 
@@ -36,18 +38,22 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
-    def __init__(
-        self, setup: Setup, num_envs: int, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1,
-        backend: str | None = None, render_mode: str | None = None, max_episode_steps: int | None = None,
-    ) -> None:  # fmt: skip
-        if render_mode is not None:
-            raise refused("render_mode", render_mode, "None; only a single environment is drawn")
-        allowed = tuple(AutoresetMode)
-        mode = next((m for m in AutoresetMode if autoreset_mode in (m, m.value, m.name)), None)
-        if mode not in allowed:
-            raise refused("autoreset_mode", autoreset_mode, " or ".join(repr(m.value) for m in allowed))
-        self.setup, self.num_envs = setup, check_whole("num_envs", num_envs)
-        self._most = np.inf if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps)
+    num_envs: int = field(default=1, kw_only=False)
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP
+    threads: int = 1
+    backend: str | None = None
+    render_mode: str | None = None
+    max_episode_steps: int | None = None
+
+    def __post_init__(self) -> None:
+        self.setup = setup = self.set_up()
+        if self.render_mode is not None:
+            raise refused("render_mode", self.render_mode, "None; only a single environment is drawn")
+        mode = next((m for m in AutoresetMode if self.autoreset_mode in (m, m.value, m.name)), None)
+        if mode is None:
+            raise refused("autoreset_mode", self.autoreset_mode, " or ".join(repr(m.value) for m in AutoresetMode))
+        self.num_envs, self.autoreset_mode = check_whole("num_envs", self.num_envs), mode
+        self._most = np.inf if self.max_episode_steps is None else check_whole("max_episode_steps", self.max_episode_steps)
         self._elapsed = np.zeros(self.num_envs)
         self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.single_action_space, self.single_observation_space = setup.spaces()
@@ -57,7 +63,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         task = setup.task
         base = np.tile(setup.task.model.parameters.start_vector(), (self.num_envs, 1))
         self._batch: Batch = make_batch(
-            task.model, self.num_envs, base, threads=check_whole("threads", threads), backend=backend
+            task.model, self.num_envs, base, threads=check_whole("threads", self.threads), backend=self.backend
         )
         self._places = places_of(setup)
         self._reward, self._terminated, self._truncated = (
@@ -72,12 +78,6 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         self._over: NDArray[np.bool_] | None = None
         self._generators: list[np.random.Generator] = []
         self._generator_seeds: list[int] = [-1] * self.num_envs
-
-    @property
-    def autoreset_mode(self) -> AutoresetMode:
-        """How ended rows restart."""
-        mode: AutoresetMode = self.metadata["autoreset_mode"]
-        return mode
 
     @property
     def np_random_seed(self) -> Any:
@@ -119,7 +119,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             raise ResetNeeded("step() before reset(): call reset() first")
         self._actions[:] = checked_action(actions, self._actions.shape)
         over = self._over.nonzero()[0]
-        if len(over) and self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
+        if len(over) and self.autoreset_mode is AutoresetMode.DISABLED:
             raise ResetNeeded(f'rows {over[:8].tolist()} have ended: reset(options={{"reset_mask": mask}}) starts them again')
         shown = self._call()
         self._elapsed += 1
@@ -132,7 +132,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         self._over = terminated | truncated
         final: Infos = {}
         ended = self._over.nonzero()[0]
-        if len(ended) and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
+        if len(ended) and self.autoreset_mode is AutoresetMode.SAME_STEP:
             final = self._final(ended, shown)
             self._show_starts(ended, shown)
         return self.setup.seen(shown[:, : self._observed]), reward, terminated, truncated, {**self._info(shown), **final}
