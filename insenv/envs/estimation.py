@@ -26,7 +26,7 @@ MOUNTING_DEG = 20.0
 class Alignment(Arguments):
     """The arguments and the task of `AlignmentEnv` and `AlignmentVectorEnv`."""
 
-    in_place: ClassVar[bool] = True
+    needs_vehicle_in_place: ClassVar[bool] = True
     scenario: ScenarioLike = field(default="ship-swaying", kw_only=False)
     heading_deg: Range | None = (0.0, 360.0)
     initial_error: Range | None = INITIAL_ERROR
@@ -50,7 +50,7 @@ class Alignment(Arguments):
 class Navigation(Arguments):
     """The arguments and the task of `NavigationEnv` and `NavigationVectorEnv`."""
 
-    gnss: ClassVar[bool] = True
+    needs_gnss: ClassVar[bool] = True
     scenario: ScenarioLike = field(default="car-city-drive", kw_only=False)
 
     def _task(self, scenario: Scenario) -> Task:

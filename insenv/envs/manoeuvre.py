@@ -25,13 +25,13 @@ from insenv.envs.checks import check_choice, check_number, check_type
 from insenv.envs.filter_inside import (
     COMMON,
     ERROR,
-    SHOWN,
     SMALLEST,
+    STATISTICS,
     Inner,
-    begun,
+    empty_window,
     inner_loop,
     log10,
-    shown,
+    statistics,
     window_part,
     within,
 )
@@ -153,7 +153,7 @@ _STATE = Table((
     INVALID,
     Row("level_before", "Natural logarithm of the heading uncertainty at the last action"),
 ))  # fmt: skip
-_FOUND = Table((
+_ESTIMATES = Table((
     Row("roll_pitch", "Estimated roll and pitch", "rad", (2,), "n", lower=-4.0, upper=4.0),
     Row("heading_cosine_sine", "Cosine and sine of the estimated heading", "1", (2,), "n", lower=-1.0, upper=1.0),
     Row("velocity_estimate", "Estimated velocity", "m/s", (3,), "n", lower=-1e4, upper=1e4),
@@ -179,7 +179,7 @@ _INFO = Table((
 
 def _by_uncertainty(inner: Inner, p: Any, x: Any) -> Any:
     """Return ln of the stated standard deviation of the heading."""
-    return _log(inner.found(p, x).attitude_sigma[2])
+    return _log(inner.outputs(p, x).attitude_sigma[2])
 
 
 def _by_error(inner: Inner, p: Any, x: Any) -> Any:
@@ -202,22 +202,22 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
     """
     inner, commands, level = inner_loop(plant, estimator), COMMANDS[kind], REWARDS[reward]
     command = Row("command", "The action in force", "1", (commands.actions.size,), lower=-1.0, upper=1.0)
-    observation = Table((CLOCK,)) + _FOUND + SHOWN + Table((command,))
+    observation = Table((CLOCK,)) + _ESTIMATES + STATISTICS + Table((command,))
 
     def act(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        finite, given = finite_action(ca.vertcat(*(getattr(u, row.name) for row in commands.actions)))
-        action = clamp(given, -1.0, 1.0)
+        finite, values = finite_action(ca.vertcat(*(getattr(u, row.name) for row in commands.actions)))
+        action = clamp(values, -1.0, 1.0)
         return {
             **commands.taken(plant, p, x, SimpleNamespace(**{**vars(u), **vars(commands.actions.symbols(action))})),
             "invalid": ca.logic_not(finite),
             "command": action,
             "decisions": x.decisions + 1.0,
             "level_before": level(inner, p, x),
-            **begun(),
+            **empty_window(),
         }
 
     def output(p: Any, x: Any) -> dict[str, Any]:
-        seen = {"time": x.time, **_seen(inner, p, x), **shown(p, x), "command": x.command}
+        seen = {"time": x.time, **_seen(inner, p, x), **statistics(p, x), "command": x.command}
         return within(observation, seen) | _scored(inner, level, p, x)
 
     score = Part(
@@ -234,26 +234,26 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
 
 
 def _seen(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
-    found = inner.found(p, x)
-    roll, pitch, _ = attitude.to_euler(found.q_nb)
-    forward = attitude.to_dcm(found.q_nb)[:2, 0]
+    estimate = inner.outputs(p, x)
+    roll, pitch, _ = attitude.to_euler(estimate.q_nb)
+    forward = attitude.to_dcm(estimate.q_nb)[:2, 0]
     length = ca.sqrt(ca.sumsqr(forward))
-    places = (found.latitude, found.longitude, found.height, p.known_latitude, p.known_longitude, p.known_height)
+    places = (estimate.latitude, estimate.longitude, estimate.height, p.known_latitude, p.known_longitude, p.known_height)
     return {
         "roll_pitch": ca.vertcat(roll, pitch),
         "heading_cosine_sine": forward / select(length > 0.0, length, 1.0),
-        "velocity_estimate": found.velocity_n,
+        "velocity_estimate": estimate.velocity_n,
         "position_estimate": geodesy.ned_offset(*places),
-        "attitude_level": log10(found.attitude_sigma),
-        "velocity_level": log10(found.velocity_sigma),
-        "position_level": log10(found.position_sigma),
-        "gyro_bias": found.gyro_bias,
-        "accel_bias": found.accel_bias,
+        "attitude_level": log10(estimate.attitude_sigma),
+        "velocity_level": log10(estimate.velocity_sigma),
+        "position_level": log10(estimate.position_sigma),
+        "gyro_bias": estimate.gyro_bias,
+        "accel_bias": estimate.accel_bias,
     }
 
 
 def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: Any) -> dict[str, Any]:
-    error, sigma = inner.error(p, x), inner.found(p, x).attitude_sigma[2]
+    error, sigma = inner.error(p, x), inner.outputs(p, x).attitude_sigma[2]
     # comparisons with NaN are false
     sound = ca.logic_and(ca.sumsqr(error) <= FARTHEST**2, ca.logic_and(sigma >= 0.0, sigma <= 1e3))
     sound = ca.logic_and(sound, ca.logic_not(x.invalid))
@@ -277,8 +277,8 @@ def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: An
 
 
 def _heading_error(inner: Inner, p: Any, x: Any) -> Any:
-    found, true = (attitude.to_euler(q)[2] for q in (inner.found(p, x).q_nb, x.q_nb))
-    return wrap_angle(found - true)
+    estimated, true = (attitude.to_euler(q)[2] for q in (inner.outputs(p, x).q_nb, x.q_nb))
+    return wrap_angle(estimated - true)
 
 
 def _log(value: Any) -> Any:
@@ -289,7 +289,7 @@ def _log(value: Any) -> Any:
 class Manoeuvre(Arguments):
     """The arguments and the task of `ManoeuvreEnv` and `ManoeuvreVectorEnv`."""
 
-    gnss: ClassVar[bool] = True
+    needs_gnss: ClassVar[bool] = True
     units: ClassVar[tuple[str, str]] = UNITS
     scenario: ScenarioLike = field(default="car-unknown-heading", kw_only=False)
     samples_per_step: int = 400

@@ -72,11 +72,11 @@ class Arguments(Variation):
     A subclass says what its task is (`_task`: actions, observation, reward), which parameters of it are constant
     (`_constants`), and how an episode starts (`_starts`).  `AlignmentEnv` describes the arguments.
 
-    in_place, gnss: whether the scenario must have a vehicle that stays in place, and GNSS.
+    needs_vehicle_in_place, needs_gnss: what the scenario must have.
     """
 
-    in_place: ClassVar[bool] = False
-    gnss: ClassVar[bool] = False
+    needs_vehicle_in_place: ClassVar[bool] = False
+    needs_gnss: ClassVar[bool] = False
 
     scenario: ScenarioLike = field(default="", kw_only=False)
     vehicle: str = ""
@@ -109,9 +109,9 @@ class Arguments(Variation):
             raise InputError(f"scenario {name!r} has a vehicle of kind {kind!r}: this environment is for {self.vehicle!r}")
         if scenario.commands:
             raise InputError(f"scenario {scenario.name!r} {DRIVEN}")
-        if self.in_place and not scenario.vehicle.in_place:
+        if self.needs_vehicle_in_place and not scenario.vehicle.in_place:
             raise InputError(f"{type(self).__name__} needs a vehicle in place: that of scenario {name!r} moves")
-        if self.gnss and scenario.gnss is None:
+        if self.needs_gnss and scenario.gnss is None:
             raise InputError(f"{type(self).__name__} needs GNSS fixes: scenario {name!r} has no [gnss]")
         return scenario
 

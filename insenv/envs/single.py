@@ -144,18 +144,18 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Start an episode; `options` (see the class) replace the arguments for this episode."""
         super().reset(seed=seed)
-        starts, runner = self.setup.starts, self._runner
-        p = starts.draw([self.np_random], options)
+        starts, runner = self.setup.starts.with_options(options), self._runner
+        p = starts.draw([self.np_random])
         runner.p[:] = p[0]
         runner.start()
-        runner.p[:] = starts.complete(p, runner.x[None], options)[0]
+        runner.p[:] = starts.complete(p, runner.x[None])[0]
         runner.start()  # a filter inside starts from what is known
         runner._u[:] = self.setup.task.model.inputs.start_vector()
         self._over = False
         self._buffer[:] = 0.0
         self._buffer[self.setup.task.watched.size * self.setup.samples :] = runner.output()
-        shown = self._buffer.copy()
-        observation, info = self.setup.seen(shown[: self._observed]), self._info(shown)
+        values = self._buffer.copy()
+        observation, info = self.setup.seen(values[: self._observed]), self._info(values)
         if self.history is not None:
             self.history[:] = [(observation, info)]
         return observation, info
@@ -170,16 +170,16 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
             raise ResetNeeded(_NOT_STARTED if self._over is None else _OVER)
         self._action[:] = checked_action(action, self._shape)
         self._call()
-        shown = self._buffer.copy()
-        terminated, truncated = shown.item(self._terminated) != 0.0, shown.item(self._truncated) != 0.0
+        values = self._buffer.copy()
+        terminated, truncated = values.item(self._terminated) != 0.0, values.item(self._truncated) != 0.0
         self._over = terminated or truncated
-        observation, info = self.setup.seen(shown[: self._observed]), self._info(shown)
+        observation, info = self.setup.seen(values[: self._observed]), self._info(values)
         if self.history is not None:
             self.history.append((observation, info))
-        return observation, shown.item(self._reward), terminated, truncated, info
+        return observation, values.item(self._reward), terminated, truncated, info
 
-    def _info(self, shown: Array) -> dict[str, Any]:
-        return dict(zip(self._names, map(shown.__getitem__, self._info_places), strict=True))
+    def _info(self, values: Array) -> dict[str, Any]:
+        return dict(zip(self._names, map(values.__getitem__, self._info_places), strict=True))
 
     def snapshot(self) -> Snapshot:
         """Return the complete state, for `restore` of this environment or of another made with the same arguments."""

@@ -23,13 +23,13 @@ from insenv.envs.filter_inside import (
     COMMON,
     ERROR,
     SCALED,
-    SHOWN,
+    STATISTICS,
     Inner,
-    begun,
+    empty_window,
     inner_loop,
     log10,
     power10,
-    shown,
+    statistics,
     window_part,
     within,
 )
@@ -92,7 +92,7 @@ def tuning_task(plant: Model, estimator: str) -> Task:
     sigma = Row("sigma_level", "Decimal logarithm of the filter's standard deviations, in the order of its states", "1",
                 (inner.states,), lower=-16.0, upper=16.0)  # fmt: skip
     action = Row("log_scale_now", "The action in force", "1", (6,), lower=-1.0, upper=1.0)
-    observation = Table((CLOCK,)) + SHOWN + Table((_GNSS_LEVEL, sigma, action))
+    observation = Table((CLOCK,)) + STATISTICS + Table((_GNSS_LEVEL, sigma, action))
     score = Part(
         parameters=_PARAMETERS,
         state=_STATE,
@@ -108,7 +108,7 @@ def tuning_task(plant: Model, estimator: str) -> Task:
         reported = ca.vertcat(x.gnss_position_sigma, x.gnss_velocity_sigma)
         seen = {
             "time": x.time,
-            **shown(p, x),
+            **statistics(p, x),
             "gnss_level": log10(reported),
             "sigma_level": log10(inner.sigma(x)),
             "log_scale_now": x.log_scale_now,
@@ -123,8 +123,8 @@ def tuning_task(plant: Model, estimator: str) -> Task:
 
 
 def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    finite, given = finite_action(u.log_scale)
-    action = clamp(given, -1.0, 1.0)
+    finite, values = finite_action(u.log_scale)
+    action = clamp(values, -1.0, 1.0)
     return {
         "invalid": ca.logic_not(finite),
         SCALED: power10(p.decades * action + p.mistuning),
@@ -134,7 +134,7 @@ def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "scores": 0.0,
         "error_square": ca.SX.zeros(9),
         "nees_sum": 0.0,
-        **begun(),
+        **empty_window(),
     }
 
 
@@ -198,7 +198,7 @@ SCORE_INTERVAL = 1.0
 class Tuning(Arguments):
     """The arguments and the task of `TuningEnv` and `TuningVectorEnv`."""
 
-    gnss: ClassVar[bool] = True
+    needs_gnss: ClassVar[bool] = True
     scenario: ScenarioLike = field(default="car-city-drive", kw_only=False)
     samples_per_step: int = 2000
     estimator: str = "loosely-coupled"
