@@ -5,7 +5,7 @@ samples until the next decision.  The task changes neither the plant nor its noi
 run`.
 
 Error measure, with each of the k error components e (a rotation vector in n; for navigation also velocity and position)
-in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORST`.
+in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORST_MEASURE`.
 
 The score of an alignment is -(m of its last estimate + time_weight * share of the time used).  It is paid as the decrease of m
 in each step minus the cost of the step's time, so that the rewards of an episode add up to the score plus m of the reported
@@ -36,13 +36,13 @@ from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TR
 
 Array = NDArray[np.float64]
 
-WORST = 20.0
+WORST_MEASURE = 20.0
 """Largest value of the error measure, and its value for an invalid estimate."""
 VELOCITY_RANGE = 1000.0
 """m/s for an action component of 1."""
 POSITION_RANGE = 1e6
 """m for an action component of 1."""
-SHORT = 1e-12
+MIN_SQUARED_NORM = 1e-12
 """Squared norm below which a quaternion is invalid."""
 
 SAMPLE = Table((
@@ -116,7 +116,7 @@ def _error_rows(navigates: bool) -> tuple[Row, Row]:
 
 def _measure(error: Any, limit: Any) -> Any:
     """Return the error measure m of the module's docstring."""
-    return minimum(log(1.0 + ca.sqrt(ca.sumsqr(error / limit) / error.numel())), WORST)
+    return minimum(log(1.0 + ca.sqrt(ca.sumsqr(error / limit) / error.numel())), WORST_MEASURE)
 
 
 def _measure_before(p: Any, x: Any) -> Any:
@@ -146,9 +146,9 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
         action = actions.symbols(ca.vertcat(values[:4] / largest, clamp(values[4:], -1.0, 1.0)))
         quaternion = action.estimate_q_nb
     square = ca.dot(quaternion, quaternion)
-    invalid = ca.logic_or(square < SHORT, ca.logic_not(finite))
-    q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), quaternion)
-    error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < SHORT, 1.0, square)), x.q_nb)
+    invalid = ca.logic_or(square < MIN_SQUARED_NORM, ca.logic_not(finite))
+    q_nb = select(square < MIN_SQUARED_NORM, ca.SX([1, 0, 0, 0]), quaternion)
+    error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < MIN_SQUARED_NORM, 1.0, square)), x.q_nb)
     if navigates:
         velocity = action.estimate_velocity * VELOCITY_RANGE - x.velocity_n
         error = ca.vertcat(error, velocity, action.estimate_position * POSITION_RANGE - from_reference(p, x))
@@ -160,10 +160,10 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
     left = 1.0 - x.decisions * share  # share of the time left, this decision included
     if navigates:
         declared = ca.SX(0)
-        reward = -select(invalid, left * WORST, share * measure)
+        reward = -select(invalid, left * WORST_MEASURE, share * measure)
     else:
         declared = ca.logic_and(action.declare > threshold, ca.logic_not(invalid))
-        measure = select(invalid, WORST, measure)
+        measure = select(invalid, WORST_MEASURE, measure)
         reward = _measure_before(p, x) - measure - p.time_weight * select(invalid, left, share)
         changed["measure"] = measure
     terminated = ca.logic_or(declared, invalid)

@@ -29,7 +29,7 @@ from insenv.scenario.loop import PREFIX, loop_model
 from insenv.scenario.scaled import SCALE, scaled_model
 
 LN10 = log(10.0)
-SMALLEST = 1e-15
+LOG_FLOOR = 1e-15
 """Lower bound of the argument of a logarithm, SI."""
 SCALED = PREFIX + SCALE
 """State row of the factors on the filter's noises."""
@@ -128,10 +128,10 @@ def within(table: Table, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def log10(value: Any) -> Any:
-    """Return the decimal logarithm of each element; NaN and elements below `SMALLEST` count as `SMALLEST`."""
+    """Return the decimal logarithm of each element; NaN and elements below `LOG_FLOOR` count as `LOG_FLOOR`."""
     value = ca.SX(value)
-    safe = select(value >= SMALLEST, value, SMALLEST)
-    return ca.vertcat(*(elementary.log(maximum(safe[i], SMALLEST)) for i in range(safe.numel()))) * (1.0 / LN10)
+    safe = select(value >= LOG_FLOOR, value, LOG_FLOOR)
+    return ca.vertcat(*(elementary.log(maximum(safe[i], LOG_FLOOR)) for i in range(safe.numel()))) * (1.0 / LN10)
 
 
 def power10(value: Any) -> Any:

@@ -25,7 +25,7 @@ from insenv.envs.checks import check_choice, check_number, check_type
 from insenv.envs.filter_inside import (
     COMMON,
     ERROR,
-    SMALLEST,
+    LOG_FLOOR,
     STATISTICS,
     Inner,
     empty_window,
@@ -135,9 +135,9 @@ COMMANDS = {
 """Commands by kind of vehicle; "turntable": a vehicle that stays in place."""
 
 
-WORST = 10.0
+DIVERGENCE_COST = 10.0
 """Reward lost when the filter diverges, in addition to the cost of the time left."""
-FARTHEST = 1e5
+MAX_ERROR_NORM = 1e5
 """Position error above which the filter has diverged, m."""
 
 UNITS = ("tactical", "industrial")
@@ -255,7 +255,7 @@ def _seen(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
 def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: Any) -> dict[str, Any]:
     error, sigma = inner.error(p, x), inner.outputs(p, x).attitude_sigma[2]
     # comparisons with NaN are false
-    sound = ca.logic_and(ca.sumsqr(error) <= FARTHEST**2, ca.logic_and(sigma >= 0.0, sigma <= 1e3))
+    sound = ca.logic_and(ca.sumsqr(error) <= MAX_ERROR_NORM**2, ca.logic_and(sigma >= 0.0, sigma <= 1e3))
     sound = ca.logic_and(sound, ca.logic_not(x.invalid))
     reached = ca.logic_and(sound, sigma < p.goal)
     each = 1.0 / p.decision_limit
@@ -263,7 +263,7 @@ def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: An
     fall = x.level_before - level(inner, p, x)
     over = ca.logic_or(reached, ca.logic_not(sound))
     return {
-        "reward": select(sound, fall - each * p.time_weight, -(WORST + left * p.time_weight)),
+        "reward": select(sound, fall - each * p.time_weight, -(DIVERGENCE_COST + left * p.time_weight)),
         "terminated": over,
         "truncated": ca.logic_and(x.decisions >= p.decision_limit, ca.logic_not(over)),
         **truth(p, x),
@@ -282,7 +282,7 @@ def _heading_error(inner: Inner, p: Any, x: Any) -> Any:
 
 
 def _log(value: Any) -> Any:
-    return log(select(value >= SMALLEST, value, SMALLEST))
+    return log(select(value >= LOG_FLOOR, value, LOG_FLOOR))
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

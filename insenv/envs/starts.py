@@ -32,7 +32,7 @@ from insenv.sensors.sampled import OUTAGES
 
 # The limits of an episode: the errors that no method can fall below (`insenv.evaluation.limits`).
 
-LONGEST = 600.0
+MAX_AVERAGED_S = 600.0
 """Longest time over which the limit of a navigation is averaged, s."""
 RECORD_INTERVAL = 1.0
 """Time between limits that are averaged, s."""
@@ -55,7 +55,7 @@ def episode_limits(
     The trajectory, its heading and the mounting are those of the scenario: the limits of an alignment hardly depend on them.
     """
     navigates = task.model.parameters["limit"].size > 3
-    samples = round((min(duration, LONGEST) if navigates else duration) * scenario.rate_hz)
+    samples = round((min(duration, MAX_AVERAGED_S) if navigates else duration) * scenario.rate_hz)
 
     def limit(rows: Array) -> Array:
         limits = limit_along(plant, rows, prior_of(scenario.knowledge), samples, scenario.vehicle.in_place)
