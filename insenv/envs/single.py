@@ -19,8 +19,7 @@ from insenv.envs.checks import check_choice, check_keywords, check_type
 from insenv.envs.rendering import draw, write
 from insenv.envs.setup import Setup, checked_action
 
-# The common base of the single and the vector interface: named observations, snapshots and pickling.
-
+Array = NDArray[np.float64]
 Made = TypeVar("Made", bound="Interface")
 
 
@@ -103,9 +102,6 @@ def places_of(setup: Setup) -> dict[str, slice]:
     """Return the place of each output of the task behind the watched samples, by row name."""
     outputs, before = setup.task.model.outputs, setup.task.watched.size * setup.samples
     return {name: slice(s.start + before, s.stop + before) for name in outputs.names for s in [outputs.slice(name)]}
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
