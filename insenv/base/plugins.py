@@ -73,9 +73,9 @@ class Plugins(Generic[T]):
 
     def all(self) -> dict[str, T]:
         """All things by name.  An entry point that cannot be loaded gives a `RuntimeWarning`."""
-        return {name: self._own(name) for name in self._shipped} | self._others()
+        return {name: self._shipped_thing(name) for name in self._shipped} | self._others()
 
-    def _own(self, name: str) -> T:
+    def _shipped_thing(self, name: str) -> T:
         if name not in self._imported:
             module, _, attribute = self._shipped[name].partition(":")
             held = getattr(import_module(module), attribute)
@@ -104,7 +104,7 @@ class Plugins(Generic[T]):
     def get(self, name: str) -> T:
         """The thing of that name.  Raises `InputError` with the nearest name, and `InsenvError` as `check_loaded`."""
         if name in self._shipped:
-            return self._own(name)
+            return self._shipped_thing(name)
         if name not in self._others():
             self.check_loaded(name)
             raise InputError(f"no {self.what} {name!r}{nearest(str(name), self.names(), LISTED)}")
@@ -131,7 +131,7 @@ class Plugins(Generic[T]):
         name = self._name_of(thing)
         whose, names = self._taken
         if name in self._shipped:
-            if self._own(name) is thing:
+            if self._shipped_thing(name) is thing:
                 return thing
         elif name not in self._added and name in names():
             raise InputError(f"{self.what} {name!r}: {whose} has this name: choose another name")

@@ -23,7 +23,7 @@ from insenv.core.batch import make_batch
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
 from insenv.envs.checks import check_number, check_whole
-from insenv.envs.estimation_task import estimate_action
+from insenv.envs.estimation_task import FIX_SOURCES, estimate_action
 from insenv.envs.knowledge import knowledge_of
 from insenv.envs.setup import Setup
 from insenv.estimators import Estimator
@@ -89,6 +89,13 @@ class Agent:
 
     def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
         """Return the action for an observation (or those of all rows): the estimate at its time."""
+        observation = np.asarray(observation)
+        seen = self._layout.unpack(observation.reshape(self.rows, -1))
+        action = self._action(self._outputs(seen, np.flatnonzero(seen["time"] == 0.0)), seen)
+        return action if observation.ndim > 1 else action[0]
+
+    def _outputs(self, seen: Mapping[str, Any], fresh: NDArray[np.intp]) -> Array:
+        """Return the estimator's outputs (rows, outputs.size); the rows `fresh` begin an episode."""
         raise NotImplementedError
 
     def _parameters(self, known: Mapping[str, Any]) -> Array:
@@ -119,26 +126,22 @@ class Agent:
         sample = self._samples - 1 - np.rint(since).astype(int)
         reference = (seen[f"known_{name}"][new] for name in ("latitude", "longitude", "height"))
         latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(seen["fix_position"][new], *reference)
-        rows = {
-            "gnss_valid": np.ones(len(new)), "gnss_age": seen["fix_delay"][new], "gnss_latitude": latitude,
-            "gnss_longitude": longitude, "gnss_height": height, "gnss_position_sigma": seen["fix_position_sigma"][new],
-            "gnss_velocity_valid": seen["fix_has_velocity"][new], "gnss_velocity_n": seen["fix_velocity_n"][new],
-            "gnss_velocity_sigma": seen["fix_velocity_sigma"][new],
-        }  # fmt: skip
+        rows = {source: seen[name][new] for name, source in FIX_SOURCES.items()}
+        rows |= {"gnss_latitude": latitude, "gnss_longitude": longitude, "gnss_height": height, "gnss_valid": np.ones(len(new))}
         for name, values in rows.items():
             if name in table:
                 inputs[new, sample, table.slice(name)] = values.reshape(len(new), -1)
 
     def _action(self, outputs: Array, seen: Mapping[str, Any]) -> Array:
         """Return the actions (rows, actions.size) from the estimator's outputs."""
-        found = self.estimator.model.outputs.unpack(outputs)
-        q_nb = found["q_nb"] / np.linalg.norm(found["q_nb"], axis=1, keepdims=True)
+        estimate = self.estimator.model.outputs.unpack(outputs)
+        q_nb = estimate["q_nb"] / np.linalg.norm(estimate["q_nb"], axis=1, keepdims=True)
         declare = np.where(seen["time"] >= self._declare_after, 1.0, -1.0)
         if "estimate_velocity" not in self.setup.task.actions:
             return estimate_action(self.setup.task, q_nb, declare)
         reference = (seen[f"known_{name}"] for name in ("latitude", "longitude", "height"))
-        position = geodesy.numeric.ned_offset(found["latitude"], found["longitude"], found["height"], *reference)
-        return estimate_action(self.setup.task, q_nb, -1.0, found["velocity_n"], position)
+        position = geodesy.numeric.ned_offset(estimate["latitude"], estimate["longitude"], estimate["height"], *reference)
+        return estimate_action(self.setup.task, q_nb, -1.0, estimate["velocity_n"], position)
 
 
 class SingleAgent(Agent):
@@ -148,15 +151,12 @@ class SingleAgent(Agent):
         super().__init__(*args)
         self._runner = make_runner(self.estimator.model)
 
-    def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
-        seen = self._layout.unpack(np.asarray(observation)[None])
-        if seen["time"][0] == 0.0:
-            self._runner.p[:] = self._parameters({name: value[0] for name, value in seen.items()})
-            self._runner.start()
-            outputs = self._runner.output()
-        else:
-            outputs = self._runner.run(self._samples, self._feed(seen)[0], self._samples)[0]
-        return self._action(outputs[None], seen)[0]
+    def _outputs(self, seen: Mapping[str, Any], fresh: NDArray[np.intp]) -> Array:
+        if not len(fresh):
+            return self._runner.run(self._samples, self._feed(seen)[0], self._samples)
+        self._runner.p[:] = self._parameters({name: value[0] for name, value in seen.items()})
+        self._runner.start()
+        return self._runner.output()[None]
 
 
 class VectorAgent(Agent):
@@ -168,20 +168,15 @@ class VectorAgent(Agent):
         base = np.tile(model.parameters.start_vector(), (self.rows, 1))
         self._batch = make_batch(model, self.rows, base, threads=args[-1])
 
-    def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
-        seen = self._layout.unpack(np.asarray(observation))
-        fresh = np.flatnonzero(seen["time"] == 0.0)
+    def _outputs(self, seen: Mapping[str, Any], fresh: NDArray[np.intp]) -> Array:
+        outputs = np.empty((self.rows, self.estimator.model.outputs.size))
         if len(fresh) < self.rows:
             outputs = self._batch.run(self._samples, self._feed(seen), self._samples)[:, 0]
         if len(fresh):
             parameters = [self._parameters({name: value[i] for name, value in seen.items()}) for i in fresh]
             self._batch.start_rows(fresh, np.array(parameters))
-            shown = self._batch.output()
-            if len(fresh) == self.rows:
-                outputs = shown
-            else:
-                outputs[fresh] = shown[fresh]
-        return self._action(outputs, seen)
+            outputs[fresh] = self._batch.output()[fresh]
+        return outputs
 
 
 def _joined(pairs: Sequence[tuple[slice, slice]]) -> list[tuple[slice, slice]]:

@@ -14,14 +14,14 @@ from insenv.base.errors import InputError, nearest
 
 Array = NDArray[np.float64]
 
-LONGEST_TEXT = 80
+MAX_TEXT = 80
 """Characters of a value in a message, at most."""
 
 
 def refused(name: str, value: Any, allowed: str, unit: str = "") -> InputError:
     """Return the error for a value that is not allowed; `unit` follows the value if it is a number."""
     text = repr(value.item() if isinstance(value, np.generic) else value).replace("\n", "")
-    text = text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."
+    text = text if len(text) <= MAX_TEXT else text[: MAX_TEXT - 3] + "..."
     return InputError(f"{name} = {text}{f' {unit}' if unit and is_number(value) else ''}: allowed is {allowed}")
 
 

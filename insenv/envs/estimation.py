@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from gymnasium.vector import AutoresetMode
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
 
-from insenv.base.errors import InputError
 from insenv.envs.checks import check_choice, check_number
 from insenv.envs.estimation_task import estimation_task
-from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
+from insenv.envs.setup import Arguments
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import Range, Ranges
+from insenv.envs.starts import Range
+from insenv.envs.task import Task
 from insenv.envs.vector import InertialVectorEnv
-from insenv.scenario import plant_of
+from insenv.scenario import Scenario, ScenarioLike, plant_of
 
 INITIAL_ERROR = (30.0, 180.0)
 """Default standard deviations of the reported tilt and heading of an alignment, deg: vague enough that stating the report does
@@ -20,23 +22,48 @@ MOUNTING_DEG = 20.0
 """Default of the largest tilt with which the unit is mounted, deg: a level estimate is then no answer."""
 
 
-def _setup(
-    navigates: bool, scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None,
-    time_weight: float = 1.0, observation: str = "samples", action: str = "attitude", dtype: str = "float64",
-) -> Setup:  # fmt: skip
-    """Return the setup for the arguments of the classes below."""
-    found = chosen_scenario(scenario, vehicle)
-    if not navigates and not found.vehicle.in_place:
-        raise InputError(f"an alignment environment needs a vehicle in place: that of {found.name or found.title!r} moves")
-    check_choice("observation", observation, ("samples", "compact"))
-    check_choice("action", action, ("attitude", "correction"))
-    constants = {"time_weight": check_number("time_weight", time_weight, 0.0, 1e6)}
-    shown = tuple(name for id, section in found.sensors.items() if id != "gnss" for name in section.sensor.outputs)
-    task = estimation_task(plant_of(found)[0], navigates, shown, observation == "compact", action == "correction")
-    return make_setup(found, task, ranges, samples_per_step, duration_s, constants, dtype=dtype)
+@dataclass(kw_only=True, repr=False, eq=False)
+class Alignment(Arguments):
+    """The arguments and the task of `AlignmentEnv` and `AlignmentVectorEnv`."""
+
+    needs_vehicle_in_place: ClassVar[bool] = True
+    scenario: ScenarioLike = field(default="ship-swaying", kw_only=False)
+    heading_deg: Range | None = (0.0, 360.0)
+    initial_error: Range | None = INITIAL_ERROR
+    sway_phases: bool = True
+    mounting_deg: float | None = MOUNTING_DEG
+    time_weight: float = 1.0
+    observation: str = "samples"
+    action: str = "attitude"
+
+    def _constants(self, scenario: Scenario) -> Mapping[str, float]:
+        return {"time_weight": check_number("time_weight", self.time_weight, 0.0, 1e6)}
+
+    def _task(self, scenario: Scenario) -> Task:
+        check_choice("observation", self.observation, ("samples", "compact"))
+        check_choice("action", self.action, ("attitude", "correction"))
+        compact, corrects = self.observation == "compact", self.action == "correction"
+        return estimation_task(plant_of(scenario)[0], False, _measured(scenario), compact, corrects)
 
 
-class AlignmentEnv(InertialEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class Navigation(Arguments):
+    """The arguments and the task of `NavigationEnv` and `NavigationVectorEnv`."""
+
+    needs_gnss: ClassVar[bool] = True
+    scenario: ScenarioLike = field(default="car-city-drive", kw_only=False)
+
+    def _task(self, scenario: Scenario) -> Task:
+        return estimation_task(plant_of(scenario)[0], True, _measured(scenario))
+
+
+def _measured(scenario: Scenario) -> tuple[str, ...]:
+    """Return the outputs of the scenario's sensors other than the inertial unit and the GNSS receiver."""
+    return tuple(name for id, section in scenario.sensors.items() if id != "gnss" for name in section.sensor.outputs)
+
+
+@dataclass(kw_only=True, repr=False, eq=False)
+class AlignmentEnv(Alignment, InertialEnv):
     """
     ## Description
     A vehicle stays in place; it may sway, shake or be loaded. The errors of its inertial unit are those of a grade. The
@@ -125,24 +152,9 @@ class AlignmentEnv(InertialEnv):
     - v0: first version.
     """
 
-    def __init__(
-        self, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "", samples_per_step: int = 100,
-        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] | None = None,
-        heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
-        initial_error: Range | None = INITIAL_ERROR, gnss_outages_s: tuple[Range, ...] | None = None,
-        sway_phases: bool = True, mounting_deg: float | None = MOUNTING_DEG, time_weight: float = 1.0,
-        observation: str = "samples", action: str = "attitude", dtype: str = "float64", backend: str | None = None,
-        render_mode: str | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(
-            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, sway_phases, mounting_deg
-        )  # fmt: skip
-        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight, observation, action, dtype)
-        super().__init__(setup, backend=backend, render_mode=render_mode)
 
-
-class NavigationEnv(InertialEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class NavigationEnv(Navigation, InertialEnv):
     """
     ## Description
     A vehicle moves. The errors of its inertial unit and of its GNSS receiver are those of grades, and GNSS has outages.
@@ -186,61 +198,12 @@ class NavigationEnv(InertialEnv):
     - v0: first version.
     """
 
-    def __init__(
-        self, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "", samples_per_step: int = 100,
-        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] | None = None,
-        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
-        gnss_outages_s: tuple[Range, ...] | None = None, dtype: str = "float64", backend: str | None = None,
-        render_mode: str | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
-        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s, dtype=dtype)
-        super().__init__(setup, backend=backend, render_mode=render_mode)
 
-
-class AlignmentVectorEnv(InertialVectorEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class AlignmentVectorEnv(Alignment, InertialVectorEnv):
     """Many `AlignmentEnv` in one batch; takes the arguments of `AlignmentEnv` and of `InertialVectorEnv`."""
 
-    def __init__(
-        self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "",
-        samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
-        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = (0.0, 360.0),
-        sea_state: Range | None = None, initial_error: Range | None = INITIAL_ERROR,
-        gnss_outages_s: tuple[Range, ...] | None = None, sway_phases: bool = True,
-        mounting_deg: float | None = MOUNTING_DEG, time_weight: float = 1.0,
-        observation: str = "samples", action: str = "attitude",
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, dtype: str = "float64",
-        backend: str | None = None,
-        render_mode: str | None = None, max_episode_steps: int | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(
-            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, sway_phases, mounting_deg
-        )  # fmt: skip
-        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight, observation, action, dtype)
-        super().__init__(
-            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
-            max_episode_steps=max_episode_steps,
-        )  # fmt: skip
 
-
-class NavigationVectorEnv(InertialVectorEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class NavigationVectorEnv(Navigation, InertialVectorEnv):
     """Many `NavigationEnv` in one batch; takes the arguments of `NavigationEnv` and of `InertialVectorEnv`."""
-
-    def __init__(
-        self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "",
-        samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
-        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = None, sea_state: Range | None = None,
-        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, dtype: str = "float64",
-        backend: str | None = None,
-        render_mode: str | None = None, max_episode_steps: int | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
-        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s, dtype=dtype)
-        super().__init__(
-            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
-            max_episode_steps=max_episode_steps,
-        )  # fmt: skip

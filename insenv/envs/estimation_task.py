@@ -5,7 +5,7 @@ samples until the next decision.  The task changes neither the plant nor its noi
 run`.
 
 Error measure, with each of the k error components e (a rotation vector in n; for navigation also velocity and position)
-in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORST`.
+in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORST_MEASURE`.
 
 The score of an alignment is -(m of its last estimate + time_weight * share of the time used).  It is paid as the decrease of m
 in each step minus the cost of the step's time, so that the rewards of an episode add up to the score plus m of the reported
@@ -36,13 +36,13 @@ from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TR
 
 Array = NDArray[np.float64]
 
-WORST = 20.0
+WORST_MEASURE = 20.0
 """Largest value of the error measure, and its value for an invalid estimate."""
 VELOCITY_RANGE = 1000.0
 """m/s for an action component of 1."""
 POSITION_RANGE = 1e6
 """m for an action component of 1."""
-SHORT = 1e-12
+MIN_SQUARED_NORM = 1e-12
 """Squared norm below which a quaternion is invalid."""
 
 SAMPLE = Table((
@@ -62,6 +62,14 @@ FIX = Table((
     Row("fix_velocity_sigma", "Its standard deviation, as the receiver reports", "m/s", (3,), "n", lower=0.0, upper=1e5),
 ))  # fmt: skip
 """State rows of the latest fix, zeros before the first."""
+FIX_SOURCES = {
+    "fix_delay": "gnss_age",
+    "fix_position_sigma": "gnss_position_sigma",
+    "fix_has_velocity": "gnss_velocity_valid",
+    "fix_velocity_n": "gnss_velocity_n",
+    "fix_velocity_sigma": "gnss_velocity_sigma",
+}
+"""Rows of `FIX` and the rows of the plant, and of an estimator's inputs, that have the same value."""
 FIX_AGE = Row("fix_age", "Time since the epoch of the latest fix", "s", lower=0.0, upper=1e6)
 FLAGS = Table((
     Row("declared", "1 if the agent has declared itself aligned", lower=0.0, upper=1.0),
@@ -77,52 +85,45 @@ def fix_part() -> Part:
         antenna = geodesy.ned_offset(
             x.gnss_latitude, x.gnss_longitude, x.gnss_height, p.known_latitude, p.known_longitude, p.known_height
         )
-        return {
-            "fix_new": ca.SX(1),
-            "fix_time": x.time,
-            "fix_delay": x.gnss_age,
-            "fix_position": antenna,
-            "fix_position_sigma": x.gnss_position_sigma,
-            "fix_has_velocity": x.gnss_velocity_valid,
-            "fix_velocity_n": x.gnss_velocity_n,
-            "fix_velocity_sigma": x.gnss_velocity_sigma,
-        }
+        copied = {name: getattr(x, source) for name, source in FIX_SOURCES.items()}
+        return {"fix_new": ca.SX(1), "fix_time": x.time, "fix_position": antenna, **copied}
 
     return Part(state=FIX, steps={"keep_fix": Step(keep, when="gnss_valid")})
 
 
-def _rows(navigates: bool) -> tuple[Table, Row, Row]:
-    """Return the rows of the action (elements in [-1, 1]), the error (estimate minus truth) and the error limit.
+_QUATERNION = Row("estimate_q_nb", "Estimate of q_nb; any norm but 0", "1", (4,), "n", (1, 0, 0, 0), -1.0, 1.0)
+ALIGNMENT_ACTIONS = Table((
+    _QUATERNION,
+    Row("declare", "Above 0: aligned, end the episode", start=-1.0, lower=-1.0, upper=1.0),
+))  # fmt: skip
+"""Action of an alignment, elements in [-1, 1]: it ends when it is declared."""
+NAVIGATION_ACTIONS = Table((
+    _QUATERNION,
+    Row("estimate_velocity", f"Estimate of velocity_n, in {VELOCITY_RANGE:g} m/s", "1", (3,), "n", 0.0, -1.0, 1.0),
+    Row("estimate_position", f"Estimate of the position from the reference, in {POSITION_RANGE:g} m", "1", (3,), "n", 0.0,
+        -1.0, 1.0),
+))  # fmt: skip
+"""Action of a navigation, elements in [-1, 1]: it lasts its full time."""
 
-    An alignment estimates the attitude and can be declared.  A navigation also estimates velocity and position; it
-    lasts its full time.
-    """
-    size, what = 3, "rotation vector (rad)"
-    own: tuple[Row, ...] = (Row("declare", "Above 0: aligned, end the episode", start=-1.0, lower=-1.0, upper=1.0),)
-    if navigates:
-        size, what = 9, f"{what}, velocity (m/s), position (m)"
-        velocity = f"Estimate of velocity_n, in {VELOCITY_RANGE:g} m/s"
-        position = f"Estimate of the position from the reference, in {POSITION_RANGE:g} m"
-        own = (
-            Row("estimate_velocity", velocity, "1", (3,), "n", 0.0, -1.0, 1.0),
-            Row("estimate_position", position, "1", (3,), "n", 0.0, -1.0, 1.0),
-        )
-    quaternion = Row("estimate_q_nb", "Estimate of q_nb; any norm but 0", "1", (4,), "n", (1, 0, 0, 0), -1.0, 1.0)
+
+def _error_rows(navigates: bool) -> tuple[Row, Row]:
+    """Return the rows of the error (estimate minus truth) and of its limit."""
+    size, what = (9, "rotation vector (rad), velocity (m/s), position (m)") if navigates else (3, "rotation vector (rad)")
     error = Row("error", f"Error of the latest estimate in n: {what}", "1", (size,), "n")
     limit = Row("limit", "1-sigma limit of each component of the error", "1", (size,), "n", 1.0, lower=1e-15, upper=1e9)
-    return Table((quaternion, *own)), error, limit
+    return error, limit
 
 
 def _measure(error: Any, limit: Any) -> Any:
     """Return the error measure m of the module's docstring."""
-    return minimum(log(1.0 + ca.sqrt(ca.sumsqr(error / limit) / error.numel())), WORST)
+    return minimum(log(1.0 + ca.sqrt(ca.sumsqr(error / limit) / error.numel())), WORST_MEASURE)
 
 
 def _measure_before(p: Any, x: Any) -> Any:
     """Return the measure of the latest estimate of an alignment: before the first one, of the reported attitude."""
     reported = attitude.from_euler(*(p.known_attitude[k] for k in range(3)))
-    told = _measure(attitude.error_rotation_vector(reported, x.q_nb), p.limit)
-    return select(x.decisions > 0.0, x.measure, told)
+    at_start = _measure(attitude.error_rotation_vector(reported, x.q_nb), p.limit)
+    return select(x.decisions > 0.0, x.measure, at_start)
 
 
 def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -131,23 +132,23 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
     A quaternion is normalized and all else is clipped to [-1, 1]; what is not finite, and a zero quaternion, is invalid.
     """
     navigates = "declare" not in actions
-    finite, given = finite_action(ca.vertcat(*(getattr(u, row.name) for row in actions)))
-    own: dict[str, Any] = {}
+    finite, values = finite_action(ca.vertcat(*(getattr(u, row.name) for row in actions)))
+    changed: dict[str, Any] = {}
     threshold = 0.0
     if CORRECTION.name in actions:
-        action = actions.symbols(clamp(given, -1.0, 1.0))
+        action = actions.symbols(clamp(values, -1.0, 1.0))
         threshold = gravity.DECLARE_ABOVE
-        own["held_q"] = gravity.corrected(p, x, action.correction)
-        quaternion = gravity.stated(p, x, own["held_q"])
+        changed["held_q"] = gravity.corrected(p, x, action.correction)
+        quaternion = gravity.stated(p, x, changed["held_q"])
     else:
         # a long quaternion must not overflow when it is squared
-        largest = reduce(maximum, (ca.fabs(given[k]) for k in range(4)), ca.SX(1.0))
-        action = actions.symbols(ca.vertcat(given[:4] / largest, clamp(given[4:], -1.0, 1.0)))
+        largest = reduce(maximum, (ca.fabs(values[k]) for k in range(4)), ca.SX(1.0))
+        action = actions.symbols(ca.vertcat(values[:4] / largest, clamp(values[4:], -1.0, 1.0)))
         quaternion = action.estimate_q_nb
     square = ca.dot(quaternion, quaternion)
-    invalid = ca.logic_or(square < SHORT, ca.logic_not(finite))
-    q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), quaternion)
-    error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < SHORT, 1.0, square)), x.q_nb)
+    invalid = ca.logic_or(square < MIN_SQUARED_NORM, ca.logic_not(finite))
+    q_nb = select(square < MIN_SQUARED_NORM, ca.SX([1, 0, 0, 0]), quaternion)
+    error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < MIN_SQUARED_NORM, 1.0, square)), x.q_nb)
     if navigates:
         velocity = action.estimate_velocity * VELOCITY_RANGE - x.velocity_n
         error = ca.vertcat(error, velocity, action.estimate_position * POSITION_RANGE - from_reference(p, x))
@@ -159,12 +160,12 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
     left = 1.0 - x.decisions * share  # share of the time left, this decision included
     if navigates:
         declared = ca.SX(0)
-        reward = -select(invalid, left * WORST, share * measure)
+        reward = -select(invalid, left * WORST_MEASURE, share * measure)
     else:
         declared = ca.logic_and(action.declare > threshold, ca.logic_not(invalid))
-        measure = select(invalid, WORST, measure)
+        measure = select(invalid, WORST_MEASURE, measure)
         reward = _measure_before(p, x) - measure - p.time_weight * select(invalid, left, share)
-        own["measure"] = measure
+        changed["measure"] = measure
     terminated = ca.logic_or(declared, invalid)
     return {
         "reward": reward,
@@ -174,7 +175,7 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
         "diverged": invalid,
         "decisions": decisions,
         "error": error,
-        **own,
+        **changed,
         **({"fix_new": ca.SX(0)} if hasattr(x, "fix_new") else {}),
     }
 
@@ -187,16 +188,11 @@ def estimation_task(
 
     shown: state rows of the plant, of sensors other than the inertial unit and the GNSS receiver, that an observation
     contains for every inertial sample too.  compact: whether the observation of an alignment is that of
-    `insenv.envs.gravity` instead of the samples.  corrects: whether its action is a correction.  Raises `InputError` for
-    navigation without a GNSS receiver.
+    `insenv.envs.gravity` instead of the samples.  corrects: whether its action is a correction.
     """
     has_gnss = "gnss_valid" in plant.state
-    if navigates and not has_gnss:
-        raise InputError("a navigation environment needs GNSS fixes: the scenario has no [gnss]")
-    actions, error, limit = _rows(navigates)
-    if corrects:
-        actions = gravity.ACTIONS
-    held = compact or corrects
+    error, limit = _error_rows(navigates)
+    actions = NAVIGATION_ACTIONS if navigates else gravity.ACTIONS if corrects else ALIGNMENT_ACTIONS
     fix = Table((FIX["fix_new"], FIX_AGE)) + Table(FIX.rows[2:]) if has_gnss else Table()
     observation = gravity.OBSERVED if compact else Table((CLOCK,)) + fix + KNOWN
     info = TRUTH + Table((error, limit)) + FLAGS + Table(() if navigates else (MEASURE,))
@@ -221,7 +217,12 @@ def estimation_task(
         inputs=actions,
         steps={"judge": Step(lambda p, x, u: _judge(actions, p, x, u), when="never")},
     )
-    parts = [as_part(plant), *([fix_part()] if has_gnss else []), *([gravity.gravity_part()] if held else []), referee]
+    parts = [
+        as_part(plant),
+        *([fix_part()] if has_gnss else []),
+        *([gravity.gravity_part()] if compact or corrects else []),
+        referee,
+    ]
     model = merge(f"{plant.id}-{what}", f"{plant.title}: {what}", parts, observation + RESULT + info, output)
     watched = Table() if compact else SAMPLE + Table(tuple(plant.state[name] for name in shown))
     return Task(model, actions, watched, observation, info)

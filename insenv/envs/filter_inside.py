@@ -29,7 +29,7 @@ from insenv.scenario.loop import PREFIX, loop_model
 from insenv.scenario.scaled import SCALE, scaled_model
 
 LN10 = log(10.0)
-SMALLEST = 1e-15
+LOG_FLOOR = 1e-15
 """Lower bound of the argument of a logarithm, SI."""
 SCALED = PREFIX + SCALE
 """State row of the factors on the filter's noises."""
@@ -54,31 +54,31 @@ class Inner:
         elements = self.estimator.model.state["covariance"].size
         return (isqrt(8 * elements + 1) - 1) // 2
 
-    def own(self, p: Values, x: Values) -> tuple[Values, Values]:
-        """Return the filter's parameters and state under its own row names."""
+    def unprefixed(self, p: Values, x: Values) -> tuple[Values, Values]:
+        """Return the filter's parameters and state under the row names of its model."""
         model = self.estimator.model
         return tuple(
             SimpleNamespace(**{row.name: getattr(values, PREFIX + row.name) for row in table})
             for values, table in ((p, model.parameters), (x, model.state))
         )  # type: ignore[return-value]
 
-    def found(self, p: Values, x: Values) -> Values:
+    def outputs(self, p: Values, x: Values) -> Values:
         """Return the filter's outputs by name."""
-        return SimpleNamespace(**self.estimator.model.output(*self.own(p, x)))
+        return SimpleNamespace(**self.estimator.model.output(*self.unprefixed(p, x)))
 
     def error(self, p: Values, x: Values) -> Any:
         """Return the value of `ERROR`, estimate minus truth."""
-        found = self.found(p, x)
-        places = [(v.latitude, v.longitude, v.height) for v in (found, x)]
+        estimate = self.outputs(p, x)
+        places = [(v.latitude, v.longitude, v.height) for v in (estimate, x)]
         return ca.vertcat(
-            attitude.error_rotation_vector(found.q_nb, x.q_nb),
-            found.velocity_n - x.velocity_n,
+            attitude.error_rotation_vector(estimate.q_nb, x.q_nb),
+            estimate.velocity_n - x.velocity_n,
             geodesy.ned_offset(*places[0], *places[1]),
         )
 
     def nees(self, p: Values, x: Values) -> tuple[Any, int]:
         """Return the normalised estimation error squared (NEES) and its degrees of freedom."""
-        return nees(self.estimator, self.own(p, x)[1], self.found(p, x), x)
+        return nees(self.estimator, self.unprefixed(p, x)[1], self.outputs(p, x), x)
 
     def sigma(self, x: Values) -> Any:
         """Return the standard deviations of the filter's error states (`states`,), in the filter's order and units.
@@ -93,14 +93,12 @@ class Inner:
 def inner_loop(plant: Model, id: str, scaled: tuple[str, ...] = ()) -> Inner:
     """Return the loop of a plant and the filter `id`, with adjustable factors on its rows `scaled`.
 
-    Raises `InputError` for a filter that cannot run inside and for a plant without GNSS.
+    Raises `InputError` for a filter that cannot run inside.
     """
     estimator = estimators.get(id)
     if not fits(estimator, scaled):
         able = [name for name, other in estimators.registered().items() if fits(other, scaled)]
         raise InputError(f"estimator = {id!r}: allowed are filters that can run inside this environment: {', '.join(able)}")
-    if "gnss_valid" not in plant.state:
-        raise InputError(f"estimator {id!r} needs GNSS fixes: the scenario has no [gnss]")
     model = scaled_model(estimator.model, scaled) if scaled else estimator.model
     return Inner(estimator, loop_model(plant, model))
 
@@ -130,10 +128,10 @@ def within(table: Table, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def log10(value: Any) -> Any:
-    """Return the decimal logarithm of each element; NaN and elements below `SMALLEST` count as `SMALLEST`."""
+    """Return the decimal logarithm of each element; NaN and elements below `LOG_FLOOR` count as `LOG_FLOOR`."""
     value = ca.SX(value)
-    safe = select(value >= SMALLEST, value, SMALLEST)
-    return ca.vertcat(*(elementary.log(maximum(safe[i], SMALLEST)) for i in range(safe.numel()))) * (1.0 / LN10)
+    safe = select(value >= LOG_FLOOR, value, LOG_FLOOR)
+    return ca.vertcat(*(elementary.log(maximum(safe[i], LOG_FLOOR)) for i in range(safe.numel()))) * (1.0 / LN10)
 
 
 def power10(value: Any) -> Any:
@@ -159,7 +157,7 @@ _SUMS = Table((
 ))  # fmt: skip
 _FIX_TIME = Row("fix_time", "Time at which the latest fix was delivered", "s")
 
-SHOWN = Table((
+STATISTICS = Table((
     Row("fixes", "Fixes since the last step", lower=0.0, upper=1e6),
     Row("fix_age", "Time since the epoch of the latest fix", "s", lower=0.0, upper=1e6),
     Row("innovation_rms", "Root mean square of the fixes' innovations: position (m), velocity (m/s)", "m, m/s", (6,), "n",
@@ -177,43 +175,38 @@ SHOWN = Table((
 
 
 def window_part() -> Part:
-    """Return the part that sums after the filter's steps; `begun` sets the sums to zero."""
+    """Return the part that sums after the filter's steps; the rows of `empty_window` set the sums to zero."""
     return Part(
         state=_SUMS + Table((_FIX_TIME,)),
         steps={"window": Step(_sample), "window_fix": Step(_fix, when="gnss_valid")},
     )
 
 
-def begun() -> dict[str, Any]:
+def empty_window() -> dict[str, Any]:
     """Return the state rows of an empty window."""
     return {row.name: ca.SX.zeros(row.size) for row in _SUMS}
 
 
 def _sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     angle, velocity = x.imu_valid * x.delta_angle, x.imu_valid * x.delta_velocity
-    return {
-        "window_samples": x.window_samples + x.imu_valid,
-        "window_delta_angle": x.window_delta_angle + angle,
-        "window_delta_velocity": x.window_delta_velocity + velocity,
-        "window_delta_angle_square": x.window_delta_angle_square + angle * angle,
-        "window_delta_velocity_square": x.window_delta_velocity_square + velocity * velocity,
-    }
+    squares = {"delta_angle_square": angle * angle, "delta_velocity_square": velocity * velocity}
+    return _added(x, samples=x.imu_valid, delta_angle=angle, delta_velocity=velocity, **squares)
 
 
 def _fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     ratio = clamp(getattr(x, f"{PREFIX}test_ratio"), -LARGEST_RATIO, LARGEST_RATIO)
     innovation = getattr(x, f"{PREFIX}innovation")
-    return {
-        "window_fixes": x.window_fixes + 1.0,
-        "window_ratio": x.window_ratio + ratio,
-        "window_ratio_square": x.window_ratio_square + ratio * ratio,
-        "window_innovation_square": x.window_innovation_square + innovation * innovation,
-        "fix_time": x.time,
-    }
+    sums = _added(x, fixes=1.0, ratio=ratio, ratio_square=ratio * ratio, innovation_square=innovation * innovation)
+    return {**sums, "fix_time": x.time}
 
 
-def shown(p: Any, x: Any) -> dict[str, Any]:
-    """Return the values of `SHOWN`, not yet clipped to their bounds."""
+def _added(x: Any, **terms: Any) -> dict[str, Any]:
+    """Return the sums of the window with a term added to each that is named."""
+    return {f"window_{name}": getattr(x, f"window_{name}") + term for name, term in terms.items()}
+
+
+def statistics(p: Any, x: Any) -> dict[str, Any]:
+    """Return the values of `STATISTICS`, not yet clipped to their bounds."""
     count, fixes = maximum(x.window_samples, 1.0), maximum(x.window_fixes, 1.0)
     rate = 1.0 / p.sample_interval
     some = x.window_fixes > 0.0

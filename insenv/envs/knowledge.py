@@ -60,8 +60,8 @@ def known_rows(scenario: Scenario, model: Model, p: Array, x: Array, sheets: Map
     by field of `ImuDataSheet`.  The initial errors are those that `insenv.scenario.build` draws for the same seeds.
     """
     section = scenario.knowledge
-    told = [name for name in ("seed", "sample_interval", "antenna_lever_arm_b") if name in model.parameters]
-    parameters = model.parameters.unpack(p, told)
+    names = [name for name in ("seed", "sample_interval", "antenna_lever_arm_b") if name in model.parameters]
+    parameters = model.parameters.unpack(p, names)
     state = model.state.unpack(x, ("latitude", "longitude", "height", "velocity_n", "q_nb"))
     error = start_errors(section, parameters["seed"].ravel())
     place = (state[name].ravel() for name in ("latitude", "longitude", "height"))
@@ -81,10 +81,10 @@ def known_rows(scenario: Scenario, model: Model, p: Array, x: Array, sheets: Map
         "known_antenna_lever_arm": parameters.get("antenna_lever_arm_b", 0.0),
         **{f"known_{name}": sheets[name][:, None] for name in _SHEET},
     }
-    found = np.empty((len(error), KNOWN.size))
+    vectors = np.empty((len(error), KNOWN.size))
     for name, value in rows.items():
-        found[:, KNOWN.slice(name)] = value
-    return found
+        vectors[:, KNOWN.slice(name)] = value
+    return vectors
 
 
 def knowledge_of(known: Mapping[str, Any], same: Knowledge | None = None) -> Knowledge:
@@ -92,8 +92,9 @@ def knowledge_of(known: Mapping[str, Any], same: Knowledge | None = None) -> Kno
 
     same: of the scenario, whose other fields are those of all episodes: errors of the fixes, and what instruments tell.
     """
-    told = fields_known(known).items()
-    values: dict[str, Any] = {name: np.array(value) if np.ndim(value) else float(value) for name, value in told}
+    values: dict[str, Any] = {
+        name: np.array(value) if np.ndim(value) else float(value) for name, value in fields_known(known).items()
+    }
     values["sensors"] = ImuDataSheet(**{name: values.pop(name) for name in _SHEET})
     return Knowledge(**values) if same is None else replace(same, **values)
 

@@ -7,14 +7,13 @@ the inertial samples.  The score is how much better the heading is known after t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import pi, radians
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
-from gymnasium.vector import AutoresetMode
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
@@ -26,22 +25,22 @@ from insenv.envs.checks import check_choice, check_number, check_type
 from insenv.envs.filter_inside import (
     COMMON,
     ERROR,
-    SHOWN,
-    SMALLEST,
+    LOG_FLOOR,
+    STATISTICS,
     Inner,
-    begun,
+    empty_window,
     inner_loop,
     log10,
-    shown,
+    statistics,
     window_part,
     within,
 )
-from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
+from insenv.envs.setup import Arguments
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import InnerStarts, Range, Ranges
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
-from insenv.scenario import Scenario, plant_of
+from insenv.scenario import Scenario, ScenarioLike, plant_of
 from insenv.scenario.assembly import plant_model
 from insenv.vehicles import Vehicle
 from insenv.vehicles.turntable import COMMANDED, on_turntable
@@ -136,9 +135,9 @@ COMMANDS = {
 """Commands by kind of vehicle; "turntable": a vehicle that stays in place."""
 
 
-WORST = 10.0
+DIVERGENCE_COST = 10.0
 """Reward lost when the filter diverges, in addition to the cost of the time left."""
-FARTHEST = 1e5
+MAX_ERROR_NORM = 1e5
 """Position error above which the filter has diverged, m."""
 
 UNITS = ("tactical", "industrial")
@@ -154,7 +153,7 @@ _STATE = Table((
     INVALID,
     Row("level_before", "Natural logarithm of the heading uncertainty at the last action"),
 ))  # fmt: skip
-_FOUND = Table((
+_ESTIMATES = Table((
     Row("roll_pitch", "Estimated roll and pitch", "rad", (2,), "n", lower=-4.0, upper=4.0),
     Row("heading_cosine_sine", "Cosine and sine of the estimated heading", "1", (2,), "n", lower=-1.0, upper=1.0),
     Row("velocity_estimate", "Estimated velocity", "m/s", (3,), "n", lower=-1e4, upper=1e4),
@@ -180,7 +179,7 @@ _INFO = Table((
 
 def _by_uncertainty(inner: Inner, p: Any, x: Any) -> Any:
     """Return ln of the stated standard deviation of the heading."""
-    return _log(inner.found(p, x).attitude_sigma[2])
+    return _log(inner.outputs(p, x).attitude_sigma[2])
 
 
 def _by_error(inner: Inner, p: Any, x: Any) -> Any:
@@ -203,22 +202,22 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
     """
     inner, commands, level = inner_loop(plant, estimator), COMMANDS[kind], REWARDS[reward]
     command = Row("command", "The action in force", "1", (commands.actions.size,), lower=-1.0, upper=1.0)
-    observation = Table((CLOCK,)) + _FOUND + SHOWN + Table((command,))
+    observation = Table((CLOCK,)) + _ESTIMATES + STATISTICS + Table((command,))
 
     def act(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        finite, given = finite_action(ca.vertcat(*(getattr(u, row.name) for row in commands.actions)))
-        action = clamp(given, -1.0, 1.0)
+        finite, values = finite_action(ca.vertcat(*(getattr(u, row.name) for row in commands.actions)))
+        action = clamp(values, -1.0, 1.0)
         return {
             **commands.taken(plant, p, x, SimpleNamespace(**{**vars(u), **vars(commands.actions.symbols(action))})),
             "invalid": ca.logic_not(finite),
             "command": action,
             "decisions": x.decisions + 1.0,
             "level_before": level(inner, p, x),
-            **begun(),
+            **empty_window(),
         }
 
     def output(p: Any, x: Any) -> dict[str, Any]:
-        seen = {"time": x.time, **_seen(inner, p, x), **shown(p, x), "command": x.command}
+        seen = {"time": x.time, **_seen(inner, p, x), **statistics(p, x), "command": x.command}
         return within(observation, seen) | _scored(inner, level, p, x)
 
     score = Part(
@@ -235,28 +234,28 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
 
 
 def _seen(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
-    found = inner.found(p, x)
-    roll, pitch, _ = attitude.to_euler(found.q_nb)
-    forward = attitude.to_dcm(found.q_nb)[:2, 0]
+    estimate = inner.outputs(p, x)
+    roll, pitch, _ = attitude.to_euler(estimate.q_nb)
+    forward = attitude.to_dcm(estimate.q_nb)[:2, 0]
     length = ca.sqrt(ca.sumsqr(forward))
-    places = (found.latitude, found.longitude, found.height, p.known_latitude, p.known_longitude, p.known_height)
+    places = (estimate.latitude, estimate.longitude, estimate.height, p.known_latitude, p.known_longitude, p.known_height)
     return {
         "roll_pitch": ca.vertcat(roll, pitch),
         "heading_cosine_sine": forward / select(length > 0.0, length, 1.0),
-        "velocity_estimate": found.velocity_n,
+        "velocity_estimate": estimate.velocity_n,
         "position_estimate": geodesy.ned_offset(*places),
-        "attitude_level": log10(found.attitude_sigma),
-        "velocity_level": log10(found.velocity_sigma),
-        "position_level": log10(found.position_sigma),
-        "gyro_bias": found.gyro_bias,
-        "accel_bias": found.accel_bias,
+        "attitude_level": log10(estimate.attitude_sigma),
+        "velocity_level": log10(estimate.velocity_sigma),
+        "position_level": log10(estimate.position_sigma),
+        "gyro_bias": estimate.gyro_bias,
+        "accel_bias": estimate.accel_bias,
     }
 
 
 def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: Any) -> dict[str, Any]:
-    error, sigma = inner.error(p, x), inner.found(p, x).attitude_sigma[2]
+    error, sigma = inner.error(p, x), inner.outputs(p, x).attitude_sigma[2]
     # comparisons with NaN are false
-    sound = ca.logic_and(ca.sumsqr(error) <= FARTHEST**2, ca.logic_and(sigma >= 0.0, sigma <= 1e3))
+    sound = ca.logic_and(ca.sumsqr(error) <= MAX_ERROR_NORM**2, ca.logic_and(sigma >= 0.0, sigma <= 1e3))
     sound = ca.logic_and(sound, ca.logic_not(x.invalid))
     reached = ca.logic_and(sound, sigma < p.goal)
     each = 1.0 / p.decision_limit
@@ -264,7 +263,7 @@ def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: An
     fall = x.level_before - level(inner, p, x)
     over = ca.logic_or(reached, ca.logic_not(sound))
     return {
-        "reward": select(sound, fall - each * p.time_weight, -(WORST + left * p.time_weight)),
+        "reward": select(sound, fall - each * p.time_weight, -(DIVERGENCE_COST + left * p.time_weight)),
         "terminated": over,
         "truncated": ca.logic_and(x.decisions >= p.decision_limit, ca.logic_not(over)),
         **truth(p, x),
@@ -278,37 +277,57 @@ def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: An
 
 
 def _heading_error(inner: Inner, p: Any, x: Any) -> Any:
-    found, true = (attitude.to_euler(q)[2] for q in (inner.found(p, x).q_nb, x.q_nb))
-    return wrap_angle(found - true)
+    estimated, true = (attitude.to_euler(q)[2] for q in (inner.outputs(p, x).q_nb, x.q_nb))
+    return wrap_angle(estimated - true)
 
 
 def _log(value: Any) -> Any:
-    return log(select(value >= SMALLEST, value, SMALLEST))
+    return log(select(value >= LOG_FLOOR, value, LOG_FLOOR))
 
 
-def _setup(
-    scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None, estimator: str,
-    reward: str, goal_deg: float, time_weight: float, dtype: str,
-) -> Setup:  # fmt: skip
-    """Return the setup for the arguments of the classes below."""
-    found = chosen_scenario(scenario, vehicle)
-    name = found.name or found.title
-    if found.vehicle.kind not in COMMANDS:
-        raise InputError(f"a manoeuvre environment needs a car or an aircraft: scenario {name!r} has a {found.vehicle.kind}")
-    if found.gnss is None:
-        raise InputError(f"a manoeuvre environment needs GNSS fixes: scenario {name!r} has no [gnss]")
-    check_type("estimator", estimator, str, "the id of an estimator")
-    check_choice("reward", reward, tuple(REWARDS))
-    constants = {
-        "time_weight": check_number("time_weight", time_weight, 0.0, 1e6),
-        "goal": radians(check_number("goal_deg", goal_deg, 0.0, 180.0, "deg", above=True)),
-    }
-    plant, kind = _commanded(found)
-    if ranges.start_speed_mps is None and plant_of(found)[1].get("start_speed", 0.0) > 0.0:
-        ranges = replace(ranges, start_speed_mps=COMMANDS[kind].start_speeds)
-    task = manoeuvre_task(plant, kind, estimator, reward)
-    starts = partial(InnerStarts, inner=inner_loop(plant, estimator))
-    return make_setup(found, task, ranges, samples_per_step, duration_s, constants, starts, dtype)
+@dataclass(kw_only=True, repr=False, eq=False)
+class Manoeuvre(Arguments):
+    """The arguments and the task of `ManoeuvreEnv` and `ManoeuvreVectorEnv`."""
+
+    needs_gnss: ClassVar[bool] = True
+    units: ClassVar[tuple[str, str]] = UNITS
+    scenario: ScenarioLike = field(default="car-unknown-heading", kw_only=False)
+    samples_per_step: int = 400
+    imu: str | None = "random"
+    heading_deg: Range | None = (0.0, 360.0)
+    start_speed_mps: Range | None = None
+    estimator: str = "aqe-ekf"
+    reward: str = "error"
+    goal_deg: float = 0.1
+    time_weight: float = 1.0
+
+    def _scenario(self) -> Scenario:
+        scenario = super()._scenario()
+        name, kind = scenario.name or scenario.title, scenario.vehicle.kind
+        if kind not in COMMANDS:
+            raise InputError(f"a manoeuvre environment needs a car or an aircraft: scenario {name!r} has a {kind}")
+        return scenario
+
+    def _ranges(self, scenario: Scenario) -> Ranges:
+        ranges = super()._ranges(scenario)
+        if ranges.start_speed_mps is None and plant_of(scenario)[1].get("start_speed", 0.0) > 0.0:
+            return replace(ranges, start_speed_mps=COMMANDS[_commanded(scenario)[1]].start_speeds)
+        return ranges
+
+    def _constants(self, scenario: Scenario) -> Mapping[str, float]:
+        return {
+            "time_weight": check_number("time_weight", self.time_weight, 0.0, 1e6),
+            "goal": radians(check_number("goal_deg", self.goal_deg, 0.0, 180.0, "deg", above=True)),
+        }
+
+    def _task(self, scenario: Scenario) -> Task:
+        check_type("estimator", self.estimator, str, "the id of an estimator")
+        check_choice("reward", self.reward, tuple(REWARDS))
+        plant, kind = _commanded(scenario)
+        return manoeuvre_task(plant, kind, self.estimator, self.reward)
+
+    def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:
+        return InnerStarts(scenario, *rest, estimator=self.estimator)
 
 
 def _commanded(scenario: Scenario) -> tuple[Model, str]:
@@ -323,7 +342,8 @@ def _turntable_plant(vehicle: Vehicle) -> Model:
     return plant_model(on_turntable(vehicle))
 
 
-class ManoeuvreEnv(InertialEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class ManoeuvreEnv(Manoeuvre, InertialEnv):
     """
     ## Description
     A vehicle with GNSS does not know its heading. Fixes give its direction of travel; they do not give the orientation
@@ -405,45 +425,7 @@ class ManoeuvreEnv(InertialEnv):
     - v0: first version.
     """
 
-    def __init__(
-        self, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "", samples_per_step: int = 400,
-        duration_s: float | None = None, imu: str | None = "random", imu_range: tuple[str, str] | None = None,
-        heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None, initial_error: Range | None = None,
-        start_speed_mps: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf",
-        reward: str = "error", goal_deg: float = 0.1, time_weight: float = 1.0, dtype: str = "float64",
-        backend: str | None = None,
-        render_mode: str | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(
-            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps,
-            units=UNITS,
-        )  # fmt: skip
-        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight, dtype)
-        super().__init__(setup, backend=backend, render_mode=render_mode)
 
-
-class ManoeuvreVectorEnv(InertialVectorEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class ManoeuvreVectorEnv(Manoeuvre, InertialVectorEnv):
     """Many `ManoeuvreEnv` in one batch; takes the arguments of `ManoeuvreEnv` and of `InertialVectorEnv`."""
-
-    def __init__(
-        self, num_envs: int = 1, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "",
-        samples_per_step: int = 400, duration_s: float | None = None, imu: str | None = "random",
-        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
-        initial_error: Range | None = None, start_speed_mps: Range | None = None,
-        gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf", reward: str = "error",
-        goal_deg: float = 0.1, time_weight: float = 1.0,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, dtype: str = "float64",
-        backend: str | None = None,
-        render_mode: str | None = None, max_episode_steps: int | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(
-            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps,
-            units=UNITS,
-        )  # fmt: skip
-        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight, dtype)
-        super().__init__(
-            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
-            max_episode_steps=max_episode_steps,
-        )  # fmt: skip

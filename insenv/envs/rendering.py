@@ -72,25 +72,27 @@ _SIZES: Any = {
 def _indicator(axes: Any, setup: Setup, history: History) -> None:
     """Draw the true and the estimated horizon and heading at the time of the latest estimate."""
     _, info = history[max(len(history) - 2, 0)]
-    roll, pitch, heading = attitude.numeric.to_euler(info["q_nb"])
     axes.set_aspect("equal")
     axes.set(xlim=(-1.0, 1.0), ylim=(-1.0, 1.0), xticks=(), yticks=(), facecolor=SKY)
-    along, up = np.array([np.cos(roll), -np.sin(roll)]), np.array([np.sin(roll), np.cos(roll)])
-    level = -up * np.clip(pitch / np.radians(30.0), -0.9, 0.9)
+    along, up, level, heading = _horizon(info["q_nb"])
     corners = [level - 3 * along, level + 3 * along, level + 3 * along - 4 * up, level - 3 * along - 4 * up]
     axes.fill(*np.array(corners).T, color=GROUND, lw=0)
     axes.plot(*np.array([level - 3 * along, level + 3 * along]).T, color="white", lw=2.0)
+    caption = f"heading {heading:.2f}°"
     if setup.task.actions.names[0] in ("estimate_q_nb", "correction") and len(history) > 1:
-        shown = attitude.numeric.to_euler(_estimate(history))
-        along, up = np.array([np.cos(shown[0]), -np.sin(shown[0])]), np.array([np.sin(shown[0]), np.cos(shown[0])])
-        level = -up * np.clip(shown[1] / np.radians(30.0), -0.9, 0.9)
+        along, _, level, heading = _horizon(_estimate(history))
         axes.plot(*np.array([level - along, level + along]).T, color=ESTIMATE, lw=2.5, ls="--")
-        caption = f"heading {np.degrees(heading) % 360.0:.2f}°, estimate {np.degrees(shown[2]) % 360.0:.2f}°"
-    else:
-        caption = f"heading {np.degrees(heading) % 360.0:.2f}°"
+        caption += f", estimate {heading:.2f}°"
     axes.plot([-0.35, -0.1, 0.0, 0.1, 0.35], [0.0, 0.0, -0.06, 0.0, 0.0], color="black", lw=2)
     axes.grid(visible=False)
     axes.set_title(caption, loc="center")
+
+
+def _horizon(q_nb: Array) -> tuple[Array, Array, Array, float]:
+    """Return the directions along and up from the horizon of an attitude in the image, its middle, and the heading, deg."""
+    roll, pitch, heading = attitude.numeric.to_euler(q_nb)
+    along, up = np.array([np.cos(roll), -np.sin(roll)]), np.array([np.sin(roll), np.cos(roll)])
+    return along, up, -up * np.clip(pitch / np.radians(30.0), -0.9, 0.9), np.degrees(heading) % 360.0
 
 
 def _estimate(history: History) -> Any:

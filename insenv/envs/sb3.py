@@ -66,13 +66,13 @@ class BatchVecEnv(VecEnv):
 
         The info of an ended row has "terminal_observation" and "TimeLimit.truncated", and the last info of the episode.
         """
-        observations, reward, terminated, truncated, found = self.venv.step(self._actions)
+        observations, reward, terminated, truncated, step_infos = self.venv.step(self._actions)
         over: Any = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(over):
-            last = {name: value[row] for name, value in found["final_info"].items() if not name.startswith("_")}
+            last = {name: value[row] for name, value in step_infos["final_info"].items() if not name.startswith("_")}
             cut = bool(truncated[row] and not terminated[row] and not self.time_is_terminal)
-            infos[row] = {**last, "terminal_observation": found["final_obs"][row], "TimeLimit.truncated": cut}
+            infos[row] = {**last, "terminal_observation": step_infos["final_obs"][row], "TimeLimit.truncated": cut}
         return observations, reward.astype(np.float32), over, infos
 
     def close(self) -> None:

@@ -1,11 +1,11 @@
-"""The task and the starts of an environment, made from its arguments; common to the single and the vector interface."""
+"""The arguments of an environment, declared once for its single and its vector interface, and the setup that they define."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import isfinite
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.core.tables import Table
 from insenv.envs.checks import check_choice, check_type, check_whole, is_number, refused
-from insenv.envs.starts import Ranges, Starts
+from insenv.envs.starts import Ranges, Starts, Variation
 from insenv.envs.task import HUGE_ACTION, Task
 from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.commands import DRIVEN
@@ -59,50 +59,79 @@ class Setup:
 
     def time_of(self, observation: Any) -> float:
         """Return the time since the start of an observation, s."""
-        seen = self.layout.unpack(observation)
-        if "time" in seen:
-            return float(seen["time"])
-        return float(seen["time_share"]) * self.decisions * self.samples * self.interval
+        rows = self.layout.unpack(observation)
+        if "time" in rows:
+            return float(rows["time"])
+        return float(rows["time_share"]) * self.decisions * self.samples * self.interval
 
 
-def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
-    """Return the scenario of a name, path, mapping or object.
+@dataclass(kw_only=True, repr=False, eq=False)
+class Arguments(Variation):
+    """The arguments of an environment: those of every environment here, its own in a subclass for each kind of task.
 
-    vehicle: required kind of vehicle ("ship", "car", "aircraft", "multirotor"; empty: any); a track
-        stands for each kind.  Raises `InputError`.
+    A subclass says what its task is (`_task`: actions, observation, reward), which parameters of it are constant
+    (`_constants`), and how an episode starts (`_starts`).  `AlignmentEnv` describes the arguments.
+
+    needs_vehicle_in_place, needs_gnss: what the scenario must have.
     """
-    check_type("vehicle", vehicle, str, "a kind of vehicle or ''")
-    found = load(scenario)
-    if vehicle and found.vehicle.kind != vehicle and found.vehicle.lasts_s is None:
-        raise InputError(
-            f"scenario {found.name or found.title!r} has a vehicle of kind {found.vehicle.kind!r}: this environment is for "
-            f"{vehicle!r}"
-        )
-    if found.commands:
-        raise InputError(f"scenario {found.name!r} {DRIVEN}")
-    return found
 
+    needs_vehicle_in_place: ClassVar[bool] = False
+    needs_gnss: ClassVar[bool] = False
 
-def make_setup(
-    scenario: Scenario, task: Task, ranges: Ranges, samples_per_step: int, duration_s: float | None,
-    constants: Mapping[str, float], make_starts: Callable[..., Starts] = Starts, dtype: str = "float64",
-) -> Setup:  # fmt: skip
-    """Return the setup of a task in a scenario.
+    scenario: ScenarioLike = field(default="", kw_only=False)
+    vehicle: str = ""
+    samples_per_step: int = 100
+    duration_s: float | None = None
+    dtype: str = "float64"
 
-    duration_s: None: that of the scenario.  constants: parameter rows of the task common to all episodes.  make_starts:
-    `Starts` or a function that takes its arguments.  Raises `InputError` for a duration shorter than one step or too
-    long.
-    """
-    samples = check_whole("samples_per_step", samples_per_step)
-    check_choice("dtype", dtype, ("float64", "float32"))
-    duration = scenario.duration_s if duration_s is None else duration_s
-    step = samples / scenario.rate_hz
-    decisions = int(duration / step * (1.0 + 1e-12)) if is_number(duration) and 0.0 < duration <= MAX_DURATION_S else 0
-    if decisions < 1:
-        raise refused("duration_s", duration, f"a number from one step, {step:g} s, to {MAX_DURATION_S:g} s", "s")
-    check_reach(scenario, task.model, decisions * step)
-    starts = make_starts(scenario, task, ranges, {"decision_limit": float(decisions), **constants}, decisions * step)
-    return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(dtype))
+    def set_up(self) -> Setup:
+        """Return the setup that the arguments define.  Raises `InputError` for an argument that is not allowed."""
+        scenario = self._scenario()
+        ranges = self._ranges(scenario)
+        samples = check_whole("samples_per_step", self.samples_per_step)
+        check_choice("dtype", self.dtype, ("float64", "float32"))
+        constants, task = self._constants(scenario), self._task(scenario)
+        duration = scenario.duration_s if self.duration_s is None else self.duration_s
+        step = samples / scenario.rate_hz
+        decisions = int(duration / step * (1.0 + 1e-12)) if is_number(duration) and 0.0 < duration <= MAX_DURATION_S else 0
+        if decisions < 1:
+            raise refused("duration_s", duration, f"a number from one step, {step:g} s, to {MAX_DURATION_S:g} s", "s")
+        check_reach(scenario, task.model, decisions * step)
+        starts = self._starts(scenario, task, ranges, {"decision_limit": float(decisions), **constants}, decisions * step)
+        return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(self.dtype))
+
+    def _scenario(self) -> Scenario:
+        """Return the scenario; a track stands for each kind of vehicle."""
+        check_type("vehicle", self.vehicle, str, "a kind of vehicle or ''")
+        scenario = load(self.scenario)
+        name, kind = scenario.name or scenario.title, scenario.vehicle.kind
+        if self.vehicle and kind != self.vehicle and scenario.vehicle.lasts_s is None:
+            raise InputError(f"scenario {name!r} has a vehicle of kind {kind!r}: this environment is for {self.vehicle!r}")
+        if scenario.commands:
+            raise InputError(f"scenario {scenario.name!r} {DRIVEN}")
+        if self.needs_vehicle_in_place and not scenario.vehicle.in_place:
+            raise InputError(f"{type(self).__name__} needs a vehicle in place: that of scenario {name!r} moves")
+        if self.needs_gnss and scenario.gnss is None:
+            raise InputError(f"{type(self).__name__} needs GNSS fixes: scenario {name!r} has no [gnss]")
+        return scenario
+
+    def _ranges(self, scenario: Scenario) -> Ranges:
+        """Return what varies between episodes."""
+        return Ranges.of(self)
+
+    def _task(self, scenario: Scenario) -> Task:
+        """Return the task in a scenario."""
+        raise NotImplementedError
+
+    def _constants(self, scenario: Scenario) -> Mapping[str, float]:
+        """Return the parameter rows of the task that are the same in all episodes."""
+        return {}
+
+    def _starts(
+        self, scenario: Scenario, task: Task, ranges: Ranges, constants: Mapping[str, float], duration: float
+    ) -> Starts:
+        """Return what draws the start of an episode."""
+        return Starts(scenario, task, ranges, constants, duration)
 
 
 _NOT_REAL = "cSUMm"

@@ -19,8 +19,7 @@ from insenv.envs.checks import check_choice, check_keywords, check_type
 from insenv.envs.rendering import draw, write
 from insenv.envs.setup import Setup, checked_action
 
-# The common base of the single and the vector interface: named observations, snapshots and pickling.
-
+Array = NDArray[np.float64]
 Made = TypeVar("Made", bound="Interface")
 
 
@@ -43,17 +42,24 @@ class Snapshot:
 
 
 class Interface:
-    """Base of `InertialEnv` and `InertialVectorEnv`; pickled and copied as constructor arguments plus snapshot."""
+    """Base of `InertialEnv` and `InertialVectorEnv`; pickled and copied as constructor arguments plus snapshot.
+
+    An environment is a dataclass of one of them and of a subclass of `Arguments`: its fields are its constructor's arguments.
+    """
 
     setup: Setup
     _made_with: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls: type[Made], *args: Any, **kwargs: Any) -> Made:
-        # __init__ runs next and keeps its typed signature; here the message can name the nearest argument
+        # the __init__ of a dataclass refuses an unknown argument; here the message can name the nearest one
         check_keywords(cls.__name__, cls.__init__, kwargs)
         made = super().__new__(cls)
         made._made_with = (args, kwargs)
         return made
+
+    def set_up(self) -> Setup:
+        """Return the setup that the arguments define."""
+        raise NotImplementedError
 
     def __reduce__(self) -> Any:
         return _remade, (type(self), *self._made_with, self.snapshot())
@@ -98,9 +104,7 @@ def places_of(setup: Setup) -> dict[str, slice]:
     return {name: slice(s.start + before, s.stop + before) for name in outputs.names for s in [outputs.slice(name)]}
 
 
-Array = NDArray[np.float64]
-
-
+@dataclass(kw_only=True, repr=False, eq=False)
 class InertialEnv(Interface, gymnasium.Env[Array, Array]):
     """One environment of a task; its subclasses define the task.
 
@@ -110,15 +114,18 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
 
     metadata = {"render_modes": ["rgb_array", "ansi"], "render_fps": 10}
 
-    def __init__(self, setup: Setup, *, backend: str | None = None, render_mode: str | None = None) -> None:
-        if render_mode is not None:
-            check_choice("render_mode", render_mode, ("rgb_array", "ansi"))
-        self.setup, self.render_mode = setup, render_mode
+    backend: str | None = None
+    render_mode: str | None = None
+
+    def __post_init__(self) -> None:
+        self.setup = setup = self.set_up()
+        if self.render_mode is not None:
+            check_choice("render_mode", self.render_mode, ("rgb_array", "ansi"))
         self.action_space: Any
         self.observation_space: Any
         self.action_space, self.observation_space = setup.spaces()
         task = setup.task
-        self._runner = make_runner(task.model, None, backend)
+        self._runner = make_runner(task.model, None, self.backend)
         self._call, self._buffer = self._runner.cycle(task.judge, task.watched.names, setup.samples)
         places = places_of(setup)
         self._observed = places["reward"].start
@@ -128,23 +135,23 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         self._action = self._runner._u[task.place]
         self._shape = (task.actions.size,)
         self._over: bool | None = None
-        self.history: list[tuple[Array, dict[str, Any]]] | None = None if render_mode is None else []
+        self.history: list[tuple[Array, dict[str, Any]]] | None = None if self.render_mode is None else []
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Start an episode; `options` (see the class) replace the arguments for this episode."""
         super().reset(seed=seed)
-        starts, runner = self.setup.starts, self._runner
-        p = starts.draw([self.np_random], options)
+        starts, runner = self.setup.starts.with_options(options), self._runner
+        p = starts.draw([self.np_random])
         runner.p[:] = p[0]
         runner.start()
-        runner.p[:] = starts.complete(p, runner.x[None], options)[0]
+        runner.p[:] = starts.complete(p, runner.x[None])[0]
         runner.start()  # a filter inside starts from what is known
         runner._u[:] = self.setup.task.model.inputs.start_vector()
         self._over = False
         self._buffer[:] = 0.0
         self._buffer[self.setup.task.watched.size * self.setup.samples :] = runner.output()
-        shown = self._buffer.copy()
-        observation, info = self.setup.seen(shown[: self._observed]), self._info(shown)
+        values = self._buffer.copy()
+        observation, info = self.setup.seen(values[: self._observed]), self._info(values)
         if self.history is not None:
             self.history[:] = [(observation, info)]
         return observation, info
@@ -159,16 +166,16 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
             raise ResetNeeded(_NOT_STARTED if self._over is None else _OVER)
         self._action[:] = checked_action(action, self._shape)
         self._call()
-        shown = self._buffer.copy()
-        terminated, truncated = shown.item(self._terminated) != 0.0, shown.item(self._truncated) != 0.0
+        values = self._buffer.copy()
+        terminated, truncated = values.item(self._terminated) != 0.0, values.item(self._truncated) != 0.0
         self._over = terminated or truncated
-        observation, info = self.setup.seen(shown[: self._observed]), self._info(shown)
+        observation, info = self.setup.seen(values[: self._observed]), self._info(values)
         if self.history is not None:
             self.history.append((observation, info))
-        return observation, shown.item(self._reward), terminated, truncated, info
+        return observation, values.item(self._reward), terminated, truncated, info
 
-    def _info(self, shown: Array) -> dict[str, Any]:
-        return dict(zip(self._names, map(shown.__getitem__, self._info_places), strict=True))
+    def _info(self, values: Array) -> dict[str, Any]:
+        return dict(zip(self._names, map(values.__getitem__, self._info_places), strict=True))
 
     def snapshot(self) -> Snapshot:
         """Return the complete state, for `restore` of this environment or of another made with the same arguments."""

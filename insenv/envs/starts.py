@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass, fields, replace
 from math import pi, radians
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv import estimators
 from insenv.base.errors import InputError, nearest
 from insenv.core.model import Model
 from insenv.core.noise import first_uniforms
 from insenv.core.tables import Table
 from insenv.envs.checks import as_numbers, check_number, check_range, check_type, is_number, refused
-from insenv.envs.filter_inside import Inner
 from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
 from insenv.evaluation.limits import Limit
@@ -29,114 +30,21 @@ from insenv.sensors.grade_file import grade_of
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 from insenv.sensors.sampled import OUTAGES
 
-# The limits of an episode: the errors that no method can fall below (`insenv.evaluation.limits`).
-
-LONGEST = 600.0
-"""Longest time over which the limit of a navigation is averaged, s."""
-RECORD_INTERVAL = 1.0
-"""Time between limits that are averaged, s."""
-NODES, EDGE = 11, 0.002
-"""Number of units, from the better to the worse grade, whose limits are computed, and how closely they lie at the ends, where
-an error that one grade does not have sets in.  The limits of those in between are interpolated: within 3 % between a marine
-and a tactical grade, within 10 % between a marine and an industrial one."""
-
-
-def episode_limits(
-    task: Task, plant: Model, scenario: Scenario, bases: tuple[Array, ...], duration: float
-) -> Callable[[Array], Array]:
-    """Return a function of the plant's parameters of k episodes (k, parameters) that returns the 1-sigma limits of their
-    error components, (k, components).
-
-    bases: the plant's parameters, or those of the two grades between which units are drawn.  duration: of an episode, s.
-    Alignment: attitude (rad, rotation about n) at the end.  Navigation: the root mean square over the episode of attitude
-    (rad), velocity (m/s) and position (m).
-
-    The trajectory, its heading and the mounting are those of the scenario: the limits of an alignment hardly depend on them.
-    """
-    navigates = task.model.parameters["limit"].size > 3
-    samples = round((min(duration, LONGEST) if navigates else duration) * scenario.rate_hz)
-
-    def limit(rows: Array) -> Array:
-        found = limit_along(plant, rows, prior_of(scenario.knowledge), samples, scenario.vehicle.in_place)
-        return _over_the_episode(found) if navigates else found.rotation[-1]
-
-    from scipy.interpolate import PchipInterpolator
-
-    if len(bases) == 1:
-        same = limit(bases[0])
-        return lambda vectors: np.tile(same, (len(vectors), 1))
-    low, high = bases
-    begin, end = _stretched(np.array([0.0, 1.0])).tolist()
-    nodes = np.linspace(begin, end, NODES)
-    odds = np.exp(nodes)
-    fractions = np.clip((odds * (1 + EDGE) - EDGE) / (1 + odds), 0.0, 1.0)
-    logarithms = np.log([limit(rows) for rows in between(low, high, fractions, plant.parameters)])
-    level = PchipInterpolator(nodes, logarithms)
-    fraction = _fraction_of(low, high, plant.parameters)
-    return lambda vectors: np.exp(np.asarray(level(_stretched(fraction(vectors)))))
-
-
-def _over_the_episode(found: Limit) -> Array:
-    """Root mean square (9,) of the limits of attitude, velocity and position."""
-    end = float(found.time[-1])
-    times = np.arange(RECORD_INTERVAL, end + 1e-9, RECORD_INTERVAL) if end >= RECORD_INTERVAL else np.array([end])
-    rotation = [np.sqrt(np.mean(np.interp(times, found.time, axis**2))) for axis in found.rotation.T]
-    rms = found.rms(times)
-    return np.array([*rotation, *(rms[name] for name in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"))])
-
-
-def _stretched(fractions: Array) -> Array:
-    """Fractions of the way between two grades on a scale that is wide at both ends."""
-    return np.log((fractions + EDGE) / (1.0 - fractions + EDGE))
-
-
-def between(low: Array, high: Array, fractions: Array, parameters: Table) -> Array:
-    """Interpolate the inertial figures of two grades: in the logarithm where both are positive, else linearly.
-
-    low, high (parameters.size,): of the plant.  fractions (k,): of the way.  Returns (k, parameters.size), with all other
-    parameters as in `low`.
-    """
-    found, fractions = np.tile(low, (len(fractions), 1)), np.asarray(fractions)[:, None]
-    places = _figures(parameters)
-    a, b = low[places], high[places]
-    found[:, places] = a + (b - a) * fractions
-    positive = places[(a > 0.0) & (b > 0.0)]
-    found[:, positive] = low[positive] * (high[positive] / low[positive]) ** fractions
-    return found
-
-
-def _fraction_of(low: Array, high: Array, parameters: Table) -> Callable[[Array], Array]:
-    """The function of parameters (k, parameters.size) that returns the fractions (k,) from which `between` made them."""
-    places = _figures(parameters)
-    a, b = low[places], high[places]
-    telling = places[(a > 0.0) & (b > 0.0) & (a != b)]
-    if not len(telling):
-        return lambda vectors: np.zeros(len(vectors))
-    start, whole = low[telling[0]], np.log(high[telling[0]] / low[telling[0]])
-    return lambda vectors: np.log(vectors[:, telling[0]] / start) / whole
-
-
-def _figures(parameters: Table) -> NDArray[np.intp]:
-    """Places of the inertial figures in a plant's parameters."""
-    parts = [parameters.slice(name) for name in IMU_PARAMETERS.names if name in parameters]
-    return np.array([place for part in parts for place in range(part.start, part.stop)])
-
-
-_FIGURES = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 IMU_RANGE = ("marine", "tactical")
 """Default grades between which a random unit is drawn."""
+RANKED = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
+"""Figures of a data sheet by which one unit is better than another."""
 
 
-@dataclass(frozen=True)
-class Ranges:
-    """The quantities, besides the seed, that vary between episodes; None keeps the scenario's value.
+@dataclass(kw_only=True, repr=False, eq=False)
+class Variation:
+    """What varies between the episodes of every environment, besides the seed; None keeps the scenario's value.
 
-    The fields are arguments of `AlignmentEnv`.  The draw between two grades is uniform in the logarithm of each figure;
-    `initial_error` is both reported and used for the draw.  units: the grades of a random unit if `imu_range` is None.
-    Raises `InputError` for a value that is not allowed.
+    The draw between two grades is uniform in the logarithm of each figure; `initial_error` is both reported and used for
+    the draw.
     """
 
     imu: str | None = None
@@ -145,15 +53,25 @@ class Ranges:
     sea_state: Range | None = None
     initial_error: Range | None = None
     gnss_outages_s: tuple[Range, ...] | None = None
+
+
+@dataclass(kw_only=True)
+class Ranges(Variation):
+    """All that can vary between episodes: the arguments of an environment with the options of a reset.
+
+    units: the grades of a random unit if `imu_range` is None.  Raises `InputError` for a value that is not allowed.
+    """
+
     sway_phases: bool = False
     mounting_deg: float | None = None
     start_speed_mps: Range | None = None
     units: tuple[str, str] = IMU_RANGE
 
-    OPTIONS = (
-        "imu", "heading_deg", "sea_state", "initial_error", "gnss_outages_s", "sway_phases", "mounting_deg", "start_speed_mps",
-        "run_seed",
-    )  # fmt: skip
+    @classmethod
+    def of(cls, arguments: Any) -> Ranges:
+        """Return the ranges in an environment's arguments; what it does not take keeps its default."""
+        names = [field.name for field in fields(cls) if hasattr(arguments, field.name)]
+        return cls(**{name: getattr(arguments, name) for name in names})
 
     def __post_init__(self) -> None:
         check_type("imu", self.imu, (str, type(None)), 'a grade of the catalogue, "random" or None')
@@ -191,16 +109,21 @@ class Ranges:
         """
         check_type("options", options, Mapping, "a mapping")
         for name in options:
-            if name not in self.OPTIONS:
-                raise InputError(f"options: unknown option {name!r}{nearest(str(name), self.OPTIONS)}")
-        given = {name: value for name, value in options.items() if name != "run_seed"}
+            if name not in OPTIONS:
+                raise InputError(f"options: unknown option {name!r}{nearest(str(name), OPTIONS)}")
+        values = {name: value for name, value in options.items() if name != "run_seed"}
         for name in ("heading_deg", "sea_state", "start_speed_mps"):
-            if name in given and is_number(given[name]):
-                given[name] = (given[name], given[name])
-        if "run_seed" in options:
-            imu = None if self.imu == "random" else self.imu
-            return replace(Ranges(imu, self.imu_range, gnss_outages_s=self.gnss_outages_s, units=self.units), **given)
-        return replace(self, **given)
+            if name in values and is_number(values[name]):
+                values[name] = (values[name], values[name])
+        if "run_seed" not in options:
+            return replace(self, **values)
+        imu = None if self.imu == "random" else self.imu
+        undrawn = Ranges(imu=imu, imu_range=self.imu_range, gnss_outages_s=self.gnss_outages_s, units=self.units)
+        return replace(undrawn, **values)
+
+
+OPTIONS = (*(field.name for field in fields(Ranges) if field.name not in ("imu_range", "units")), "run_seed")
+"""Options of a reset."""
 
 
 def _are_intervals(pairs: Array) -> bool:
@@ -217,24 +140,65 @@ class Starts:
     def __init__(self, scenario: Scenario, task: Task, ranges: Ranges, constants: Mapping[str, float], duration: float) -> None:
         self.scenario, self.task, self.ranges, self.duration = scenario, task, ranges, duration
         self._constants = task.model.parameters.pack(constants)
-        self._plant = plant_of(scenario)[0]
+        self._plant, rows = plant_of(scenario)
         self._vehicle = scenario.vehicle.vehicle().parameters
         if ranges.sea_state is not None:
-            rows = {name: np.asarray(value) for name, value in plant_of(scenario)[1].items()}
+            rows = {name: np.asarray(value) for name, value in rows.items()}
             _scale(rows, self._vehicle, ranges.sea_state[1])
             check_speed_of_sinusoids(rows, 1.0 / scenario.rate_hz)
-        self._base = self._bases(ranges)
-        # of episodes without options; they do not change unless each episode draws its unit
+        self._run_seed: NDArray[Any] | None = None
+        self._vary(ranges)
+        self._check_units()
+
+    def with_options(self, options: Mapping[str, Any] | None) -> Starts:
+        """Return the starts of episodes with the options of a reset.  Raises `InputError` for one that is not allowed."""
+        if not options:
+            return self
+        starts, ranges = copy(self), self.ranges.overridden(options)
+        starts._run_seed = np.asarray(options["run_seed"]) if "run_seed" in options else None
+        starts._vary(ranges)
+        return starts
+
+    def _vary(self, ranges: Ranges) -> None:
+        """Take the ranges, and with them the plant's parameter vector or the two vectors to draw between."""
+        self.ranges = ranges
+        grades: tuple[str | None, ...] = ranges.grades if ranges.imu == "random" else (ranges.imu,)
+        self._bases = tuple(self._base(grade) for grade in grades)
+        # of all episodes, unless each draws its unit
         self._limits: Callable[[Array], Array] | None = None
         self._sheets: Mapping[str, Array] | None = None
-        self._check_units(ranges)
 
-    def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
+    def _base(self, grade: str | None) -> Array:
+        """Return the plant's parameter vector with a unit of a grade; None: that of the scenario."""
+        scenario, outages = self.scenario, self.ranges.gnss_outages_s
+        if grade is not None:
+            scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": grade})})
+        model, rows = plant_of(scenario)
+        if outages is not None:
+            if scenario.gnss is None:
+                raise InputError("gnss_outages_s: the scenario has no [gnss]")
+            begin, end = window_rows(outages)
+            rows = rows | {"gnss_outage_start": begin, "gnss_outage_end": end}
+        return model.parameters.pack(rows)
+
+    def _check_units(self) -> None:
+        """Raise `InputError` for a range that is never drawn from, and for one whose second unit is the better one."""
+        ranges = self.ranges
+        if ranges.imu != "random":
+            if ranges.imu_range is not None:
+                raise InputError(
+                    f"imu_range = {ranges.imu_range!r} with imu = {ranges.imu!r}: the range is drawn from only with "
+                    'imu="random"; allowed is None'
+                )
+            return
+        in_place = self.scenario.vehicle.in_place
+        better, worse = (imu_data_sheet(self._plant.parameters.unpack(base), in_place) for base in self._bases)
+        if sum(np.log(getattr(worse, name) / getattr(better, name)) for name in RANKED) < 0.0:
+            raise refused("imu_range", ranges.grades, "two grades of the catalogue, the better one first")
+
+    def draw(self, generators: Sequence[np.random.Generator]) -> Array:
         """Draw the parameters of one episode per generator, (k, parameters.size); `complete` adds the rest."""
-        ranges, bases = self.ranges, self._base
-        if options:
-            ranges = self.ranges.overridden(options)
-            bases = self._bases(ranges)
+        ranges, bases = self.ranges, self._bases
         parameters, count = self._plant.parameters, len(generators)
         seed, grade, heading, sea = _uniforms(generators, 4).T
         seeds = seed * MAX_SEED  # whole numbers: a uniform is a multiple of 2^-53
@@ -247,16 +211,16 @@ class Starts:
         if ranges.sea_state is not None:
             rows = {name: vectors[:, parameters.slice(name)] for name in self._vehicle.names}
             _scale(rows, self._vehicle, _at(ranges.sea_state, sea)[:, None])
-        self._draw_start(vectors, seeds, ranges)
-        if options and "run_seed" in options:
-            vectors[:, parameters.slice("seed").start] = _run_seeds(options["run_seed"], count)
+        self._draw_start(vectors, seeds)
+        if self._run_seed is not None:
+            vectors[:, parameters.slice("seed").start] = _run_seeds(self._run_seed, count)
         p = np.tile(self._constants, (count, 1))
         p[:, : vectors.shape[1]] = vectors  # the plant's rows come first
         return p
 
-    def _draw_start(self, vectors: Array, seeds: Array, ranges: Ranges) -> None:
+    def _draw_start(self, vectors: Array, seeds: Array) -> None:
         """Draw mounting, start speed and phases into the plant's parameters, from generators of the runs' seeds."""
-        parameters, mounting = self._plant.parameters, ranges.mounting_deg
+        parameters, ranges, mounting = self._plant.parameters, self.ranges, self.ranges.mounting_deg
         speed = ranges.start_speed_mps if "start_speed" in self._vehicle and not self.scenario.vehicle.in_place else None
         phases = [row for row in self._vehicle if row.name.endswith("_phase")] if ranges.sway_phases else []
         if mounting is None and speed is None and not phases:
@@ -275,113 +239,69 @@ class Starts:
             vectors[:, parameters.slice(row.name)] = 2.0 * pi * numbers[:, used : used + row.size]
             used += row.size
 
-    def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
+    def complete(self, p: Array, x: Array) -> Array:
         """Write the initial knowledge for start states x (k, state.size), and the limits, into p; return p."""
-        ranges = self.ranges.overridden(options) if options else self.ranges
-        model, scenario = self.task.model, self.scenario
-        if ranges.initial_error is not None:
-            tilt, heading = ranges.initial_error
+        model, scenario, draws_unit = self.task.model, self.scenario, self.ranges.imu == "random"
+        if self.ranges.initial_error is not None:
+            tilt, heading = self.ranges.initial_error
             sigmas = {"tilt_sigma_deg": tilt, "heading_sigma_deg": heading}
             scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=sigmas)})
-        sheets = self._sheets
-        if options or sheets is None or ranges.imu == "random":
-            unlike = p if ranges.imu == "random" else p[:1]
-            sheets = data_sheets(model.parameters.unpack(unlike, IMU_PARAMETERS.names), scenario.vehicle.in_place)
-        p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, sheets)
+        if self._sheets is None or draws_unit:
+            figures = model.parameters.unpack(p if draws_unit else p[:1], IMU_PARAMETERS.names)
+            self._sheets = data_sheets(figures, scenario.vehicle.in_place)
+        p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, self._sheets)
         if "limit" in model.parameters:
-            limits = self._limits
-            if options or limits is None:
-                bases = self._bases(ranges) if options else self._base
-                limits = episode_limits(self.task, self._plant, scenario, bases, self.duration)
-            p[:, model.parameters.slice("limit")] = limits(p[:, : self._plant.parameters.size])
-            if not options:
-                self._limits = limits
-        if not options:
-            self._sheets = sheets
+            if self._limits is None:
+                self._limits = episode_limits(self.task, self._plant, scenario, self._bases, self.duration)
+            p[:, model.parameters.slice("limit")] = self._limits(p[:, : self._plant.parameters.size])
         return p
-
-    def _check_units(self, ranges: Ranges) -> None:
-        """Raise `InputError` for a range that is never drawn from, and for one whose second unit is the better one."""
-        if ranges.imu != "random":
-            if ranges.imu_range is not None:
-                raise InputError(
-                    f"imu_range = {ranges.imu_range!r} with imu = {ranges.imu!r}: the range is drawn from only with "
-                    'imu="random"; allowed is None'
-                )
-            return
-        better, worse = (
-            imu_data_sheet(self._plant.parameters.unpack(base), self.scenario.vehicle.in_place) for base in self._base
-        )
-        if sum(np.log(getattr(worse, name) / getattr(better, name)) for name in _FIGURES) < 0.0:
-            raise refused("imu_range", ranges.grades, "two grades of the catalogue, the better one first")
-
-    def _bases(self, ranges: Ranges) -> tuple[Array, ...]:
-        """Return the plant's parameter vector, or the two vectors to draw between."""
-        grades: tuple[str | None, ...] = ranges.grades if ranges.imu == "random" else (ranges.imu,)
-        bases = []
-        for grade in grades:
-            scenario = self.scenario
-            if grade is not None:
-                scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": grade})})
-            model, rows = plant_of(scenario)
-            if ranges.gnss_outages_s is not None:
-                if scenario.gnss is None:
-                    raise InputError("gnss_outages_s: the scenario has no [gnss]")
-                begin, end = window_rows(ranges.gnss_outages_s)
-                rows = rows | {"gnss_outage_start": begin, "gnss_outage_end": end}
-            bases.append(model.parameters.pack(rows))
-        return tuple(bases)
 
 
 class InnerStarts(Starts):
     """`Starts` of a task with a filter inside, whose parameters follow from the initial knowledge.
 
-    mistuning: if not 0, the filter's noises are wrong by factors whose decimal logarithms (row ``mistuning`` of the
-    task) are drawn uniformly between -mistuning and +mistuning.
+    arguments: those of `Starts`.  estimator: id of the filter.  mistuning: if not 0, the filter's noises are wrong by
+    factors whose decimal logarithms (row ``mistuning`` of the task) are drawn uniformly between -mistuning and +mistuning.
     """
 
-    def __init__(
-        self, scenario: Scenario, task: Task, ranges: Ranges, constants: Mapping[str, float], duration: float, *, inner: Inner,
-        mistuning: float = 0.0,
-    ) -> None:  # fmt: skip
-        super().__init__(scenario, task, ranges, constants, duration)
-        self.mistuning, self._estimator = mistuning, inner.estimator
-        self._tunings, self._same = scenario.tunings, build(scenario, driven=True).knowledge
-        table = inner.estimator.model.parameters
-        self._place = _span(task.model.parameters, [PREFIX + name for name in table.names])
+    def __init__(self, *arguments: Any, estimator: str, mistuning: float = 0.0) -> None:
+        super().__init__(*arguments)
+        self.mistuning, self._estimator = mistuning, estimators.get(estimator)
+        self._tunings, self._same = self.scenario.tunings, build(self.scenario, driven=True).knowledge
+        table = self._estimator.model.parameters
+        self._place = _span(self.task.model.parameters, [PREFIX + name for name in table.names])
         copied = self._estimator.copied(self._tunings)
         self._copied = None if copied is None else {name: field for name, field in copied.items() if field in KNOWN_FIELDS}
         self._uncopied: Array | None = None  # parameters that are the same in all episodes
         self._bounds = [np.repeat([getattr(row, b) for row in table], [row.size for row in table]) for b in ("lower", "upper")]
 
-    def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
-        p = super().draw(generators, options)
-        if self.mistuning and "run_seed" not in (options or {}):  # the filter of that run has the data sheet
+    def draw(self, generators: Sequence[np.random.Generator]) -> Array:
+        p = super().draw(generators)
+        if self.mistuning and self._run_seed is None:  # the filter of a run has the data sheet
             place = self.task.model.parameters.slice("mistuning")
             p[:, place] = -self.mistuning + 2.0 * self.mistuning * _uniforms(generators, place.stop - place.start)
         return p
 
-    def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
-        p = super().complete(p, x, options)
-        own, table = p[:, self._place], self._estimator.model.parameters
+    def complete(self, p: Array, x: Array) -> Array:
+        p = super().complete(p, x)
+        rows, table = p[:, self._place], self._estimator.model.parameters
         if self._copied is None:
-            for row, given in zip(own, p, strict=True):
-                row[:] = self._told_parameters(given)
-        else:
-            if self._uncopied is None:
-                self._uncopied = self._told_parameters(p[0])
-            own[:] = self._uncopied
-            values = fields_known(KNOWN.unpack(p[:, _span(self.task.model.parameters, KNOWN.names)]))
-            for name, field in self._copied.items():
-                own[:, table.slice(name)] = values[field].reshape(len(p), -1)
-            lower, upper = self._bounds
-            if not np.all((own >= lower) & (own <= upper)):
-                for row in own:
-                    table.pack(table.unpack(row))  # raises the error that names the value
+            rows[:] = [self._filter_parameters(episode) for episode in p]
+            return p
+        if self._uncopied is None:
+            self._uncopied = self._filter_parameters(p[0])
+        rows[:] = self._uncopied
+        values = fields_known(KNOWN.unpack(p[:, _span(self.task.model.parameters, KNOWN.names)]))
+        for name, field in self._copied.items():
+            rows[:, table.slice(name)] = values[field].reshape(len(p), -1)
+        lower, upper = self._bounds
+        if not np.all((rows >= lower) & (rows <= upper)):
+            for row in rows:
+                table.pack(table.unpack(row))  # raises the error that names the value
         return p
 
-    def _told_parameters(self, p: Array) -> Array:
-        """The filter's parameters that follow from the initial knowledge in the parameters p of one episode."""
+    def _filter_parameters(self, p: Array) -> Array:
+        """Return the filter's parameters that follow from the initial knowledge in the parameters p of one episode."""
         known = KNOWN.unpack(p[_span(self.task.model.parameters, KNOWN.names)])
         parameters = self._estimator.parameters(knowledge_of(known, self._same), self._tunings)
         return self._estimator.model.parameters.pack(parameters)
@@ -408,8 +328,101 @@ def _scale(rows: dict[str, Array], vehicle: Table, factor: Any) -> None:
             rows[name] *= factor
 
 
-def _run_seeds(given: Any, count: int) -> Array:
-    seeds = np.asarray(given)
+def _run_seeds(seeds: NDArray[Any], count: int) -> Array:
+    """Return the seeds of `count` episodes: a seed + i for row i, or one for each row."""
     if seeds.shape not in ((), (count,)) or seeds.dtype.kind not in "iu" or np.any(seeds < 0) or np.any(seeds > MAX_SEED):
-        raise refused("run_seed", given, "a whole number from 0 to 2^53, or one for each row")
+        raise refused("run_seed", seeds.tolist(), "a whole number from 0 to 2^53, or one for each row")
     return np.broadcast_to(seeds + (np.arange(count) if seeds.ndim == 0 else 0), (count,)).astype(float)
+
+
+# The limits of an episode: the errors that no method can fall below (`insenv.evaluation.limits`).
+
+MAX_AVERAGED_S = 600.0
+"""Longest time over which the limit of a navigation is averaged, s."""
+RECORD_INTERVAL = 1.0
+"""Time between limits that are averaged, s."""
+NODES, EDGE = 11, 0.002
+"""Number of units, from the better to the worse grade, whose limits are computed, and how closely they lie at the ends, where
+an error that one grade does not have sets in.  The limits of those in between are interpolated: within 3 % between a marine
+and a tactical grade, within 10 % between a marine and an industrial one."""
+
+
+def episode_limits(
+    task: Task, plant: Model, scenario: Scenario, bases: tuple[Array, ...], duration: float
+) -> Callable[[Array], Array]:
+    """Return a function of the plant's parameters of k episodes (k, parameters) that returns the 1-sigma limits of their
+    error components, (k, components).
+
+    bases: the plant's parameters, or those of the two grades between which units are drawn.  duration: of an episode, s.
+    Alignment: attitude (rad, rotation about n) at the end.  Navigation: the root mean square over the episode of attitude
+    (rad), velocity (m/s) and position (m).
+
+    The trajectory, its heading and the mounting are those of the scenario: the limits of an alignment hardly depend on them.
+    """
+    navigates = task.model.parameters["limit"].size > 3
+    samples = round((min(duration, MAX_AVERAGED_S) if navigates else duration) * scenario.rate_hz)
+
+    def limit(rows: Array) -> Array:
+        limits = limit_along(plant, rows, prior_of(scenario.knowledge), samples, scenario.vehicle.in_place)
+        return _over_the_episode(limits) if navigates else limits.rotation[-1]
+
+    from scipy.interpolate import PchipInterpolator
+
+    if len(bases) == 1:
+        same = limit(bases[0])
+        return lambda vectors: np.tile(same, (len(vectors), 1))
+    low, high = bases
+    begin, end = _stretched(np.array([0.0, 1.0])).tolist()
+    nodes = np.linspace(begin, end, NODES)
+    odds = np.exp(nodes)
+    fractions = np.clip((odds * (1 + EDGE) - EDGE) / (1 + odds), 0.0, 1.0)
+    logarithms = np.log([limit(rows) for rows in between(low, high, fractions, plant.parameters)])
+    level = PchipInterpolator(nodes, logarithms)
+    fraction = _fraction_of(low, high, plant.parameters)
+    return lambda vectors: np.exp(np.asarray(level(_stretched(fraction(vectors)))))
+
+
+def _over_the_episode(limits: Limit) -> Array:
+    """Root mean square (9,) of the limits of attitude, velocity and position."""
+    end = float(limits.time[-1])
+    times = np.arange(RECORD_INTERVAL, end + 1e-9, RECORD_INTERVAL) if end >= RECORD_INTERVAL else np.array([end])
+    rotation = [np.sqrt(np.mean(np.interp(times, limits.time, axis**2))) for axis in limits.rotation.T]
+    rms = limits.rms(times)
+    return np.array([*rotation, *(rms[name] for name in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"))])
+
+
+def _stretched(fractions: Array) -> Array:
+    """Fractions of the way between two grades on a scale that is wide at both ends."""
+    return np.log((fractions + EDGE) / (1.0 - fractions + EDGE))
+
+
+def between(low: Array, high: Array, fractions: Array, parameters: Table) -> Array:
+    """Interpolate the inertial figures of two grades: in the logarithm where both are positive, else linearly.
+
+    low, high (parameters.size,): of the plant.  fractions (k,): of the way.  Returns (k, parameters.size), with all other
+    parameters as in `low`.
+    """
+    vectors, fractions = np.tile(low, (len(fractions), 1)), np.asarray(fractions)[:, None]
+    places = _figures(parameters)
+    a, b = low[places], high[places]
+    vectors[:, places] = a + (b - a) * fractions
+    positive = places[(a > 0.0) & (b > 0.0)]
+    vectors[:, positive] = low[positive] * (high[positive] / low[positive]) ** fractions
+    return vectors
+
+
+def _fraction_of(low: Array, high: Array, parameters: Table) -> Callable[[Array], Array]:
+    """The function of parameters (k, parameters.size) that returns the fractions (k,) from which `between` made them."""
+    places = _figures(parameters)
+    a, b = low[places], high[places]
+    telling = places[(a > 0.0) & (b > 0.0) & (a != b)]
+    if not len(telling):
+        return lambda vectors: np.zeros(len(vectors))
+    start, whole = low[telling[0]], np.log(high[telling[0]] / low[telling[0]])
+    return lambda vectors: np.log(vectors[:, telling[0]] / start) / whole
+
+
+def _figures(parameters: Table) -> NDArray[np.intp]:
+    """Places of the inertial figures in a plant's parameters."""
+    parts = [parameters.slice(name) for name in IMU_PARAMETERS.names if name in parameters]
+    return np.array([place for part in parts for place in range(part.start, part.stop)])

@@ -1,6 +1,6 @@
 """The conformance kit: the properties that every environment of insenv has, as checks that raise `AssertionError`.
 
-The kit also checks user-defined environments: ``check(MyEnv, lambda n, **given: MyVectorEnv(n, **given))``, or by a
+The kit also checks user-defined environments: ``check(MyEnv, lambda n, **options: MyVectorEnv(n, **options))``, or by a
 registered id ``check_id("my/Env-v0")``.  Each check is independent; `check` runs all of them.
 """
 
@@ -120,16 +120,16 @@ def check_rows(make: Make, make_vector: Make, num_envs: int = 5, steps: int = 12
     }
     space = interfaces["make_vec"].single_action_space
     actions = np.stack([_actions(space, steps, seed) for seed in range(num_envs + 1)], axis=1)
-    shown = {}
+    compared = {}
     for name, interface in interfaces.items():
         rows = interface.num_envs
         observations, infos = interface.reset(seed=40)
-        found = [(observations, np.zeros(rows), np.zeros(rows), np.zeros(rows), infos)]
-        found += [interface.step(action[:rows]) for action in actions]
-        shown[name] = [row_of(step, slice(0, num_envs)) for step in found]
+        results = [(observations, np.zeros(rows), np.zeros(rows), np.zeros(rows), infos)]
+        results += [interface.step(action[:rows]) for action in actions]
+        compared[name] = [row_of(step, slice(0, num_envs)) for step in results]
         interface.close()
-    assert_same(shown["make_vec"], shown["SyncVectorEnv"], "make_vec and SyncVectorEnv")
-    assert_same(shown["make_vec"], shown["make_vec, one row more"], "batches of other widths")
+    assert_same(compared["make_vec"], compared["SyncVectorEnv"], "make_vec and SyncVectorEnv")
+    assert_same(compared["make_vec"], compared["make_vec, one row more"], "batches of other widths")
 
 
 def check_disabled_autoreset(make_vector: Make, num_envs: int = 4) -> None:
@@ -158,20 +158,20 @@ def _actions(space: Any, count: int, seed: int = 0) -> Any:
 
 
 def _rollout(env: Any, steps: int) -> list[Any]:
-    found = []
+    results = []
     for action in _actions(env.action_space, steps):
-        found.append(env.step(action))
-        if found[-1][2] or found[-1][3]:
-            found.append(env.reset())
-    return found
+        results.append(env.step(action))
+        if results[-1][2] or results[-1][3]:
+            results.append(env.reset())
+    return results
 
 
 def episodes(env: Any, seed: int | None) -> list[Any]:
     """Return the results of a few steps after `reset(seed=seed)` and after a reset without a seed."""
-    found: list[Any] = []
+    results: list[Any] = []
     for again in (seed, None):
-        found += [env.reset(seed=again), *_rollout(env, 4)]
-    return found
+        results += [env.reset(seed=again), *_rollout(env, 4)]
+    return results
 
 
 def row_of(step: tuple[Any, ...], rows: slice) -> list[Any]:

@@ -7,13 +7,13 @@ samples after the action.
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, ClassVar
 
 import casadi as ca
-from gymnasium.vector import AutoresetMode
 
-from insenv.base.errors import InputError
 from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Model, Step
@@ -23,22 +23,22 @@ from insenv.envs.filter_inside import (
     COMMON,
     ERROR,
     SCALED,
-    SHOWN,
+    STATISTICS,
     Inner,
-    begun,
+    empty_window,
     inner_loop,
     log10,
     power10,
-    shown,
+    statistics,
     window_part,
     within,
 )
-from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
+from insenv.envs.setup import Arguments
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import InnerStarts, Range, Ranges
+from insenv.envs.starts import InnerStarts
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
-from insenv.scenario import plant_of
+from insenv.scenario import Scenario, ScenarioLike, plant_of
 
 TUNED = (
     "angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma", "gnss_position_sigma",
@@ -92,7 +92,7 @@ def tuning_task(plant: Model, estimator: str) -> Task:
     sigma = Row("sigma_level", "Decimal logarithm of the filter's standard deviations, in the order of its states", "1",
                 (inner.states,), lower=-16.0, upper=16.0)  # fmt: skip
     action = Row("log_scale_now", "The action in force", "1", (6,), lower=-1.0, upper=1.0)
-    observation = Table((CLOCK,)) + SHOWN + Table((_GNSS_LEVEL, sigma, action))
+    observation = Table((CLOCK,)) + STATISTICS + Table((_GNSS_LEVEL, sigma, action))
     score = Part(
         parameters=_PARAMETERS,
         state=_STATE,
@@ -108,7 +108,7 @@ def tuning_task(plant: Model, estimator: str) -> Task:
         reported = ca.vertcat(x.gnss_position_sigma, x.gnss_velocity_sigma)
         seen = {
             "time": x.time,
-            **shown(p, x),
+            **statistics(p, x),
             "gnss_level": log10(reported),
             "sigma_level": log10(inner.sigma(x)),
             "log_scale_now": x.log_scale_now,
@@ -123,8 +123,8 @@ def tuning_task(plant: Model, estimator: str) -> Task:
 
 
 def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    finite, given = finite_action(u.log_scale)
-    action = clamp(given, -1.0, 1.0)
+    finite, values = finite_action(u.log_scale)
+    action = clamp(values, -1.0, 1.0)
     return {
         "invalid": ca.logic_not(finite),
         SCALED: power10(p.decades * action + p.mistuning),
@@ -134,7 +134,7 @@ def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "scores": 0.0,
         "error_square": ca.SX.zeros(9),
         "nees_sum": 0.0,
-        **begun(),
+        **empty_window(),
     }
 
 
@@ -194,29 +194,37 @@ SCORE_INTERVAL = 1.0
 """Time between evaluations of the error, s; a shorter step is evaluated once."""
 
 
-def _setup(
-    scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None, estimator: str,
-    decades: float, mistuning_decades: float, consistency_weight: float, dtype: str,
-) -> Setup:  # fmt: skip
-    """Return the setup for the arguments of the classes below."""
-    found = chosen_scenario(scenario, vehicle)
-    if found.gnss is None:
-        raise InputError(f"a tuning environment needs GNSS fixes: scenario {found.name or found.title!r} has no [gnss]")
-    samples = check_whole("samples_per_step", samples_per_step)
-    constants = {
-        "decades": check_number("decades", decades, 0.0, 4.0),
-        "consistency_weight": check_number("consistency_weight", consistency_weight, 0.0, 1e3),
-        "score_samples": float(max(1, min(samples, round(SCORE_INTERVAL * found.rate_hz)))),
-    }
-    mistuning = check_number("mistuning_decades", mistuning_decades, 0.0, 4.0)
-    check_type("estimator", estimator, str, "the id of an estimator")
-    plant = plant_of(found)[0]
-    task = tuning_task(plant, estimator)
-    starts = partial(InnerStarts, inner=inner_loop(plant, estimator, TUNED), mistuning=mistuning)
-    return make_setup(found, task, ranges, samples, duration_s, constants, starts, dtype)
+@dataclass(kw_only=True, repr=False, eq=False)
+class Tuning(Arguments):
+    """The arguments and the task of `TuningEnv` and `TuningVectorEnv`."""
+
+    needs_gnss: ClassVar[bool] = True
+    scenario: ScenarioLike = field(default="car-city-drive", kw_only=False)
+    samples_per_step: int = 2000
+    estimator: str = "loosely-coupled"
+    decades: float = 2.0
+    mistuning_decades: float = 1.5
+    consistency_weight: float = 0.5
+
+    def _constants(self, scenario: Scenario) -> Mapping[str, float]:
+        samples = check_whole("samples_per_step", self.samples_per_step)
+        return {
+            "decades": check_number("decades", self.decades, 0.0, 4.0),
+            "consistency_weight": check_number("consistency_weight", self.consistency_weight, 0.0, 1e3),
+            "score_samples": float(max(1, min(samples, round(SCORE_INTERVAL * scenario.rate_hz)))),
+        }
+
+    def _task(self, scenario: Scenario) -> Task:
+        check_number("mistuning_decades", self.mistuning_decades, 0.0, 4.0)
+        check_type("estimator", self.estimator, str, "the id of an estimator")
+        return tuning_task(plant_of(scenario)[0], self.estimator)
+
+    def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:
+        return InnerStarts(scenario, *rest, estimator=self.estimator, mistuning=float(self.mistuning_decades))
 
 
-class TuningEnv(InertialEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class TuningEnv(Tuning, InertialEnv):
     """
     ## Description
     A vehicle moves and a built-in filter navigates it with GNSS. The filter's noise parameters are those of the data
@@ -296,39 +304,7 @@ class TuningEnv(InertialEnv):
     - v0: first version.
     """  # noqa: E501
 
-    def __init__(
-        self, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "", samples_per_step: int = 2000,
-        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] | None = None,
-        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
-        gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "loosely-coupled", decades: float = 2.0,
-        mistuning_decades: float = 1.5, consistency_weight: float = 0.5, dtype: str = "float64", backend: str | None = None,
-        render_mode: str | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
-        rewarded = (decades, mistuning_decades, consistency_weight)
-        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, *rewarded, dtype)
-        super().__init__(setup, backend=backend, render_mode=render_mode)
 
-
-class TuningVectorEnv(InertialVectorEnv):
+@dataclass(kw_only=True, repr=False, eq=False)
+class TuningVectorEnv(Tuning, InertialVectorEnv):
     """Many `TuningEnv` in one batch; takes the arguments of `TuningEnv` and of `InertialVectorEnv`."""
-
-    def __init__(
-        self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "",
-        samples_per_step: int = 2000, duration_s: float | None = None, imu: str | None = None,
-        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = None, sea_state: Range | None = None,
-        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
-        estimator: str = "loosely-coupled", decades: float = 2.0, mistuning_decades: float = 1.5,
-        consistency_weight: float = 0.5, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        threads: int = 1, dtype: str = "float64", backend: str | None = None, render_mode: str | None = None,
-        max_episode_steps: int | None = None,
-    ) -> None:  # fmt: skip
-        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
-        rewarded = (decades, mistuning_decades, consistency_weight)
-        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, *rewarded, dtype)
-        super().__init__(
-            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
-            max_episode_steps=max_episode_steps,
-        )  # fmt: skip

@@ -6,6 +6,7 @@ Row i is bit-identical to the single environment reset with seed + i, through al
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,14 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.core.batch import Batch, make_batch
 from insenv.envs.checks import check_type, check_whole, is_whole, refused
-from insenv.envs.setup import Setup, checked_action
+from insenv.envs.setup import checked_action
 from insenv.envs.single import Interface, Snapshot, places_of
 
 Array = NDArray[np.float64]
 Infos = dict[str, Any]
 
 
+@dataclass(kw_only=True, repr=False, eq=False)
 class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
     """Many environments of a task in one batch; its subclasses define the task.
 
@@ -36,18 +38,22 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
-    def __init__(
-        self, setup: Setup, num_envs: int, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1,
-        backend: str | None = None, render_mode: str | None = None, max_episode_steps: int | None = None,
-    ) -> None:  # fmt: skip
-        if render_mode is not None:
-            raise refused("render_mode", render_mode, "None; only a single environment is drawn")
-        allowed = tuple(AutoresetMode)
-        mode = next((m for m in AutoresetMode if autoreset_mode in (m, m.value, m.name)), None)
-        if mode not in allowed:
-            raise refused("autoreset_mode", autoreset_mode, " or ".join(repr(m.value) for m in allowed))
-        self.setup, self.num_envs = setup, check_whole("num_envs", num_envs)
-        self._most = np.inf if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps)
+    num_envs: int = field(default=1, kw_only=False)
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP
+    threads: int = 1
+    backend: str | None = None
+    render_mode: str | None = None
+    max_episode_steps: int | None = None
+
+    def __post_init__(self) -> None:
+        self.setup = setup = self.set_up()
+        if self.render_mode is not None:
+            raise refused("render_mode", self.render_mode, "None; only a single environment is drawn")
+        mode = next((m for m in AutoresetMode if self.autoreset_mode in (m, m.value, m.name)), None)
+        if mode is None:
+            raise refused("autoreset_mode", self.autoreset_mode, " or ".join(repr(m.value) for m in AutoresetMode))
+        self.num_envs, self.autoreset_mode = check_whole("num_envs", self.num_envs), mode
+        self._most = np.inf if self.max_episode_steps is None else check_whole("max_episode_steps", self.max_episode_steps)
         self._elapsed = np.zeros(self.num_envs)
         self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.single_action_space, self.single_observation_space = setup.spaces()
@@ -57,7 +63,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         task = setup.task
         base = np.tile(setup.task.model.parameters.start_vector(), (self.num_envs, 1))
         self._batch: Batch = make_batch(
-            task.model, self.num_envs, base, threads=check_whole("threads", threads), backend=backend
+            task.model, self.num_envs, base, threads=check_whole("threads", self.threads), backend=self.backend
         )
         self._places = places_of(setup)
         self._reward, self._terminated, self._truncated = (
@@ -72,12 +78,6 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         self._over: NDArray[np.bool_] | None = None
         self._generators: list[np.random.Generator] = []
         self._generator_seeds: list[int] = [-1] * self.num_envs
-
-    @property
-    def autoreset_mode(self) -> AutoresetMode:
-        """How ended rows restart."""
-        mode: AutoresetMode = self.metadata["autoreset_mode"]
-        return mode
 
     @property
     def np_random_seed(self) -> Any:
@@ -109,9 +109,9 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         if self._over is None:
             self._over = np.zeros(self.num_envs, dtype=bool)
         self._start(rows, options or None)
-        shown = np.zeros((self.num_envs, max(place.stop for place in self._places.values())))
-        shown[:, self._outputs] = self._batch.output()
-        return self.setup.seen(shown[:, : self._observed]), self._info(shown)
+        values = np.zeros((self.num_envs, max(place.stop for place in self._places.values())))
+        values[:, self._outputs] = self._batch.output()
+        return self.setup.seen(values[:, : self._observed]), self._info(values)
 
     def step(self, actions: Array) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], Infos]:
         """Judge each row's action, then advance to the next decision; `autoreset_mode` decides about ended rows."""
@@ -119,61 +119,58 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             raise ResetNeeded("step() before reset(): call reset() first")
         self._actions[:] = checked_action(actions, self._actions.shape)
         over = self._over.nonzero()[0]
-        if len(over) and self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
+        if len(over) and self.autoreset_mode is AutoresetMode.DISABLED:
             raise ResetNeeded(f'rows {over[:8].tolist()} have ended: reset(options={{"reset_mask": mask}}) starts them again')
-        shown = self._call()
+        values = self._call()
         self._elapsed += 1
         if len(over):  # NEXT_STEP: the new episode has no score yet
-            self._show_starts(over, shown)
-            shown[over, self._reward : self._truncated + 1] = 0.0
-        reward, terminated, truncated = shown[:, self._reward].copy(), shown[:, self._terminated], shown[:, self._truncated]
+            self._show_starts(over, values)
+            values[over, self._reward : self._truncated + 1] = 0.0
+        reward, terminated, truncated = values[:, self._reward].copy(), values[:, self._terminated], values[:, self._truncated]
         # as the wrapper TimeLimit does for a single environment
         terminated, truncated = terminated != 0.0, (truncated != 0.0) | (self._elapsed >= self._most)
         self._over = terminated | truncated
         final: Infos = {}
         ended = self._over.nonzero()[0]
-        if len(ended) and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
-            final = self._final(ended, shown)
-            self._show_starts(ended, shown)
-        return self.setup.seen(shown[:, : self._observed]), reward, terminated, truncated, {**self._info(shown), **final}
+        if len(ended) and self.autoreset_mode is AutoresetMode.SAME_STEP:
+            final = self._final(ended, values)
+            self._show_starts(ended, values)
+        return self.setup.seen(values[:, : self._observed]), reward, terminated, truncated, {**self._info(values), **final}
 
-    def _show_starts(self, rows: NDArray[np.intp], shown: Array) -> None:
-        """Start rows again and write their first observations into `shown`."""
+    def _show_starts(self, rows: NDArray[np.intp], values: Array) -> None:
+        """Start rows again and write their first observations into `values`."""
         self._start(rows, None)
-        shown[rows] = 0.0
-        shown[rows, self._outputs] = self._batch.output()[rows]
+        values[rows] = 0.0
+        values[rows, self._outputs] = self._batch.output()[rows]
 
-    def _final(self, rows: NDArray[np.intp], shown: Array) -> Infos:
+    def _final(self, rows: NDArray[np.intp], values: Array) -> Infos:
         """Return the last observations and infos of ended rows, in the form of `gymnasium.vector.SyncVectorEnv`."""
         ended = np.zeros(self.num_envs, dtype=bool)
         ended[rows] = True
         observations = np.full(self.num_envs, None, dtype=object)
         for row in rows:
-            observations[row] = self.setup.seen(shown[row, : self._observed].copy())
-        infos: Infos = {}
-        for name, values in self._info(shown).items():
-            if name.startswith("_"):
-                infos[name] = ended.copy()
-            else:
-                infos[name] = np.where(ended.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
+            observations[row] = self.setup.seen(values[row, : self._observed].copy())
+        infos = {
+            name: ended.copy() if name.startswith("_") else np.where(ended.reshape(-1, *[1] * (info.ndim - 1)), info, 0.0)
+            for name, info in self._info(values).items()
+        }
         return {"final_obs": observations, "_final_obs": ended, "final_info": infos, "_final_info": ended.copy()}
 
     def _start(self, rows: NDArray[np.intp], options: dict[str, Any] | None) -> None:
         if not len(rows):
             return
-        starts = self.setup.starts
-        p = starts.draw([self._generators[i] for i in rows], options)
-        complete = starts.complete(p, self._batch.starts(p), options)
-        self._batch.start_rows(rows, complete)
+        starts = self.setup.starts.with_options(options)
+        p = starts.draw([self._generators[i] for i in rows])
+        self._batch.start_rows(rows, starts.complete(p, self._batch.starts(p)))
         assert self._over is not None
         self._over[rows] = False
         self._elapsed[rows] = 0
 
-    def _info(self, shown: Array) -> Infos:
+    def _info(self, values: Array) -> Infos:
         infos: Infos = {}
         every = np.ones(self.num_envs, dtype=bool)
         for name, mask, place, several in self._info_places:
-            infos[name] = shown[:, place] if several else shown[:, place.start]
+            infos[name] = values[:, place] if several else values[:, place.start]
             infos[mask] = every
         return infos
 

@@ -47,19 +47,18 @@ def check_estimator(
 
 def _plant(estimator: Estimator, scenario: ScenarioLike | None) -> Plant:
     """A short plant that the estimator runs on.  Raises `AssertionError` if there is none."""
-    for one in names() if scenario is None else (scenario,):
-        loaded = load(one)
+    for loaded in map(load, names() if scenario is None else (scenario,)):
         if not estimator.refusal(loaded.drive()):
             return build(loaded, duration_s=DURATION_S)
     raise AssertionError(f"estimator {estimator.id!r} runs on no scenario")
 
 
-def _check_outputs(this: str, estimator: Estimator, shown: dict[str, np.ndarray]) -> None:
+def _check_outputs(this: str, estimator: Estimator, outputs: dict[str, np.ndarray]) -> None:
     for name in OUTPUTS[estimator.kind]:
-        assert name in shown, f"{this}: an estimator of kind {estimator.kind!r} has no output {name!r}"
-    for name, values in shown.items():
+        assert name in outputs, f"{this}: an estimator of kind {estimator.kind!r} has no output {name!r}"
+    for name, values in outputs.items():
         assert np.isfinite(values).all(), f"{this}: output {name!r} is not finite"
         if name.endswith("_sigma"):
             assert np.all(values >= 0.0), f"{this}: output {name!r} is negative"
-    norm = np.sqrt(np.sum(np.square(shown["q_nb"]), axis=1))
+    norm = np.sqrt(np.sum(np.square(outputs["q_nb"]), axis=1))
     assert np.allclose(norm, 1.0, rtol=0, atol=1e-6), f"{this}: q_nb is not of unit norm: {norm.min()} to {norm.max()}"

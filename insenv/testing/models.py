@@ -13,7 +13,7 @@ from insenv.core.batch import make_batch
 from insenv.core.compile import find_compiler
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
-from insenv.core.tables import Row, Table, Vector
+from insenv.core.tables import Table, Vector
 
 UNITS = frozenset(["m", "s", "rad", "deg", "Hz", "K", "Pa", "T", "SI", "sqrt"])
 """What units are made of; "SI" stands where a matrix mixes them, and a list such as "m, m/s" names those of the elements."""
@@ -31,12 +31,8 @@ def check_tables(model: Model) -> None:
             assert row.unit.strip() and set(re.findall("[a-zA-Z]+", row.unit)) <= UNITS, f"{where}: unit = {row.unit!r}"
             framed = FRAMED.search(row.name)
             assert not (framed and row.frame and row.shape) or row.frame == framed[1], f"{where}: frame = {row.frame!r}"
-            _check_start(where, row)
-
-
-def _check_start(where: str, row: Row) -> None:
-    start = row.flat_start()
-    assert np.all((start >= row.lower) & (start <= row.upper)), f"{where}: start = {row.start!r} is out of its bounds"
+            start = row.flat_start()
+            assert np.all((start >= row.lower) & (start <= row.upper)), f"{where}: start = {row.start!r} is out of its bounds"
 
 
 def check_inputs(model: Model, parameters: Vector) -> None:
@@ -82,12 +78,12 @@ def check_snapshots(model: Model, parameters: Vector, inputs: Vector, backend: s
 def check_backends(model: Model, parameters: Vector, inputs: Vector) -> None:
     """Check that interpreter, native code and a batch give the same bits; without a C compiler there is nothing to compare."""
     runner = make_runner(model, parameters, "interpreter")
-    shown = runner.run(len(inputs), inputs)
+    rows = runner.run(len(inputs), inputs)
     if find_compiler() is None:
         return
     native = make_runner(model, parameters, "native")
-    assert native.run(len(inputs), inputs).tobytes() == shown.tobytes(), f"model {model.id!r}: native code gives other outputs"
+    assert native.run(len(inputs), inputs).tobytes() == rows.tobytes(), f"model {model.id!r}: native code gives other outputs"
     assert native.x.tobytes() == runner.x.tobytes(), f"model {model.id!r}: native code ends in another state"
     batch = make_batch(model, 3, np.tile(parameters, (3, 1)), backend="native")
-    rows = batch.run(len(inputs), np.tile(inputs, (3, 1, 1)), every=1)
-    assert rows[1].tobytes() == shown.tobytes(), f"model {model.id!r}: a row of a batch gives other outputs"
+    many = batch.run(len(inputs), np.tile(inputs, (3, 1, 1)), every=1)
+    assert many[1].tobytes() == rows.tobytes(), f"model {model.id!r}: a row of a batch gives other outputs"

@@ -79,11 +79,11 @@ def check_sensor(section: type[SensorSection], *, compiled: bool = True, **value
         unknown = set(stated) - set(stated_rows().names)
         assert not unknown, f"{this} states {sorted(unknown)}, which are no rows of insenv.sensors.registry.stated_rows"
     runs = [make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples) for plant in plants]
-    shown = [plant.model.outputs.unpack(found) for plant, found in zip(plants, runs, strict=True)]
+    outputs = [plant.model.outputs.unpack(rows) for plant, rows in zip(plants, runs, strict=True)]
     assert runs[0].tobytes() == runs[1].tobytes(), f"{this}: a seed gives two different runs"
     for name in sensor.outputs:
-        assert np.isfinite(shown[0][name]).all(), f"{this}: output {name!r} is not finite"
-    varied = any(not np.array_equal(shown[0][name], shown[2][name]) for name in sensor.outputs)
+        assert np.isfinite(outputs[0][name]).all(), f"{this}: output {name!r} is not finite"
+    varied = any(not np.array_equal(outputs[0][name], outputs[2][name]) for name in sensor.outputs)
     assert varied or not sensor.errors, f"{this} declares errors, but seeds 1 and 2 measure the same"
     _check_plant(plants[0], compiled)
 

@@ -57,7 +57,7 @@ VECTOR = [
 OWN = [
     (AlignmentEnv, {"sway_phases": 1}, "sway_phases = 1: allowed is True or False"),
     (AlignmentEnv, {"mounting_deg": -1.0}, "mounting_deg = -1.0 deg: allowed is a number from 0 to 80 deg"),
-    (NavigationEnv, {"scenario": "aircraft-free-inertial", "vehicle": "aircraft"}, "needs GNSS fixes: the scenario has no"),
+    (NavigationEnv, {"scenario": "aircraft-free-inertial", "vehicle": "aircraft"}, "needs GNSS fixes: scenario 'aircraft-free"),
     (ManoeuvreEnv, {"start_speed_mps": 3.0}, "start_speed_mps = 3.0: allowed is a pair (low, high) of numbers from 0 to 340"),
     (ManoeuvreEnv, {"goal_deg": 0}, "goal_deg = 0 deg: allowed is a number above 0 up to 180 deg"),
     (ManoeuvreEnv, {"reward": ["error"]}, "reward = ['error']: allowed is 'error' or 'uncertainty'"),

@@ -53,8 +53,8 @@ class LSSVMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         weights = _check_sample_weight(sample_weight, X, dtype=np.float64)
         if (weights < 0).any() or not weights.any():
             raise ValueError("sample_weight: allowed are numbers from 0 up, not all 0")
-        kept = weights > 0
-        X, targets, weights = X[kept], np.asarray(y, dtype=np.float64)[kept], weights[kept]
+        weighted = weights > 0
+        X, targets, weights = X[weighted], np.asarray(y, dtype=np.float64)[weighted], weights[weighted]
         targets = targets.reshape(len(X), -1)
         if self.support is None or self.support >= len(X):
             self.support_ = X.copy()
@@ -73,8 +73,8 @@ class LSSVMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         X = validate_data(self, X, reset=False, dtype=np.float64)
         blocks = [rbf(X[i : i + BLOCK], self.support_, self.sigma) @ self.dual_coef_ for i in range(0, len(X), BLOCK)]
-        found = np.concatenate(blocks) + self.intercept_
-        return found[:, 0] if self._single else found
+        outputs = np.concatenate(blocks) + self.intercept_
+        return outputs[:, 0] if self._single else outputs
 
 
 def rbf(X: Array, Z: Array, sigma: float) -> Array:
@@ -105,9 +105,9 @@ def _dual(K: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
     from scipy.linalg import cho_factor, cho_solve
 
     factor = cho_factor(K + np.diag(1.0 / weights), lower=True)
-    ones, found = cho_solve(factor, np.ones(len(K))), cho_solve(factor, targets)
-    offset = found.sum(axis=0) / ones.sum()
-    return found - np.outer(ones, offset), offset
+    ones, free = cho_solve(factor, np.ones(len(K))), cho_solve(factor, targets)
+    offset = free.sum(axis=0) / ones.sum()
+    return free - np.outer(ones, offset), offset
 
 
 def _fixed_size(C: Array, Omega: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
@@ -124,5 +124,5 @@ def _fixed_size(C: Array, Omega: Array, targets: Array, weights: Array) -> tuple
     scale = np.sqrt(weights)[:, None]
     stacked = np.block([[scale * C, scale], [root, np.zeros((len(root), 1))]])
     right = np.concatenate([scale * targets, np.zeros((len(root), targets.shape[1]))])
-    found = lstsq(stacked, right, cond=1e-15)[0]
-    return found[:-1], found[-1]
+    solution = lstsq(stacked, right, cond=1e-15)[0]
+    return solution[:-1], solution[-1]

@@ -74,45 +74,38 @@ def collect(
 
     Raises `InputError` for a scenario in which the filter cannot work, or if fewer than two runs are usable.
     """
-    found: list[tuple[Array, Array]] = []  # inputs and misalignment quaternions of each run
-    astray, done, total = 0, 0, len(scenarios) * min(len(SHARES), len(seeds))
+    runs: list[tuple[Array, Array]] = []  # inputs and misalignment quaternions of each run
+    work = [
+        (scenario, share, seeds[place :: len(SHARES)])
+        for scenario in scenarios
+        for place, share in enumerate(SHARES[: len(seeds)])
+    ]
     for scenario in scenarios:
-        _check(scenario)
-        for place, share in enumerate(SHARES):
-            chosen = list(seeds)[place :: len(SHARES)]
-            if not chosen:
-                continue
-            pairs, lost = _of(scenario, share, chosen, duration_s, raw_inputs)
-            found += pairs
-            astray += lost
-            done += 1
-            if progress is not None:
-                progress(done, total)
-    if len(found) < 2:
-        raise InputError(f"training needs at least two runs in which {FILTER} finds the attitude: there are {len(found)}")
-    counts = [len(inputs) for inputs, _ in found]
-    misalignment = np.concatenate([q for _, q in found])
+        if scenario.gnss is None:
+            raise InputError(f"scenario {scenario.name!r} has no [gnss]: {FILTER} and lssvm need it")
+        if not scenario.vehicle.in_place:
+            raise InputError(f"scenario {scenario.name!r} moves: lssvm aligns a vehicle in place")
+    for done, (scenario, share, chosen) in enumerate(work, 1):
+        runs += _runs(scenario, share, chosen, duration_s, raw_inputs)
+        if progress is not None:
+            progress(done, len(work))
+    if len(runs) < 2:
+        raise InputError(f"training needs at least two runs in which {FILTER} finds the attitude: there are {len(runs)}")
+    inputs, misalignment = (np.concatenate(parts) for parts in zip(*runs, strict=True))
     return Samples(
-        np.concatenate([inputs for inputs, _ in found]),
+        inputs,
         attitude.numeric.to_rotation_vector(misalignment) if raw_inputs else sine_vector(misalignment),
         2 * np.arcsin(np.minimum(np.linalg.norm(misalignment[:, 1:], axis=1), 1.0)),
-        np.repeat(np.arange(len(found)), counts),
-        len(found),
-        astray,
+        np.repeat(np.arange(len(runs)), [len(rows) for rows, _ in runs]),
+        len(runs),
+        len(scenarios) * len(seeds) - len(runs),
     )
 
 
-def _check(scenario: Scenario) -> None:
-    if scenario.gnss is None:
-        raise InputError(f"scenario {scenario.name!r} has no [gnss]: {FILTER} and lssvm need it")
-    if not scenario.vehicle.in_place:
-        raise InputError(f"scenario {scenario.name!r} moves: lssvm aligns a vehicle in place")
-
-
-def _of(
+def _runs(
     scenario: Scenario, share: float, seeds: Sequence[int], duration_s: float | None, raw_inputs: int
-) -> tuple[list[tuple[Array, Array]], int]:
-    """Inputs and misalignment quaternions of each run, and the number of runs left out."""
+) -> list[tuple[Array, Array]]:
+    """Inputs and misalignment quaternions of each run whose filter does not end astray."""
     known = scenario.knowledge
     drawn = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), None if share else 0.0)
     sigmas = {name: getattr(known, name) * (share or 1.0) for name in ("tilt_sigma_deg", "heading_sigma_deg")}
@@ -127,18 +120,14 @@ def _of(
         records=max(2, round(seconds)),
         tuning={FILTER: whole, "lssvm": {**EMPTY, "raw_inputs": float(raw_inputs)}},
     )
-    pairs, lost = [], 0
-    for row, seed in enumerate(seeds):
-        if np.abs(run.attitude_errors_deg(FILTER)[row, -1]).max() > ASTRAY_DEG:
-            lost += 1
-            continue
-        pairs.append(_samples(run, row, seed))
-    return pairs, lost
+    last = run.attitude_errors_deg(FILTER)[:, -1]
+    return [_samples(run, row, seed) for row, seed in enumerate(seeds) if np.abs(last[row]).max() <= ASTRAY_DEG]
 
 
 def _samples(run: Ensemble, row: int, seed: int) -> tuple[Array, Array]:
     sins, teacher = run.outputs["lssvm"], run.outputs[FILTER]
-    moving = np.abs(run.attitude_errors_deg(FILTER)[row] - run.attitude_errors_deg(FILTER)[row, -1]).max(axis=1) > SETTLED_DEG
+    errors = run.attitude_errors_deg(FILTER)[row]
+    moving = np.abs(errors - errors[-1]).max(axis=1) > SETTLED_DEG
     unready = (sins["ready"][row] == 0) | moving
     ready = np.arange(len(unready) - int(np.argmax(unready[::-1])) if unready.any() else 0, len(unready))
     if len(ready) < TIMES:

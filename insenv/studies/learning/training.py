@@ -13,19 +13,18 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.installing import need
+from insenv.base.version import __version__
 from insenv.core.runner import check_progress
 from insenv.estimators.lssvm import SUPPORT, TrainedMachine
 from insenv.scenario import Scenario, load
-
-if TYPE_CHECKING:
-    from insenv.studies.learning.samples import Samples
+from insenv.studies.learning.samples import FILTER, SHARES, Samples, collect
 
 Array = NDArray[np.float64]
 GAMMAS = (1e2, 1e3, 1e4, 1e5, 1e6)
@@ -53,10 +52,6 @@ class Choice:
 PRINTED = Choice((2 * 15.0,), (math.sqrt(0.2),), raw_inputs=1)
 """The machine as the paper prints it: raw differences, c = 15 (gamma is 2 c), delta^2 = 0.2, inputs over their standard
 deviation, samples without weights."""
-VALIDATED = Choice((0.3, 3.0, 30.0, 300.0, 3e3, 3e4, 3e5), (0.1, math.sqrt(0.2), 2.0, 8.0, 32.0, 128.0), raw_inputs=1)
-"""The same with parameters by cross-validation."""
-RESET = replace(PRINTED, raw_inputs=2)
-"""The same with the differences of a SINS whose velocity and position every fix sets."""
 
 
 def train(
@@ -74,10 +69,8 @@ def train(
     """
     check_progress(progress, ("work", "done", "total"))
     need_packages()
-    from insenv.studies.learning.samples import FILTER, SHARES, collect
-
     choice = choice or Choice()
-    loaded = [load(s) if not isinstance(s, Scenario) else s for s in scenarios]
+    loaded = [load(scenario) for scenario in scenarios]
     if not loaded:
         raise InputError("training needs a scenario")
     if len(seeds) < len(SHARES):
@@ -103,7 +96,7 @@ def train(
     best = search.best_estimator_
     small = samples.angle < (np.inf if choice.raw_inputs else SMALL)
     scatter = np.sqrt(np.mean(held_out[small if small.any() else slice(None)] ** 2, axis=0))
-    training: dict[str, Any] = {
+    training = {
         "filter": FILTER,
         "runs": [
             {
@@ -126,8 +119,6 @@ def train(
             "small_samples": int(small.sum()),
         },
     }
-    from insenv.base.version import __version__
-
     return TrainedMachine(
         support=_rounded_array(best.support_ / best.sigma),
         coefficients=_rounded_array(best.dual_coef_),
@@ -171,12 +162,12 @@ def _search(samples: Samples, weights: Array, choice: Choice, progress: Callable
     total = len(choice.gammas) * len(choice.sigmas) * folds.n_splits
     done = 0
 
-    def relative_square(true: Array, found: Array, sample_weight: Array) -> float:
+    def relative_square(true: Array, predicted: Array, sample_weight: Array) -> float:
         nonlocal done
         done += 1
         if progress is not None:
             progress(min(done, total), total)
-        return float(np.mean(sample_weight * np.sum((found - true) ** 2, axis=1)))
+        return float(np.mean(sample_weight * np.sum((predicted - true) ** 2, axis=1)))
 
     with sklearn.config_context(enable_metadata_routing=True):
         search = GridSearchCV(
@@ -186,15 +177,10 @@ def _search(samples: Samples, weights: Array, choice: Choice, progress: Callable
             cv=folds,
             error_score="raise",
         )
-        search.fit(samples.inputs, samples.outputs, groups=samples.run, sample_weight=weights)
-        predicted = cross_val_predict(
-            search.best_estimator_,
-            samples.inputs,
-            samples.outputs,
-            cv=folds,
-            params={"groups": samples.run, "sample_weight": weights},
-        )
-    return search, predicted - samples.outputs
+        routed = {"groups": samples.run, "sample_weight": weights}
+        search.fit(samples.inputs, samples.outputs, **routed)
+        held_out = cross_val_predict(search.best_estimator_, samples.inputs, samples.outputs, cv=folds, params=routed)
+    return search, held_out - samples.outputs
 
 
 def _rounded(value: Any) -> Any:
