@@ -346,7 +346,11 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
 }
 """By page, its generated parts by name."""
 SCHEMA = "scenarios/schema.json"
-PICTURES = {"docs/figures/architecture.svg": pictures.architecture, "docs/figures/frames.svg": pictures.frames}
+PICTURES = {
+    "docs/figures/architecture.svg": pictures.architecture,
+    "docs/figures/frames.svg": pictures.frames,
+    "docs/figures/sample-path.svg": pictures.sample_path,
+}
 
 
 def current() -> dict[str, str]:

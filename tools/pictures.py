@@ -19,6 +19,8 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+from insenv.scenario import build, load
+
 ROOT = Path(__file__).resolve().parents[1]
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 GROUPS = {
@@ -82,6 +84,49 @@ def clause(text: str) -> str:
     """What a docstring's first line says, without the name before its colon and what follows its first clause."""
     text = re.sub(r"^[`\w]+: ", "", text).replace("`", "")
     return re.split(r"[;:.](?:\s|$)", text)[0]
+
+
+def sample_path() -> str:
+    """The way of a number from a key of a scenario to C code, and of a sample from there to a table, with the code's values."""
+    plant = build(load("car-odometer"), seed=1)
+    section, table = plant.scenario.sensors["odometer"], plant.model.parameters
+    value, place = section.rows(plant.scenario.rate_hz)["odometer_noise"], table.slice("odometer_noise").start
+    boxes = (
+        ("scenario file", "[odometer]", f'grade = "{section.grade}"', "scenario.files"),  # type: ignore[attr-defined]
+        ("section", "keys, checked once", "noise_mps: 0 and more", "sensors.instrument_section"),
+        ("row", "odometer_noise", f"{float(value):g} m/s", "sensors.odometer"),
+        ("vector", f"p[{place}]", f"one of {table.size} parameters", "core.tables"),
+        ("equation", "measure(motion, errors, p)", "at the truth", "sensors.odometer"),
+        ("C code", "step odometer", "also batch, FMU, page", "core.codegen"),
+        ("sample", "odometer_speed", "output of the plant", "core.runner"),
+        ("estimator", "measure(motion, errors, p)", "at the estimate", "estimators.fusion"),
+        ("errors, limit", "measure(motion, errors, p)", "differentiated along the truth", "evaluation"),
+        ("report", "table, page, JSON", "rms, limit, stated sigma", "report"),
+    )
+    colours = {package: colour for _, (colour, names) in GROUPS.items() for package in names.split()}
+    width, height, gap, columns = 196, 104, 28, 4
+    parts: list[str] = []
+    for number, (title, first, second, module) in enumerate(boxes):
+        row, column = divmod(number, columns)
+        column = column if row % 2 == 0 else columns - 1 - column
+        x, y = 8 + column * (width + gap), 8 + row * (height + gap)
+        colour = colours[module.partition(".")[0]]
+        parts.append(f"<rect x='{x}' y='{y}' width='{width}' height='{height}' rx='8' fill='{colour}'/>")
+        lines = (
+            (title, 16, "font-weight='bold'"),
+            (first, 13, ""),
+            (second, 13, ""),
+            (f"insenv.{module}", 11.5, "opacity='0.8'"),
+        )
+        for place_of_line, (text, size, more) in enumerate(lines):
+            parts.append(_text(x + width / 2, y + 24 + 23 * place_of_line, text, size, "#ffffff", "middle", more))
+        if number + 1 < len(boxes):
+            turns, back = (number + 1) % columns == 0, row % 2 == 1
+            begin = (x + width / 2, y + height) if turns else (x, y + height / 2) if back else (x + width, y + height / 2)
+            end = (begin[0], begin[1] + gap) if turns else (begin[0] + (-gap if back else gap), begin[1])
+            parts.append(_arrow(*begin, *end, "#808a94", "", (0, 0)))
+    rows = -(-len(boxes) // columns)
+    return _svg(16 + columns * (width + gap) - gap, 16 + rows * (height + gap) - gap, "From a key to a table", parts)
 
 
 def frames() -> str:
