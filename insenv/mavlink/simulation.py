@@ -7,22 +7,23 @@ restarted and the vehicle steered.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.core.tables import Vector
+from insenv.core.tables import Table, Vector
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.live_health import LiveHealth
 from insenv.mavlink.surroundings import Interference, defaults
-from insenv.scenario import Plant, Scenario, build, poles
+from insenv.scenario import Scenario, build, poles
 from insenv.scenario.files import named_estimators
 
-_POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
+POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
 
 
 @dataclass(frozen=True)
@@ -54,10 +55,12 @@ class Simulation:
     by the next `advance`).  samples: number simulated.  alignments: number started.  fix: the latest fix received;
     fixes: their number.  readings: number of measurements of magnetometer and barometer, by id.  gnss_on: whether the
     receiver is on.  interference: what disturbs it, or None.  increments (6): sums of the delta angles (rad) and delta
-    velocities (m/s) that the estimator received.  bridged: number of lost samples; lost_in_a_row: consecutive ones up to
-    the latest.  health: of the estimator since the alignment began, or None if it does not report it.  reported_heading_sigma:
-    standard deviation (rad) of the heading from which the alignment began, 0 if the estimator takes none.
-    changed: whether commands or parameters have made the drive another one than the scenario's.
+    velocities (m/s) that the estimator received; last_increment (6): the latest of them.  bridged: number of lost samples;
+    lost_in_a_row: consecutive ones up to the latest.  health: of the estimator since the alignment began, or None if it does
+    not report it.  reported_heading_sigma: standard deviation (rad) of the heading from which the alignment began, 0 if the
+    estimator takes none.  plant_parameters, estimator_parameters: the values in force, in the order of the models' tables;
+    set them by `set_plant_parameter` and `set_estimator_parameter`.  changed: whether commands or parameters have made the
+    drive another one than the scenario's.
     """
 
     def __init__(
@@ -68,17 +71,17 @@ class Simulation:
         with_added = build(scenario.model_copy(update=added), seed=seed) if added else plant
         # the estimator knows the scenario alone: its run is that of `insenv run`
         self.plant = replace(plant, model=with_added.model, parameters=with_added.parameters)
-        self.estimator = _chosen(estimator, self.plant)
+        self.estimator = self.plant.adapted(estimator or named_estimators(scenario)[0], whole=False)
         self.interval = self.plant.sample_interval
         self._plant = make_runner(self.plant.model, self.plant.parameters)
         self._settings: dict[int, float] = {}
         self._filter = make_runner(self.estimator.model, self.plant.parameters_of(self.estimator, whole=False))
-
+        self.plant_parameters, self.estimator_parameters = self._plant.p, self._filter.p
         self._y = self._plant.output()
         self._z = self._filter.output()
         self.truth = self.plant.model.outputs.unpack(self._y)
         self.estimate = self.estimator.model.outputs.unpack(self._z)
-        self._start = {name: np.array(self.truth[name]) for name in _POSE}
+        self._start = {name: np.array(self.truth[name]) for name in POSE}
         self.samples = 0
         self.bridged = self.lost_in_a_row = 0
         self.fixes = 0
@@ -89,17 +92,16 @@ class Simulation:
         self._delivered = 0
         self.alignments = 1
         self._aligning_since = 0
-        self.increments = np.zeros(6)
+        self.increments, self.last_increment = np.zeros(6), np.zeros(6)
         self.health = self._new_health()
 
-        self._increment = np.zeros(6)
         inputs, outputs, known = self.estimator.model.inputs, self.plant.model.outputs, plant.model.outputs
         self._u = inputs.start_vector()
         self._u[inputs.slice("dt")] = self.interval
         self._given = inputs.slice("delta_angle"), inputs.slice("delta_velocity")
         fed = [n for n in inputs.names if n in known and n not in ("delta_angle", "delta_velocity", "dt")]
-        self._to = np.concatenate([np.zeros(0, int), *(np.r_[inputs.slice(n)] for n in fed)]).astype(int)
-        self._from = np.concatenate([np.zeros(0, int), *(np.r_[outputs.slice(n)] for n in fed)]).astype(int)
+        self._to = _places(inputs, fed)
+        self._from = _places(outputs, fed)
         self._valid = inputs.slice("gnss_valid") if "gnss_valid" in inputs else None
         self._commands = self.plant.model.inputs.start_vector() if self.plant.model.inputs.rows else None
         self._commanded = self.changed = False
@@ -108,11 +110,6 @@ class Simulation:
     def time(self) -> float:
         """The simulation clock: seconds from the start of the run to the end of the latest sample."""
         return self.samples * self.interval
-
-    @property
-    def last_increment(self) -> Vector:
-        """The latest delta angle (3, rad) and delta velocity (3, m/s) that the estimator received."""
-        return self._increment
 
     @property
     def has_gnss(self) -> bool:
@@ -144,13 +141,13 @@ class Simulation:
         self.lost_in_a_row += 1
         if truth["imu_valid"]:
             self.lost_in_a_row = 0
-            self._increment[:3] = truth["delta_angle"]
-            self._increment[3:] = truth["delta_velocity"]
+            self.last_increment[:3] = truth["delta_angle"]
+            self.last_increment[3:] = truth["delta_velocity"]
         else:
             self.bridged += 1
-        self.increments += self._increment
-        u[self._given[0]] = self._increment[:3]
-        u[self._given[1]] = self._increment[3:]
+        self.increments += self.last_increment
+        u[self._given[0]] = self.last_increment[:3]
+        u[self._given[1]] = self.last_increment[3:]
         if self.has_gnss and truth["gnss_valid"]:
             self._delivered += 1
             if self.interference is not None:
@@ -275,18 +272,10 @@ class Simulation:
         table = self.estimator.model.parameters
         return float(self._filter.p[table.slice(name)][0]) if name in table else None
 
-    def plant_parameter(self, place: int) -> float:
-        """Element `place` of the plant's parameters."""
-        return float(self._plant.p[place])
-
     def set_plant_parameter(self, place: int, value: float) -> None:
         """Set element `place` of the plant's parameters, from the next sample on."""
         self._plant.p[place] = value
         self.changed = True
-
-    def estimator_parameter(self, place: int) -> float:
-        """Element `place` of the estimator's parameters."""
-        return float(self._filter.p[place])
 
     def set_estimator_parameter(self, place: int, value: float) -> None:
         """Set element `place` of the estimator's parameters, from the next sample on and in later alignments."""
@@ -294,6 +283,6 @@ class Simulation:
         self._settings[place] = value
 
 
-def _chosen(id: str | Estimator | None, plant: Plant) -> Estimator:
-    """The estimator to run.  Raises `InputError` if none is named."""
-    return plant.adapted(id or named_estimators(plant.scenario)[0], whole=False)
+def _places(table: Table, names: Iterable[str]) -> NDArray[np.int64]:
+    """The indices of rows in the vector of a table."""
+    return np.concatenate([np.zeros(0, np.int64), *(np.r_[table.slice(name)] for name in names)])
