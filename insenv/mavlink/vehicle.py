@@ -23,6 +23,7 @@ from insenv.vehicles import StickCommand
 AXIS_UNUSED = 32767
 """The value of an axis of MANUAL_CONTROL that the joystick does not have."""
 FULL = 1000.0
+"""Full deflection of an axis."""
 LOST_AFTER_S = 1.0
 """Simulated time without MANUAL_CONTROL after which it counts as lost."""
 

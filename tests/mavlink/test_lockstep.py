@@ -17,8 +17,7 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.commands import answers
 from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_messages, px4_rates, steering
 from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
-from insenv.mavlink.lockstep.contract import Cadence
-from insenv.mavlink.lockstep.px4 import COMPONENT
+from insenv.mavlink.lockstep.px4 import COMPONENT, Cadence
 from insenv.scenario import load
 
 INTERVAL = 0.005

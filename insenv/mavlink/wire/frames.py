@@ -16,7 +16,7 @@ import re
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
@@ -131,10 +131,6 @@ class Statistics:
     def total(cls, parts: Iterable[Statistics]) -> Statistics:
         """The sums over several links."""
         return cls(*(sum(counts) for counts in zip(*(astuple(part) for part in parts), strict=True)))
-
-    def as_dict(self) -> dict[str, int]:
-        """The counts by name."""
-        return asdict(self)
 
 
 @lru_cache(maxsize=1)
