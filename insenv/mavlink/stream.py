@@ -124,16 +124,46 @@ def never() -> bool:
     return False
 
 
+class Recorder:
+    """A telemetry log of a vehicle: its parameters, then messages sent, numbered consecutively, and messages received.
+
+    count: number of the vehicle's own messages in the log.
+    """
+
+    def __init__(self, vehicle: Vehicle, log: TlogWriter | None) -> None:
+        self.count = 0
+        self._vehicle, self._log = vehicle, log
+
+    def begin(self) -> None:
+        """Begin the log with the parameters: a reader needs the lever arm of the antenna and the data sheet of the unit."""
+        if self._log is not None and not self.count:
+            for frame in parameter_frames(self._vehicle):
+                self._write(frame)
+                self.count += 1
+
+    def sent(self, message: Message) -> None:
+        """Write a message that a link has packed.  The log has a sequence of its own: answers to a peer leave no gap in it."""
+        if self._log is not None:
+            self._write(resequenced(bytes(message.get_msgbuf()), self.count % 256, signed=False))
+            self.count += 1
+
+    def received(self, message: Message, link: int) -> None:
+        """Write a message that came over a link, by its number."""
+        self._write(bytes(message.get_msgbuf()), link)
+
+    def _write(self, frame: bytes, link: int = 0) -> None:
+        if self._log is not None:
+            self._log.write(self._vehicle.view.unix_us, frame, link)
+
+
 class Stream:
     """A vehicle on one link or several.
 
-    recorder: receives the parameters first, then every message that the vehicle sends, numbered consecutively, and
-    every message received, with the number of its link.  sent, received: number of messages by name, answers included; a
-    message counts once, for any number of clients.  recorded: number of the vehicle's own messages in the log.
-    interrupted: whether it was ended from outside.
+    log: of all that is sent and received (`Recorder`).  sent, received: number of messages by name, answers included; a
+    message counts once, for any number of clients.  interrupted: whether it was ended from outside.
     """
 
-    def __init__(self, vehicle: Vehicle, link: Link | Sequence[Link], recorder: TlogWriter | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, link: Link | Sequence[Link], log: TlogWriter | None = None) -> None:
         self.vehicle = vehicle
         self.links = (link,) if isinstance(link, Link) else tuple(link)
         self.sent: Counter[str] = Counter()
@@ -141,8 +171,7 @@ class Stream:
         self.outbox = Outbox()
         self.pacer = Pacer(vehicle.simulation.interval, vehicle.speed)
         self.interrupted = False
-        self.recorded = 0
-        self._recorder = recorder
+        self.recorder = Recorder(vehicle, log)
         self._begun = self._watched_at = time.monotonic()
         self._cpu = time.process_time()
         self._heartbeat_at = float("-inf")
@@ -157,8 +186,7 @@ class Stream:
         self.pacer.restart(self.vehicle.speed)
         self._stop = stop
         try:
-            if not self.recorded:
-                self._record_parameters()
+            self.recorder.begin()
             while (last is None or simulation.samples < last) and not stop():
                 self.tick()
                 if time.monotonic() - self._watched_at > WATCH_S:
@@ -206,7 +234,7 @@ class Stream:
         for number, link in enumerate(self.links):
             for peer, message in link.receive():
                 self.received[message.get_type()] += 1
-                self._record(bytes(message.get_msgbuf()), number)
+                self.recorder.received(message, number)
                 self.outbox.put((link, peer), answers(self.vehicle, message))
         self.outbox.send(self._send_to)
         peers = len(self.peers)
@@ -231,21 +259,7 @@ class Stream:
 
     def _account(self, message: Message) -> None:
         self.sent[message.get_type()] += 1
-        if self._recorder is not None:
-            # the log has a sequence of its own: answers to single peers must leave no gap in it
-            self._record(resequenced(bytes(message.get_msgbuf()), self.recorded % 256, signed=False))
-            self.recorded += 1
-
-    def _record(self, frame: bytes, link: int = 0) -> None:
-        if self._recorder is not None:
-            self._recorder.write(self.vehicle.view.unix_us, frame, link)
-
-    def _record_parameters(self) -> None:
-        """Begin the log with the parameters: a reader needs the lever arm of the antenna and the data sheet of the unit."""
-        if self._recorder is not None:
-            for frame in parameter_frames(self.vehicle):
-                self._record(frame)
-                self.recorded += 1
+        self.recorder.sent(message)
 
     @property
     def peers(self) -> tuple[Peer, ...]:

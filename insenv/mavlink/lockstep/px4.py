@@ -10,7 +10,7 @@ https://docs.px4.io/main/en/simulation/
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from typing import Any
 
@@ -34,8 +34,8 @@ IMU_BITS = 0b111111
 ARMED = 0x80
 """MAV_MODE_FLAG_SAFETY_ARMED."""
 
-Messages = Callable[[], Sequence[Any]]
-"""Advances by one sample and returns the messages to send, a HIL_SENSOR among them."""
+Messages = Callable[[], Iterable[Any]]
+"""Advances by one sample and gives the messages to send, a HIL_SENSOR among them; each is sent before the next is taken."""
 Answer = Callable[[Any], Iterable[Any]]
 """Answers a received message, such as a request for an interval, by messages."""
 
@@ -52,15 +52,13 @@ def px4_messages(vehicle: Vehicle) -> Messages:
     PX4 rounds the inertial unit with id 0, whose messages are its clock, to 4.8 mm/s^2 and 220 deg/h, and the others not.
     """
 
-    def step() -> list[Any]:
-        messages = []
+    def step() -> Iterator[Any]:
         for message in vehicle.step():
-            messages.append(message)
+            yield message
             if message.get_type() == "HIL_SENSOR" and message.fields_updated & IMU_BITS:
                 again = copy(message)
                 again.id, again.fields_updated = 1, message.fields_updated & IMU_BITS
-                messages.append(again)
-        return messages
+                yield again
 
     return step
 
