@@ -173,13 +173,13 @@ NAMES = {
 class Source:
     """The estimates of one client by one kind of message.
 
-    name: "odometry-42-191", message, system and component.  kept: (estimate, truth) of those that are recorded, every
+    name: "odometry-42-191", message, system and component.  recorded: (estimate, truth) of those that are kept, every
     `stride`-th; count: of all accepted; delays: simulated seconds from stamp to arrival; latest: its latest error by channel.
     time: of the latest estimate (s); answered: that of the latest with an answer.
     """
 
     name: str
-    kept: list[tuple[Estimate, dict[str, Vector]]] = field(default_factory=list)
+    recorded: list[tuple[Estimate, dict[str, Vector]]] = field(default_factory=list)
     stride: int = 1
     count: int = 0
     delays: list[float] = field(default_factory=list)
@@ -190,24 +190,24 @@ class Source:
     def take(self, estimate: Estimate, truth: dict[str, Vector], delay: float) -> None:
         """Record an estimate and the truth at its time."""
         if self.count % self.stride == 0:
-            self.kept.append((estimate, truth))
+            self.recorded.append((estimate, truth))
             self.delays.append(delay)
         self.count, self.time = self.count + 1, estimate.time
-        if len(self.kept) >= CAPACITY:
-            self.kept, self.delays, self.stride = self.kept[::2], self.delays[::2], 2 * self.stride
+        if len(self.recorded) >= CAPACITY:
+            self.recorded, self.delays, self.stride = self.recorded[::2], self.delays[::2], 2 * self.stride
         times = np.array([estimate.time])
         error = errors(track_of(times, _stacked([estimate.rows])), track_of(times, _stacked([truth])))
         self.latest = {name: float(value[0]) for name, value in error.items()}
 
     def tracks(self) -> tuple[dict[str, Vector], Track]:
         """What it has sent, by row name, and the truth at the same times."""
-        times = np.array([estimate.time for estimate, _ in self.kept])
-        truth = track_of(times, _stacked([truth for _, truth in self.kept]))
-        return _stacked([estimate.rows for estimate, _ in self.kept]), truth
+        times = np.array([estimate.time for estimate, _ in self.recorded])
+        truth = track_of(times, _stacked([truth for _, truth in self.recorded]))
+        return _stacked([estimate.rows for estimate, _ in self.recorded]), truth
 
     def stated(self) -> dict[str, Vector]:
         """Standard deviations by channel that it has stated with every estimate."""
-        sigmas = [estimate.sigma for estimate, _ in self.kept]
+        sigmas = [estimate.sigma for estimate, _ in self.recorded]
         return {name: np.array([sigma[name] for sigma in sigmas]) for name in NAMES if all(name in sigma for sigma in sigmas)}
 
 

@@ -98,7 +98,7 @@ class Simulation:
         inputs, outputs, known = self.estimator.model.inputs, self.plant.model.outputs, plant.model.outputs
         self._u = inputs.start_vector()
         self._u[inputs.slice("dt")] = self.interval
-        self._given = inputs.slice("delta_angle"), inputs.slice("delta_velocity")
+        self._increment_slices = inputs.slice("delta_angle"), inputs.slice("delta_velocity")
         fed = [n for n in inputs.names if n in known and n not in ("delta_angle", "delta_velocity", "dt")]
         self._to = _places(inputs, fed)
         self._from = _places(outputs, fed)
@@ -146,8 +146,8 @@ class Simulation:
         else:
             self.bridged += 1
         self.increments += self.last_increment
-        u[self._given[0]] = self.last_increment[:3]
-        u[self._given[1]] = self.last_increment[3:]
+        u[self._increment_slices[0]] = self.last_increment[:3]
+        u[self._increment_slices[1]] = self.last_increment[3:]
         if self.has_gnss and truth["gnss_valid"]:
             self._delivered += 1
             if self.interference is not None:

@@ -149,7 +149,7 @@ def test_truth_between_two_samples_is_that_of_the_motion():
     plane.score = Score(plane.view)
     steps(plane, 1.5)
     plane.score.take(estimate("ODOMETRY", time_usec=1_002_100))
-    ((_, truth),) = plane.score.sources["odometry-42-191"].kept
+    ((_, truth),) = plane.score.sources["odometry-42-191"].recorded
     row = round(1.0 / plane.simulation.interval) - 1
     assert columns.time[row] == pytest.approx(1.0)
     rows = np.ravel([columns.latitude[row], columns.longitude[row], columns.height[row]])

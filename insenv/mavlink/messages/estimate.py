@@ -42,7 +42,7 @@ def local_position_ned(view: View) -> Values:
 def global_position_int(view: View) -> Values:
     """GLOBAL_POSITION_INT: position, velocity and heading."""
     values, height = view.values, view.estimated("height")
-    place = view.place(view.estimated("latitude"), values["estimated_longitude_wrapped"].item(), height)
+    place = view.place(view.estimated("latitude"), float(values["longitude_wrapped"]), height)
     velocity = (view.estimated_velocity_n * 1e2).tolist()
     heading = float(values["euler"][2])
     heading = round(heading % (2 * pi) * CENTI_DEG) % 36000 if isfinite(heading) else nan
@@ -114,7 +114,7 @@ def hil_state_quaternion(view: View) -> Values:
     velocity = truth["velocity_n"]
     speed = float(np.sqrt(np.dot(velocity, velocity)))
     airspeed = speed * sqrt(max(view.air.density, 0.0) / _SEA_LEVEL_DENSITY)
-    place = view.place(float(truth["latitude"]), values["true_longitude_wrapped"].item(), float(truth["height"]))
+    place = view.place(float(truth["latitude"]), float(values["true_longitude_wrapped"]), float(truth["height"]))
     force = truth["true_delta_velocity"] / view.simulation.interval * view.hil_acceleration
     return (
         view.time_us, truth["q_nb"].tolist(), *values["true_rate_nb_b"].tolist(), *place, *(velocity * 1e2).tolist(),

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from math import degrees, nan, pi, radians
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.core.elementary import wrap_angle
+from insenv.core.numeric import vectorized
 from insenv.core.tables import Vector
 from insenv.evaluation.contradiction import FIXES
 from insenv.evaluation.nis import WRONG
@@ -32,81 +31,47 @@ from insenv.mavlink.surroundings import AirData, air_data
 #
 # where psi is the heading and theta the pitch.
 
-_SIZES = {"q_nb": 4, "velocity_n": 3, "latitude": 1, "longitude": 1, "height": 1}
-INPUTS = {
-    **_SIZES,
-    **{f"estimated_{name}": size for name, size in _SIZES.items()},
-    "rate_ib_b": 3,  # true rate of b relative to i, rad/s
-    "measured_rate_ib_b": 3,  # minus the estimated bias
-    "home": 3,  # latitude, longitude (rad), height (m)
-    # stated by the estimator, NaN if it states none: m, m/s, rad in n
-    "position_sigma": 3,
-    "velocity_sigma": 3,
-    "attitude_sigma": 3,
-    "rate_sigma": 1,  # of the measured rate, rad/s
-}
-"""Number of elements of each input."""
-
-
-class Derived:
-    """Quantities computed on fixed arrays without conversion or allocation.
-
-    inputs, outputs: arrays by name (`INPUTS`, `_derived`) that each `evaluate` reads and writes.
-    """
-
-    evaluate: Callable[[], None]
-
-    def __init__(self) -> None:
-        function = _function()
-        self.inputs = {name: np.zeros(size) for name, size in INPUTS.items()}
-        self.outputs = {function.name_out(i): np.zeros(function.numel_out(i)) for i in range(function.n_out())}
-        self._buffer: Any  # CasADi's stub knows no memoryview of an array; it must live as long as `evaluate`
-        self._buffer, self.evaluate = function.buffer()
-        for i, array in enumerate(self.inputs.values()):
-            self._buffer.set_arg(i, array.data)
-        for i, array in enumerate(self.outputs.values()):
-            self._buffer.set_res(i, array.data)
-
-
-@lru_cache(maxsize=1)
-def _function() -> ca.Function:
-    inputs = {name: ca.SX.sym(name, size) for name, size in INPUTS.items()}
-    outputs = {name: ca.densify(value) for name, value in _derived(**inputs).items()}
-    return ca.Function("derived", [*inputs.values()], [*outputs.values()], [*inputs], [*outputs], {"cse": True})
+DERIVED = (
+    "euler", "rate_nb_b", "velocity_b", "offset", "longitude_wrapped", "true_rate_nb_b", "true_longitude_wrapped",
+    "pose_covariance", "velocity_covariance",
+)  # fmt: skip
+"""Estimated: roll, pitch, heading (-pi to pi, rad); rates of b relative to n (3, rad/s); velocity (3, m/s, b); position from
+home along the NED axes at home (3, m); longitude (-pi to pi, rad).  True rates and longitude.  Covariances as upper triangles
+by rows (21): of position in n (m), roll, pitch, heading (rad), and of velocity in b (m/s), rates (rad/s)."""
 
 
 def _derived(
-    q_nb: Any, velocity_n: Any, latitude: Any, longitude: Any, height: Any,
-    estimated_q_nb: Any, estimated_velocity_n: Any, estimated_latitude: Any, estimated_longitude: Any, estimated_height: Any,
-    rate_ib_b: Any, measured_rate_ib_b: Any, home: Any,
+    q_nb: Any, velocity_n: Any, latitude: Any, longitude: Any, height: Any, rate_ib_b: Any, home: Any,
+    true_q_nb: Any, true_velocity_n: Any, true_latitude: Any, true_longitude: Any, true_height: Any, true_rate_ib_b: Any,
     position_sigma: Any, velocity_sigma: Any, attitude_sigma: Any, rate_sigma: Any,
-) -> dict[str, Any]:  # fmt: skip
-    """The quantities by name: SI, angles from -pi to pi, covariances as upper triangles by rows (21)."""
-    wrapped_longitude = wrap_angle(estimated_longitude)
-    roll, pitch, heading = attitude.to_euler(estimated_q_nb)
+) -> tuple[Any, ...]:  # fmt: skip
+    """`DERIVED` from estimate and truth.
+
+    rate_ib_b: measured, minus the estimated bias (3, rad/s).  home: latitude, longitude (rad), height (m).  position_sigma,
+    velocity_sigma (3, m, m/s, n), attitude_sigma (3, rad, n): stated by the estimator, NaN if it states none.  rate_sigma: of
+    the measured rate (rad/s).
+    """
+    wrapped_longitude = wrap_angle(longitude)
+    roll, pitch, heading = attitude.to_euler(q_nb)
     s, c = ca.sin(heading), ca.cos(heading)
     across, tangent = 1.0 / ca.cos(pitch), ca.tan(pitch)
     turning = ca.vertcat(
         ca.horzcat(c * across, s * across, 0.0), ca.horzcat(-s, c, 0.0), ca.horzcat(c * tangent, s * tangent, 1.0)
     )
     angles = turning @ ca.diag(attitude_sigma**2) @ turning.T
-    C_bn = attitude.to_dcm(estimated_q_nb).T
+    C_bn = attitude.to_dcm(q_nb).T
     velocity = C_bn @ ca.diag(velocity_sigma**2) @ C_bn.T
-    return {
-        "euler": ca.vertcat(roll, pitch, heading),
-        "rate_nb_b": measured_rate_ib_b
-        - _rate_in_b(estimated_q_nb, estimated_velocity_n, estimated_latitude, estimated_height),
-        "velocity_b": attitude.rotate_inverse(estimated_q_nb, estimated_velocity_n),
-        # from home along the NED axes at home
-        "offset": geodesy.ned_offset(estimated_latitude, wrapped_longitude, estimated_height, *ca.vertsplit(home)),
-        "estimated_longitude_wrapped": wrapped_longitude,
-        "true_rate_nb_b": rate_ib_b - _rate_in_b(q_nb, velocity_n, latitude, height),
-        "true_longitude_wrapped": wrap_angle(longitude),
-        # position in n (m), roll, pitch, heading (rad)
-        "pose_covariance": _triangle(ca.diagcat(ca.diag(position_sigma**2), angles)),
-        # velocity in b (m/s), rates (rad/s)
-        "velocity_covariance": _triangle(ca.diagcat(velocity, ca.SX.eye(3) * rate_sigma**2)),
-    }
+    return (
+        ca.vertcat(roll, pitch, heading),
+        rate_ib_b - _rate_in_b(q_nb, velocity_n, latitude, height),
+        attitude.rotate_inverse(q_nb, velocity_n),
+        geodesy.ned_offset(latitude, wrapped_longitude, height, *ca.vertsplit(home)),
+        wrapped_longitude,
+        true_rate_ib_b - _rate_in_b(true_q_nb, true_velocity_n, true_latitude, true_height),
+        wrap_angle(true_longitude),
+        _triangle(ca.diagcat(ca.diag(position_sigma**2), angles)),
+        _triangle(ca.diagcat(velocity, ca.SX.eye(3) * rate_sigma**2)),
+    )
 
 
 def _rate_in_b(q_nb: Any, velocity_n: Any, latitude: Any, height: Any) -> Any:
@@ -120,6 +85,9 @@ def _triangle(matrix: Any) -> Any:
     return ca.vertcat(*[full[i, j] for i in range(6) for j in range(i, 6)])
 
 
+_evaluate = vectorized(_derived, 4, 3, (), (), (), 3, 3, 4, 3, (), (), (), 3, 3, 3, 3, ())
+
+
 @dataclass(frozen=True)
 class Mode:
     """What steers the vehicle.  number: MAVLink's custom mode.  automatic: whether it follows the script."""
@@ -129,6 +97,7 @@ class Mode:
     automatic: bool
 
 
+_UNKNOWN, _STANDING = np.full(3, np.nan), np.zeros(3)
 SCRIPTED, MANUAL = Mode(0, "Scenario", True), Mode(1, "Manual control", False)
 
 TILT_LIMIT_DEG, HEADING_LIMIT_DEG, VELOCITY_LIMIT, POSITION_LIMIT = 1.0, 5.0, 1.0, 20.0
@@ -178,16 +147,15 @@ class View:
         self.sent_increments: dict[str, tuple[int, Vector]] = {}
         self.sent_readings: dict[str, dict[str, int]] = {}
         self.sent_fix = self.sent_gps_at = 0
-        self._derived = Derived()
-        self._derived.inputs["home"][:] = self.home
-        self._derived.inputs["rate_sigma"][:] = known.sensors.angle_random_walk / np.sqrt(simulation.interval)
-        self._derived_at = -1
+        self._rate_sigma = known.sensors.angle_random_walk / np.sqrt(simulation.interval)
+        self._values: dict[str, Any] = {}
+        self._values_at = -1
         self._air: AirData | None = None
         self._air_at = (-1, 0.0)
 
     def forget(self) -> None:
         """Discard derived quantities: the estimate has changed between two samples."""
-        self._derived_at = -1
+        self._values_at = -1
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -215,38 +183,29 @@ class View:
 
     @property
     def values(self) -> dict[str, Any]:
-        """The quantities of `_derived` at the present sample."""
-        return self._evaluated().outputs
+        """The quantities `DERIVED` at the present sample."""
+        simulation, truth, estimate = self.simulation, self.truth, self.estimate
+        if self._values_at != simulation.samples:
+            self._values_at = simulation.samples
+            place, stated = (self.estimated(name) for name in ("latitude", "longitude", "height")), self.position_sigma
+            rate_ib_b = truth["delta_angle"] / simulation.interval - estimate.get("gyro_bias", 0.0)
+            results = _evaluate(
+                estimate["q_nb"], self.estimated_velocity_n, *place, rate_ib_b, self.home,
+                *(truth[name] for name in POSE), truth["true_delta_angle"] / simulation.interval,
+                _UNKNOWN if stated is None else stated, estimate.get("velocity_sigma", _UNKNOWN),
+                estimate.get("attitude_sigma", _UNKNOWN), self._rate_sigma,
+            )  # fmt: skip
+            self._values = dict(zip(DERIVED, results, strict=True))
+        return self._values
 
     def estimated(self, name: str) -> float:
-        """Estimated latitude (rad) or height (m); of an alignment the known initial one."""
-        return float(self._evaluated().inputs[f"estimated_{name}"][0])
+        """Estimated latitude, longitude (rad) or height (m); of an alignment the known initial one."""
+        return float(self.estimate[name] if name in self.estimate else getattr(self.simulation.plant.knowledge, name))
 
     @property
     def estimated_velocity_n(self) -> Vector:
         """Estimated velocity (3, m/s, n); of an alignment zero."""
-        return self._evaluated().inputs["estimated_velocity_n"]
-
-    def _evaluated(self) -> Derived:
-        if self._derived_at != self.simulation.samples:
-            self._derived_at = self.simulation.samples
-            self._fill()
-            self._derived.evaluate()
-        return self._derived
-
-    def _fill(self) -> None:
-        truth, estimate, u = self.truth, self.estimate, self._derived.inputs
-        known, dt = self.simulation.plant.knowledge, self.simulation.interval
-        standing = {"velocity_n": 0.0, "latitude": known.latitude, "longitude": known.longitude, "height": known.height}
-        for name in POSE:
-            u[name][:] = truth[name]
-            u[f"estimated_{name}"][:] = estimate[name] if name in estimate else standing[name]
-        u["rate_ib_b"][:] = truth["true_delta_angle"] / dt
-        u["measured_rate_ib_b"][:] = truth["delta_angle"] / dt - estimate.get("gyro_bias", 0.0)
-        stated = self.position_sigma
-        u["position_sigma"][:] = nan if stated is None else stated
-        u["velocity_sigma"][:] = estimate.get("velocity_sigma", nan)
-        u["attitude_sigma"][:] = estimate.get("attitude_sigma", nan)
+        return self.estimate.get("velocity_n", _STANDING)
 
     @property
     def air(self) -> AirData:

@@ -258,24 +258,24 @@ class Link(ABC):
         """
         self._pump()
         messages: list[tuple[Peer, Message]] = []
-        ready = [peer for peer in self._peers if peer.has_input()]
-        self._turn += 1  # each call begins with another peer
-        at, total = self._turn, 0
-        processed: dict[Peer, int] = {}
-        while ready and total < MESSAGES_PER_CALL:
-            at %= len(ready)
-            peer = ready[at]
-            frame = peer.next_frame(self.statistics) if processed.get(peer, 0) < MESSAGES_PER_PEER else None
+        ready = deque(peer for peer in self._peers if peer.has_input())
+        self._turn += 1
+        ready.rotate(-self._turn)  # each call begins with another peer
+        left = dict.fromkeys(ready, MESSAGES_PER_PEER)
+        for _ in range(MESSAGES_PER_CALL):
+            frame = None
+            while ready and frame is None:
+                peer = ready.popleft()
+                frame = peer.next_frame(self.statistics)
             if frame is None:
-                del ready[at]
-                continue
-            total += 1
-            processed[peer] = processed.get(peer, 0) + 1
+                break
+            left[peer] -= 1
+            if left[peer]:
+                ready.append(peer)
             message = self._verified(frame)
             if message is not None:
                 self._heard(peer, message)
                 messages.append((peer, message))
-            at += 1
         return messages
 
     def _verified(self, frame: bytes) -> Message | None:
