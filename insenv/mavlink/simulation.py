@@ -23,7 +23,9 @@ from insenv.mavlink.surroundings import Interference, defaults
 from insenv.scenario import Scenario, build, poles
 from insenv.scenario.files import named_estimators
 
-POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
+_INCREMENTS = ("delta_angle", "delta_velocity")
+_PLACE = ("latitude", "longitude", "height")
+POSE = ("q_nb", "velocity_n", *_PLACE)
 
 
 @dataclass(frozen=True)
@@ -82,9 +84,7 @@ class Simulation:
         self.truth = self.plant.model.outputs.unpack(self._y)
         self.estimate = self.estimator.model.outputs.unpack(self._z)
         self._start = {name: np.array(self.truth[name]) for name in POSE}
-        self.samples = 0
-        self.bridged = self.lost_in_a_row = 0
-        self.fixes = 0
+        self.samples = self.bridged = self.lost_in_a_row = self.fixes = 0
         self.fix: Fix | None = None
         self.readings = {"magnetometer": 0, "barometer": 0}
         self.gnss_on = True
@@ -98,10 +98,9 @@ class Simulation:
         inputs, outputs, known = self.estimator.model.inputs, self.plant.model.outputs, plant.model.outputs
         self._u = inputs.start_vector()
         self._u[inputs.slice("dt")] = self.interval
-        self._increment_slices = inputs.slice("delta_angle"), inputs.slice("delta_velocity")
-        fed = [n for n in inputs.names if n in known and n not in ("delta_angle", "delta_velocity", "dt")]
-        self._to = _places(inputs, fed)
-        self._from = _places(outputs, fed)
+        self._increment_to = _places(inputs, _INCREMENTS)
+        copied = [name for name in inputs.names if name in known and name not in (*_INCREMENTS, "dt")]
+        self._to, self._from = _places(inputs, copied), _places(outputs, copied)
         self._valid = inputs.slice("gnss_valid") if "gnss_valid" in inputs else None
         self._commands = self.plant.model.inputs.start_vector() if self.plant.model.inputs.rows else None
         self._commanded = self.changed = False
@@ -141,23 +140,19 @@ class Simulation:
         self.lost_in_a_row += 1
         if truth["imu_valid"]:
             self.lost_in_a_row = 0
-            self.last_increment[:3] = truth["delta_angle"]
-            self.last_increment[3:] = truth["delta_velocity"]
+            self.last_increment[:] = np.concatenate([truth[name] for name in _INCREMENTS])
         else:
             self.bridged += 1
         self.increments += self.last_increment
-        u[self._increment_slices[0]] = self.last_increment[:3]
-        u[self._increment_slices[1]] = self.last_increment[3:]
+        u[self._increment_to] = self.last_increment
         if self.has_gnss and truth["gnss_valid"]:
             self._delivered += 1
             if self.interference is not None:
                 self.interference.apply(truth, self.time, self.plant.seed, self._delivered)
         u[self._to] = self._y[self._from]
-        if self.has_gnss and truth["gnss_valid"]:
-            if self.gnss_on:
-                self._take_fix()
-            elif self._valid is not None:
-                u[self._valid] = 0.0
+        if not self.gnss_on and self._valid is not None:
+            u[self._valid] = 0.0
+        fix = self._new_fix() if self.has_gnss and truth["gnss_valid"] and self.gnss_on else None
         try:
             self._filter.advance(u)
         except InputError:  # sensor parameters have been set to values that make the measurements infinite
@@ -165,17 +160,18 @@ class Simulation:
             u[:] = np.where(np.isfinite(u), u, 0.0)
             self._filter.advance(u)
         self._z[:] = self._filter.output()
-        if self.health is not None and self.has_gnss and truth["gnss_valid"] and self.gnss_on and self.fix is not None:
-            self.health.take(self.time, self.estimate, self.fix.velocity_sigma if self.fix.velocity_valid else None)
+        if fix is not None:
+            self.fix, self.fixes = fix, self.fixes + 1
+            if self.health is not None:
+                self.health.take(self.time, self.estimate, fix.velocity_sigma if fix.velocity_valid else None)
 
     def _new_health(self) -> LiveHealth | None:
         self.reported_heading_sigma = self.estimator_row("heading_sigma") or 0.0
         return LiveHealth(self.estimator.health_rows) if self.estimator.reports_health else None
 
-    def _take_fix(self) -> None:
+    def _new_fix(self) -> Fix:
         now = self.truth
-        self.fixes += 1
-        self.fix = Fix(
+        return Fix(
             time=self.time - float(now["gnss_age"]),
             latitude=float(now["gnss_latitude"]),
             longitude=float(now["gnss_longitude"]),
@@ -214,18 +210,17 @@ class Simulation:
     def known_now(self) -> Knowledge:
         """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""
         known, start, now = self.plant.knowledge, self._start, self.truth
-        reported = np.array([known.latitude, known.longitude, known.height])
-        error_m = geodesy.numeric.ned_offset(*reported, start["latitude"], start["longitude"], start["height"])
-        latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
-            error_m, now["latitude"], now["longitude"], now["height"]
-        )
+        reported = (known.latitude, known.longitude, known.height)
+        error_m = geodesy.numeric.ned_offset(*reported, *(start[name] for name in _PLACE))
+        place = geodesy.numeric.geodetic_from_ned_offset(error_m, *(now[name] for name in _PLACE))
+        latitude, longitude, height = map(float, place)
         error = np.array([known.roll, known.pitch, known.heading]) - np.array(attitude.numeric.to_euler(start["q_nb"]))
         roll, pitch, heading = np.array(attitude.numeric.to_euler(now["q_nb"])) + error
         return replace(
             known,
-            latitude=float(latitude),
-            longitude=float(longitude),
-            height=float(height),
+            latitude=latitude,
+            longitude=longitude,
+            height=height,
             velocity_n=np.array(now["velocity_n"]) + known.velocity_n - start["velocity_n"],
             roll=float(roll),
             pitch=float(pitch),

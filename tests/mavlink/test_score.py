@@ -138,7 +138,7 @@ def test_of_very_many_estimates_a_part_is_kept(vehicle, monkeypatch):
     for number in range(1, 11):
         vehicle.score.take(estimate("ODOMETRY", time_usec=number * 100_000))
     (source,) = vehicle.score.sources.values()
-    assert [round(each.time, 6) for each, _ in source.kept] == [0.1, 0.5, 0.9] and source.count == 10
+    assert [round(each.time, 6) for each, _ in source.recorded] == [0.1, 0.5, 0.9] and source.count == 10
     assert any("one in 4 of them is recorded" in note for note in report_of(vehicle.score).results[0].notes)
 
 
