@@ -159,11 +159,11 @@ class Recorder:
 class Stream:
     """A vehicle on one link or several.
 
-    log: of all that is sent and received (`Recorder`).  sent, received: number of messages by name, answers included; a
-    message counts once, for any number of clients.  interrupted: whether it was ended from outside.
+    recorder: writes a telemetry log of all that is sent and received (`Recorder`).  sent, received: number of messages by
+    name, answers included; a message counts once, for any number of clients.  interrupted: whether it was ended from outside.
     """
 
-    def __init__(self, vehicle: Vehicle, link: Link | Sequence[Link], log: TlogWriter | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, link: Link | Sequence[Link], recorder: TlogWriter | None = None) -> None:
         self.vehicle = vehicle
         self.links = (link,) if isinstance(link, Link) else tuple(link)
         self.sent: Counter[str] = Counter()
@@ -171,7 +171,7 @@ class Stream:
         self.outbox = Outbox()
         self.pacer = Pacer(vehicle.simulation.interval, vehicle.speed)
         self.interrupted = False
-        self.recorder = Recorder(vehicle, log)
+        self.log = Recorder(vehicle, recorder)
         self._begun = self._watched_at = time.monotonic()
         self._cpu = time.process_time()
         self._heartbeat_at = float("-inf")
@@ -186,7 +186,7 @@ class Stream:
         self.pacer.restart(self.vehicle.speed)
         self._stop = stop
         try:
-            self.recorder.begin()
+            self.log.begin()
             while (last is None or simulation.samples < last) and not stop():
                 self.tick()
                 if time.monotonic() - self._watched_at > WATCH_S:
@@ -234,7 +234,7 @@ class Stream:
         for number, link in enumerate(self.links):
             for peer, message in link.receive():
                 self.received[message.get_type()] += 1
-                self.recorder.received(message, number)
+                self.log.received(message, number)
                 self.outbox.put((link, peer), answers(self.vehicle, message))
         self.outbox.send(self._send_to)
         peers = len(self.peers)
@@ -259,7 +259,7 @@ class Stream:
 
     def _account(self, message: Message) -> None:
         self.sent[message.get_type()] += 1
-        self.recorder.sent(message)
+        self.log.sent(message)
 
     @property
     def peers(self) -> tuple[Peer, ...]:

@@ -75,8 +75,8 @@ def _defined(name: str, number: int, crc_extra: int, layout: str, fields: tuple[
 
 
 def message_class(name: str) -> Any:
-    """The class of a message by name: pymavlink's, or ours where pymavlink has none.  Raises `AttributeError`."""
-    return defined().get(name) or getattr(dialect(), f"MAVLink_{name.lower()}_message")
+    """The class of a message by name: pymavlink's, or ours where pymavlink has none.  Raises `KeyError`."""
+    return getattr(dialect(), f"MAVLink_{name.lower()}_message", None) or defined()[name]
 
 
 V1, V2 = 0xFE, 0xFD
@@ -138,7 +138,7 @@ def _tools() -> tuple[dict[int, int], Callable[[bytes], int]]:
     """CRC_EXTRA by message number, and the checksum function."""
     from fastcrc import crc16
 
-    kinds = (*dialect().mavlink_map.values(), *defined().values())
+    kinds = (*defined().values(), *dialect().mavlink_map.values())
     return {kind.id: kind.crc_extra for kind in kinds}, crc16.mcrf4xx
 
 
