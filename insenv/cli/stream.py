@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from insenv.report import Report
     from insenv.scenario import Scenario
 
-MOST_LINKS = 4
+MAX_LINKS = 4
 """A telemetry log has two bits for the number of a link."""
 
 
@@ -177,8 +177,8 @@ def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Li
 
 def _check_addresses(to: Sequence[str]) -> None:
     """Raise `InputError` for too many links, or an address that is named twice."""
-    if len(to) > MOST_LINKS:
-        raise InputError(f"--to: {len(to)} addresses; allowed are 1 to {MOST_LINKS}")
+    if len(to) > MAX_LINKS:
+        raise InputError(f"--to: {len(to)} addresses; allowed are 1 to {MAX_LINKS}")
     for place, address in enumerate(to):
         if address in to[:place]:
             raise InputError(f"--to {address}: named twice; each address is one link")

@@ -333,11 +333,11 @@ ACTIONS: dict[int, Callable[[Vehicle, Sequence[float]], Result | None]] = {
 
 # --- pending answers -----------------------------------------------------------------------------
 
-WAITING = 200
+MAX_WAITING = 200
 """Largest number of pending answers for one peer; more are dropped and counted."""
-AT_ONCE = 16
+MAX_PER_SEND = 16
 """Largest number of answers that one `send` sends, to all peers together."""
-PEERS = 64
+MAX_PEERS = 64
 
 
 class Outbox:
@@ -354,10 +354,10 @@ class Outbox:
 
     def put(self, peer: Hashable, messages: Answers) -> None:
         """Queue `messages` for `peer`."""
-        has_room = peer in self._queues or len(self._queues) < PEERS
+        has_room = peer in self._queues or len(self._queues) < MAX_PEERS
         if isinstance(messages, (list, tuple)):
             made = [message for message in messages if message is not None]
-            room = WAITING - len(self._queues.get(peer, ())) if has_room else 0
+            room = MAX_WAITING - len(self._queues.get(peer, ())) if has_room else 0
             self.dropped += max(len(made) - room, 0)
             if made[:room]:
                 self._queues.setdefault(peer, deque()).extend(made[:room])
@@ -368,7 +368,7 @@ class Outbox:
     def send(self, send_to: Callable[[Hashable, Message], object]) -> int:
         """Send some answers, the peers in turn, and return their number."""
         sent = 0
-        while self._queues and sent < AT_ONCE:
+        while self._queues and sent < MAX_PER_SEND:
             peer, queue = next(iter(self._queues.items()))
             del self._queues[peer]
             message = queue.popleft() if queue else next(self._long.get(peer, iter(())), None)

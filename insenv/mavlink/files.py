@@ -54,9 +54,9 @@ def _document(value: dict[str, Any]) -> bytes:
 
 _HEADER, _SIZE = struct.Struct("<HBBBBBxI"), 251
 """Sequence, session, opcode, size, opcode of the request, whether a burst is complete, offset; bytes of a payload."""
-LONGEST = _SIZE - _HEADER.size
+MAX_DATA_BYTES = _SIZE - _HEADER.size
 """Bytes of data in a reply."""
-BURST = 60
+MAX_BURST_REPLIES = 60
 """Replies to one request for a burst; the client asks for the rest."""
 TERMINATE, RESET, LIST, OPEN, READ, CRC, BURST_READ = 1, 2, 3, 4, 5, 14, 15
 ACK, NAK = 128, 129
@@ -99,8 +99,8 @@ def replies(files: Mapping[str, bytes], request: bytes) -> Iterator[bytes]:
     elif opcode in (READ, BURST_READ) and session >= len(files):
         yield refused(INVALID_SESSION)
     elif opcode in (READ, BURST_READ):
-        content, length = list(files.values())[session], min(size or LONGEST, LONGEST)
-        count = BURST if opcode == BURST_READ else 1
+        content, length = list(files.values())[session], min(size or MAX_DATA_BYTES, MAX_DATA_BYTES)
+        count = MAX_BURST_REPLIES if opcode == BURST_READ else 1
         for number in range(count):
             part = content[offset : offset + length]
             if not part:

@@ -27,7 +27,7 @@ from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 REAL32 = 9
 """MAV_PARAM_TYPE_REAL32."""
-LARGEST = 1e6
+MAX_SET_VALUE = 1e6
 """Largest magnitude that can be set, in the unit shown, where the row itself allows more."""
 
 NOW, NEXT_ALIGNMENT, NEVER = "now", "next alignment", "never"
@@ -108,8 +108,9 @@ def _element(row: Row, name: str, acts: str, place: int, values: Vector, write: 
     def set_value(value: float) -> None:
         write(place, min(max(float(to_si(value)), row.lower), row.upper))
 
+    lower, upper = max(row.lower / scale, -MAX_SET_VALUE), min(row.upper / scale, MAX_SET_VALUE)
     return Parameter(
-        name, row.meaning, "" if unit == "1" else unit, acts, max(row.lower / scale, -LARGEST), min(row.upper / scale, LARGEST),
+        name, row.meaning, "" if unit == "1" else unit, acts, lower, upper,
         lambda: float(values[place]) / scale, None if acts == NEVER else set_value,
     )  # fmt: skip
 

@@ -35,7 +35,7 @@ LOCAL_NED, BODY_FRD = 1, 12
 """MAV_FRAME."""
 UNIX_US = 10**15
 """Time stamps beyond this many microseconds are Unix time."""
-FARTHEST = 1e5
+MAX_DISTANCE_M = 1e5
 """Largest distance from home, m, within which the axes at home make sense."""
 _POSE_SIGMA = {0: POSITION[0], 6: POSITION[1], 11: POSITION[2], 15: ATTITUDE[0], 18: ATTITUDE[1], 20: ATTITUDE[2]}
 """Channels on the diagonal of a pose covariance, whose upper triangle stands row by row."""
@@ -137,9 +137,9 @@ def _by_euler(message: Any) -> Array:
 def _place(message: Any, origin: Origin) -> dict[str, float]:
     """Latitude, longitude, height of a position from home along the NED axes at home."""
     offset = (message.x, message.y, message.z)
-    if not all(map(isfinite, offset)) or max(map(abs, offset)) > FARTHEST:
+    if not all(map(isfinite, offset)) or max(map(abs, offset)) > MAX_DISTANCE_M:
         raise InputError(
-            f"x, y, z = {[round(v, 3) for v in offset]} m: allowed are finite distances from home up to {FARTHEST:g} m"
+            f"x, y, z = {[round(v, 3) for v in offset]} m: allowed are finite distances from home up to {MAX_DISTANCE_M:g} m"
         )
     home = (origin.latitude, origin.longitude, origin.height)
     place = geodesy.numeric.geodetic_from_ned_offset(np.array(offset), *home)
@@ -157,7 +157,7 @@ def _pose_sigma(triangle: Sequence[float]) -> dict[str, float]:
 
 HISTORY_S = 600.0
 """Time for which the truth is kept: older estimates are refused."""
-CAPACITY = 200_000
+MAX_ESTIMATES = 200_000
 """Estimates kept of one source; beyond it every second one is dropped, and so on."""
 ANSWER_S = 1.0
 """Simulated time between two answers to one source."""
@@ -193,7 +193,7 @@ class Source:
             self.recorded.append((estimate, truth))
             self.delays.append(delay)
         self.count, self.time = self.count + 1, estimate.time
-        if len(self.recorded) >= CAPACITY:
+        if len(self.recorded) >= MAX_ESTIMATES:
             self.recorded, self.delays, self.stride = self.recorded[::2], self.delays[::2], 2 * self.stride
         times = np.array([estimate.time])
         error = errors(track_of(times, _stacked([estimate.rows])), track_of(times, _stacked([truth])))

@@ -69,10 +69,10 @@ MIN_SPEED, MAX_SPEED = 0.01, 100.0
 """Range of the speed of the simulation, in simulated seconds per second; 0 is as fast as possible."""
 HIL_ACCELERATIONS = {"mG": MILLI_G, "mm/s^2": MM_S2}
 SEVERITY = {"error": 3, "warning": 4, "notice": 5, "info": 6}
-UNDULATION = 120.0
+MAX_UNDULATION = 120.0
 """Largest height of the geoid above or below the ellipsoid, m."""
-_TEXT, _LONGEST_TEXT = 50, 250
-_TEXTS_WAITING = 20
+_TEXT_FIELD, _MAX_TEXT = 50, 250
+_MAX_TEXTS = 20
 _SECONDS_A_YEAR = 365.25 * 86400.0
 
 
@@ -110,8 +110,8 @@ class Vehicle:
         check_sender(system, component)
         if hil_acceleration not in HIL_ACCELERATIONS:
             raise InputError(f"hil_acceleration {hil_acceleration!r}: allowed is {' or '.join(HIL_ACCELERATIONS)}")
-        if not -UNDULATION <= undulation <= UNDULATION:
-            raise InputError(f"undulation = {undulation:g} m: allowed is {-UNDULATION:g} to {UNDULATION:g} m")
+        if not -MAX_UNDULATION <= undulation <= MAX_UNDULATION:
+            raise InputError(f"undulation = {undulation:g} m: allowed is {-MAX_UNDULATION:g} to {MAX_UNDULATION:g} m")
         self.simulation = Simulation(scenario, estimator, seed, 1970.0 + start_unix / _SECONDS_A_YEAR)
         self.view = View(
             self.simulation, start_unix, undulation=undulation, system=system, component=component,
@@ -127,7 +127,7 @@ class Vehicle:
         self.files = metadata(self.parameters.all)
         self.view.metadata_crc = checksum(self.files[GENERAL])
         _ = self.view.air, self.view.values  # computed now, so that the first sample is not late
-        self._texts: deque[Message] = deque(maxlen=_TEXTS_WAITING)
+        self._texts: deque[Message] = deque(maxlen=_MAX_TEXTS)
         self._long_texts = 0
         self._steered_at: float | None = None
         self._refused_steering = False
@@ -159,12 +159,12 @@ class Vehicle:
 
         Chunks have a number of their text in common and are counted; the last one is shorter than the field.
         """
-        text, number = text[:_LONGEST_TEXT], 0
-        if len(text) > _TEXT:
+        text, number = text[:_MAX_TEXT], 0
+        if len(text) > _TEXT_FIELD:
             number = self._long_texts = self._long_texts % 0xFFFF + 1
-        for place in range(0, len(text) + (1 if number else 0), _TEXT):
-            chunk = text[place : place + _TEXT]
-            self._texts.append(self.view.fields.message("STATUSTEXT", SEVERITY[severity], chunk, number, place // _TEXT))
+        for place in range(0, len(text) + (1 if number else 0), _TEXT_FIELD):
+            chunk = text[place : place + _TEXT_FIELD]
+            self._texts.append(self.view.fields.message("STATUSTEXT", SEVERITY[severity], chunk, number, place // _TEXT_FIELD))
 
     def texts(self) -> list[Message]:
         """Remove and return the queued STATUSTEXTs."""
@@ -264,7 +264,7 @@ class Vehicle:
                 lambda: float(simulation.gnss_on), lambda value: self.set_gnss(value != 0.0),
             )  # fmt: skip
         yield Parameter(
-            "SIM_UNDULATION", "Height of the geoid above the ellipsoid", "m", NEVER, -UNDULATION, UNDULATION,
+            "SIM_UNDULATION", "Height of the geoid above the ellipsoid", "m", NEVER, -MAX_UNDULATION, MAX_UNDULATION,
             lambda: view.undulation,
         )  # fmt: skip
         yield Parameter("SIM_RATE", "Inertial sample rate", "Hz", NEVER, 1.0, 1e4, lambda: 1.0 / simulation.interval)

@@ -134,7 +134,7 @@ def test_times_without_truth_are_refused_and_counted_by_kind(vehicle):
 
 
 def test_of_very_many_estimates_a_part_is_kept(vehicle, monkeypatch):
-    monkeypatch.setattr("insenv.mavlink.score.CAPACITY", 4)
+    monkeypatch.setattr("insenv.mavlink.score.MAX_ESTIMATES", 4)
     for number in range(1, 11):
         vehicle.score.take(estimate("ODOMETRY", time_usec=number * 100_000))
     (source,) = vehicle.score.sources.values()

@@ -35,7 +35,7 @@ HEAD = struct.Struct("<HHI")
 CENTRE_US, REACH_US = 1500, 500
 SILENT_S = 15.0
 """Silence of the autopilot after which another one may take its place."""
-FIRST_NUMBER = 1
+MAX_FIRST_NUMBER = 1
 """Largest number of a first frame: ArduPilot counts from 0, and on with each answer."""
 READS_PER_TURN = 256
 
@@ -134,7 +134,7 @@ class ArduPilotLockstep(Lockstep):
     def _is_peer(self, source: Any, number: int) -> bool:
         now = self._clock()
         if source != self._peer:
-            restarted = number <= FIRST_NUMBER and self._number is not None and number < self._number
+            restarted = number <= MAX_FIRST_NUMBER and self._number is not None and number < self._number
             if self._peer is not None and now - self._heard <= SILENT_S and not restarted:
                 return False
             self._peer, self._number = source, None

@@ -63,7 +63,7 @@ def px4_messages(vehicle: Vehicle) -> Messages:
     return step
 
 
-SHORTEST_WAIT_S = 0.2
+MIN_WAIT_S = 0.2
 """Least time after which a missing answer is given up, s."""
 _MARGIN, _DECAY = 10.0, 0.99
 """Factor on the slowest answer; what remains of it at each later answer."""
@@ -96,7 +96,7 @@ class Cadence:
         """How long to wait for an answer that is due (s)."""
         if self._slowest is None:
             return self._patience
-        return min(self._patience, max(SHORTEST_WAIT_S, _MARGIN * self._slowest))
+        return min(self._patience, max(MIN_WAIT_S, _MARGIN * self._slowest))
 
     def answered(self, waited_s: float | None = None) -> None:
         """Count an answer.  waited_s: how long it took since its sample; None if the simulator did not wait."""

@@ -22,21 +22,11 @@ _ATTITUDE, _VELOCITY_HORIZ, _VELOCITY_VERT, _POS_HORIZ_REL, _POS_HORIZ_ABS, _POS
 _PRED_POS_HORIZ_REL, _PRED_POS_HORIZ_ABS, _GPS_GLITCH = 256, 512, 1024
 
 
-def attitude(view: View) -> Values:
-    """ATTITUDE: roll, pitch, heading (-pi to pi), body rates."""
-    return view.time_ms, *view.values["euler"].tolist(), *view.values["rate_nb_b"].tolist()
-
-
 def attitude_quaternion(view: View) -> Values:
     """ATTITUDE_QUATERNION: MAVLink's quaternion is q_nb; its scalar part is made non-negative."""
     q = view.estimate["q_nb"]
     q = q if q[0] >= 0.0 else -q
-    return view.time_ms, *q.tolist(), *view.values["rate_nb_b"].tolist(), (0.0, 0.0, 0.0, 0.0)
-
-
-def local_position_ned(view: View) -> Values:
-    """LOCAL_POSITION_NED: position from home along the NED axes at home; velocity along those at the vehicle."""
-    return view.time_ms, *view.values["offset"].tolist(), *view.estimated_velocity_n.tolist()
+    return view.time_ms, *q.tolist(), *view.derived("rate_nb_b"), (0.0, 0.0, 0.0, 0.0)
 
 
 def global_position_int(view: View) -> Values:
@@ -55,11 +45,11 @@ def odometry(view: View) -> Values:
     The position covariance is diagonal in n; the velocity covariance is diagonal in n and rotated into b, because
     estimators state sigmas only.
     """
-    values, simulation = view.values, view.simulation
+    simulation = view.simulation
     return (
-        view.time_us, _MAV_FRAME_LOCAL_NED, _MAV_FRAME_BODY_FRD, *values["offset"].tolist(), view.estimate["q_nb"].tolist(),
-        *values["velocity_b"].tolist(), *values["rate_nb_b"].tolist(),
-        values["pose_covariance"].tolist(), values["velocity_covariance"].tolist(), simulation.alignments % 256,
+        view.time_us, _MAV_FRAME_LOCAL_NED, _MAV_FRAME_BODY_FRD, *view.derived("offset"), view.estimate["q_nb"].tolist(),
+        *view.derived("velocity_b", "rate_nb_b"),
+        view.derived("pose_covariance"), view.derived("velocity_covariance"), simulation.alignments % 256,
         _MAV_ESTIMATOR_TYPE_GPS_INS if simulation.estimator.aided else _MAV_ESTIMATOR_TYPE_AUTOPILOT, 0,
     )  # fmt: skip
 
@@ -110,13 +100,13 @@ def estimator_status(view: View) -> Values:
 
 def hil_state_quaternion(view: View) -> Values:
     """HIL_STATE_QUATERNION: the truth.  Accelerations are specific forces in the unit `View.hil_acceleration`."""
-    truth, values = view.truth, view.values
+    truth = view.truth
     velocity = truth["velocity_n"]
     speed = float(np.sqrt(np.dot(velocity, velocity)))
     airspeed = speed * sqrt(max(view.air.density, 0.0) / _SEA_LEVEL_DENSITY)
-    place = view.place(float(truth["latitude"]), float(values["true_longitude_wrapped"]), float(truth["height"]))
+    place = view.place(float(truth["latitude"]), float(view.values["true_longitude_wrapped"]), float(truth["height"]))
     force = truth["true_delta_velocity"] / view.simulation.interval * view.hil_acceleration
     return (
-        view.time_us, truth["q_nb"].tolist(), *values["true_rate_nb_b"].tolist(), *place, *(velocity * 1e2).tolist(),
+        view.time_us, truth["q_nb"].tolist(), *view.derived("true_rate_nb_b"), *place, *(velocity * 1e2).tolist(),
         airspeed * 1e2, speed * 1e2, *force.tolist(),
     )  # fmt: skip

@@ -18,6 +18,8 @@ from insenv.mavlink.messages.view import View
 Content = Callable[[View], "Values | None"]
 """The values of a message's fields at the present sample; None if it has no content yet."""
 MAX_HZ = 1000.0
+METADATA_URI = "mftp:///general.json"
+"""Where names, units and ranges of the parameters can be read."""
 
 
 @dataclass(frozen=True)
@@ -35,22 +37,24 @@ class Streamed:
 STREAMED: dict[str, Streamed] = {
     "HEARTBEAT": Streamed(1.0, status.heartbeat),
     "SYS_STATUS": Streamed(1.0, status.sys_status, 2),
-    "SYSTEM_TIME": Streamed(1.0, status.system_time, 12),
+    "SYSTEM_TIME": Streamed(1.0, lambda view: (view.unix_us, view.time_ms), 12),
     "EXTENDED_SYS_STATE": Streamed(1.0, status.extended_sys_state, 2),
-    "CURRENT_MODE": Streamed(0.0, status.current_mode),
+    "CURRENT_MODE": Streamed(0.0, lambda view: (0, view.mode.number, view.mode.number)),
     "HOME_POSITION": Streamed(0.5, status.home_position),
-    "GPS_GLOBAL_ORIGIN": Streamed(0.5, status.gps_global_origin),
-    "HIL_SENSOR": Streamed(200.0, sensor.hil_sensor),
-    "HIGHRES_IMU": Streamed(50.0, sensor.highres_imu, 1),
+    "GPS_GLOBAL_ORIGIN": Streamed(0.5, lambda view: (*view.place(*view.home), view.time_us)),
+    "HIL_SENSOR": Streamed(200.0, lambda view: sensor.imu(view, "HIL_SENSOR")),
+    "HIGHRES_IMU": Streamed(50.0, lambda view: sensor.imu(view, "HIGHRES_IMU"), 1),
     "RAW_IMU": Streamed(0.0, sensor.raw_imu, 1),
     "SCALED_IMU": Streamed(0.0, sensor.scaled_imu),
     "SCALED_PRESSURE": Streamed(2.0, sensor.scaled_pressure, 1),
     "GPS_RAW_INT": Streamed(5.0, sensor.gps_raw_int, 2),
     "HIL_GPS": Streamed(MAX_HZ, sensor.hil_gps),
     "HIL_STATE_QUATERNION": Streamed(20.0, estimate.hil_state_quaternion),
-    "ATTITUDE": Streamed(20.0, estimate.attitude, 10),
+    "ATTITUDE": Streamed(20.0, lambda view: (view.time_ms, *view.derived("euler", "rate_nb_b")), 10),
     "ATTITUDE_QUATERNION": Streamed(20.0, estimate.attitude_quaternion, 10),
-    "LOCAL_POSITION_NED": Streamed(10.0, estimate.local_position_ned, 6),
+    "LOCAL_POSITION_NED": Streamed(  # velocity along the axes at the vehicle
+        10.0, lambda view: (view.time_ms, *view.derived("offset"), *view.estimated_velocity_n.tolist()), 6
+    ),
     "GLOBAL_POSITION_INT": Streamed(10.0, estimate.global_position_int, 6),
     "ODOMETRY": Streamed(20.0, estimate.odometry),
     "VFR_HUD": Streamed(5.0, estimate.vfr_hud, 11),
@@ -64,8 +68,8 @@ DEFAULT_HZ = {name: message.hz for name, message in STREAMED.items()}
 MESSAGES: dict[str, Content] = {
     **{name: message.values for name, message in STREAMED.items()},
     "AUTOPILOT_VERSION": status.autopilot_version,
-    "PROTOCOL_VERSION": status.protocol_version,
-    "COMPONENT_METADATA": status.component_metadata,
+    "PROTOCOL_VERSION": lambda view: (200, 200, 200, [0] * 8, [0] * 8),  # MAVLink 2 only
+    "COMPONENT_METADATA": lambda view: (view.time_ms, view.metadata_crc, METADATA_URI),
     "AVAILABLE_MODES": lambda view: status.available_modes(view)[0],
 }
 """Every message that the vehicle can make, by name."""

@@ -22,8 +22,8 @@ _GAUSS, _HPA, _KELVIN = 1e4, 1e-2, 273.15
 GPS_FIX_TYPE_NO_FIX, GPS_FIX_TYPE_3D_FIX = 1, 3
 
 
-def highres_imu(view: View, name: str = "HIGHRES_IMU") -> Values:
-    """HIGHRES_IMU: as measured, without the estimated biases removed."""
+def imu(view: View, name: str) -> Values:
+    """HIGHRES_IMU and, for autopilots, HIL_SENSOR: as measured, without the estimated biases removed."""
     rates, forces, updated = _means(view, name)
     air, readings = view.air, view.simulation.readings
     before = view.sent_readings.get(name, {})
@@ -36,11 +36,6 @@ def highres_imu(view: View, name: str = "HIGHRES_IMU") -> Values:
         view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * _GAUSS).tolist(),
         air.pressure * _HPA, air.dynamic_pressure * _HPA, air.pressure_height, air.temperature - _KELVIN, updated, 0,
     )  # fmt: skip
-
-
-def hil_sensor(view: View) -> Values:
-    """HIL_SENSOR: the same values, for autopilots."""
-    return highres_imu(view, "HIL_SENSOR")
 
 
 def raw_imu(view: View) -> Values:

@@ -1,4 +1,4 @@
-"""Messages of the vehicle itself: type, state, home and time.  Each function returns the values of a message's fields."""
+"""Messages of the vehicle itself: type, state and home.  Each function returns the values of a message's fields."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ _IMU_LOST = 10  # consecutive lost samples after which the inertial unit counts 
 _PARAM_FLOAT, _MISSION_INT, _COMMAND_INT, _FTP, _MAVLINK2, _MISSION_FENCE, _MISSION_RALLY = 2, 4, 8, 32, 8192, 16384, 32768
 _NOT_SELECTABLE, _AUTO_MODE = 2, 4
 _ERRORS = {"tilt": "ERR_TILT", "heading": "ERR_HDG", "velocity": "ERR_VEL", "position": "ERR_POS"}
-METADATA_URI = "mftp:///general.json"
 
 
 def heartbeat(view: View) -> Values:
@@ -57,20 +56,10 @@ def extended_sys_state(view: View) -> Values:
     return 0, _LANDED_IN_AIR if airborne else _LANDED_ON_GROUND
 
 
-def system_time(view: View) -> Values:
-    """SYSTEM_TIME: Unix time at the start of the run plus the simulation clock, and the simulation clock."""
-    return view.unix_us, view.time_ms
-
-
 def home_position(view: View) -> Values:
     """HOME_POSITION: the known initial position, origin of local positions."""
     zero, level = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     return *view.place(*view.home), *zero, level, *zero, view.time_us
-
-
-def gps_global_origin(view: View) -> Values:
-    """GPS_GLOBAL_ORIGIN: home."""
-    return *view.place(*view.home), view.time_us
 
 
 def error_messages(view: View) -> list[Message]:
@@ -90,24 +79,9 @@ def autopilot_version(view: View) -> Values:
     return capabilities, version, 0, 0, 0, none, none, none, 0, 0, int.from_bytes(digest, "little")
 
 
-def protocol_version(view: View) -> Values:
-    """PROTOCOL_VERSION: MAVLink 2 only."""
-    return 200, 200, 200, [0] * 8, [0] * 8
-
-
-def current_mode(view: View) -> Values:
-    """CURRENT_MODE: what steers the vehicle."""
-    return 0, view.mode.number, view.mode.number
-
-
 def available_modes(view: View) -> list[Values]:
     """AVAILABLE_MODES of each mode.  None can be selected: manual control begins with its first message."""
     return [
         (len(view.modes), index, 0, mode.number, _NOT_SELECTABLE | (_AUTO_MODE if mode.automatic else 0), mode.name)
         for index, mode in enumerate(view.modes, 1)
     ]
-
-
-def component_metadata(view: View) -> Values:
-    """COMPONENT_METADATA: where names, units and ranges of the parameters can be read."""
-    return view.time_ms, view.metadata_crc, METADATA_URI

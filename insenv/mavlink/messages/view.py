@@ -198,6 +198,10 @@ class View:
             self._values = dict(zip(DERIVED, results, strict=True))
         return self._values
 
+    def derived(self, *names: str) -> list[float]:
+        """The elements of some of `DERIVED`, one after another."""
+        return [element for name in names for element in self.values[name].tolist()]
+
     def estimated(self, name: str) -> float:
         """Estimated latitude, longitude (rad) or height (m); of an alignment the known initial one."""
         return float(self.estimate[name] if name in self.estimate else getattr(self.simulation.plant.knowledge, name))

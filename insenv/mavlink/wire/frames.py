@@ -85,9 +85,9 @@ SIGNED = 0x01
 SIGNATURE = 13
 """Bytes of link number, time stamp and hash together."""
 HEADER_V1, HEADER_V2, CHECKSUM = 6, 10, 2
-LONGEST = HEADER_V2 + 255 + CHECKSUM + SIGNATURE
+MAX_FRAME_BYTES = HEADER_V2 + 255 + CHECKSUM + SIGNATURE
 """Bytes of the longest frame."""
-WRONG_CANDIDATES = 16
+MAX_WRONG_FRAMES = 16
 """Frames with a wrong checksum after which the rest of a piece is discarded."""
 
 _MAGIC = re.compile(b"[\xfd\xfe]")
@@ -161,7 +161,7 @@ def split(piece: bytes, statistics: Statistics) -> tuple[list[bytes], int]:
     extra, checksum = _tools()
     frames: list[bytes] = []
     end, at, wrong = len(piece), 0, 0
-    while wrong < WRONG_CANDIDATES:
+    while wrong < MAX_WRONG_FRAMES:
         magic = _MAGIC.search(piece, at)
         if magic is None:
             break

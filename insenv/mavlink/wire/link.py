@@ -28,7 +28,7 @@ MESSAGES_PER_CALL = 64
 """Largest number of frames that one `receive` processes."""
 MESSAGES_PER_PEER = 8
 """The same for one peer: 1600 per second at 200 Hz, more than tools send; a flood costs about 0.2 ms per call."""
-HIGHEST_ID = 255
+MAX_ID = 255
 
 Message = Any
 """A message object of pymavlink."""
@@ -112,7 +112,7 @@ class Peer:
 KINDS = ("udpout", "udpin", "tcpout", "tcpin", "serial")
 LOOPBACK = "127.0.0.1"
 BAUD = 57600
-_HIGHEST_PORT = 65535
+MAX_PORT = 65535
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ def parse_address(text: str) -> Address:
             raise InputError(f"address {text!r}: must be {_form(kind)}, such as serial:/dev/ttyUSB0:{BAUD}")
         return Address(kind, device, int(baud))
     lowest = 1 if kind.endswith("out") else 0
-    if not port.isascii() or not port.isdigit() or not lowest <= int(port) <= _HIGHEST_PORT:
-        raise InputError(f"address {text!r}: must be {_form(kind)} with a port from {lowest} to {_HIGHEST_PORT}")
+    if not port.isascii() or not port.isdigit() or not lowest <= int(port) <= MAX_PORT:
+        raise InputError(f"address {text!r}: must be {_form(kind)} with a port from {lowest} to {MAX_PORT}")
     if host.startswith("[") and host.endswith("]"):
         host = host[1:-1]
     elif ":" in host:
@@ -173,8 +173,8 @@ def resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressFa
 def check_sender(system: int, component: int) -> None:
     """Raise `InputError` unless both are from 1 to 255."""
     for name, value in (("system", system), ("component", component)):
-        if not 1 <= value <= HIGHEST_ID:
-            raise InputError(f"{name} {value}: allowed is 1 to {HIGHEST_ID}")
+        if not 1 <= value <= MAX_ID:
+            raise InputError(f"{name} {value}: allowed is 1 to {MAX_ID}")
 
 
 class Link(ABC):

@@ -21,7 +21,7 @@ from insenv.base.installing import need
 from insenv.mavlink.wire.link import Clock, Link, Peer, endpoint, parse_address, resolve
 from insenv.mavlink.wire.signing import Signing
 
-MOST_CLIENTS = 16
+MAX_CLIENTS = 16
 STALLED_S = 30.0
 """A client that reads nothing for so long while frames are pending is disconnected."""
 RETRY_S = 1.0
@@ -145,7 +145,7 @@ class TcpServerLink(_TcpLink):
                 device, source = self._listener.accept()
             except OSError:  # no client, or one that is gone already
                 break
-            if len(self._peers) >= MOST_CLIENTS:
+            if len(self._peers) >= MAX_CLIENTS:
                 device.close()
                 self.statistics.refused_peers += 1
                 continue
@@ -243,13 +243,13 @@ class SerialLink(_StreamLink):
         peer.waiting, peer.accepted = 0, self._clock()
 
 
-MOST_PEERS = 16
-MOST_STRANGERS = 64
+MAX_PEERS = 16
+MAX_STRANGERS = 64
 """Largest number of senders that are not peers: no verified message, or no free place.  More replace the oldest."""
 EXPIRY_S = 20.0
 """A peer that has been silent for so long is dropped: ground stations send a heartbeat each second."""
 READS_PER_CALL = 512
-LARGEST = 4096
+MAX_DATAGRAM_BYTES = 4096
 """Bytes of the largest datagram accepted: routers put several frames into one."""
 BUFFER_BYTES = 1 << 20
 
@@ -311,13 +311,13 @@ class DatagramLink(Link):
         self._expire()
         for _ in range(READS_PER_CALL):
             try:
-                datagram, source = self._socket.recvfrom(LARGEST + 1)
+                datagram, source = self._socket.recvfrom(MAX_DATAGRAM_BYTES + 1)
             except BlockingIOError:
                 return
             except OSError:
                 continue  # the report of a datagram that was refused
             self.statistics.received_bytes += len(datagram)
-            if len(datagram) > LARGEST:
+            if len(datagram) > MAX_DATAGRAM_BYTES:
                 self.statistics.oversized += 1
                 continue
             peer = self._peers[0] if self._connected else self._from(source)
@@ -328,13 +328,13 @@ class DatagramLink(Link):
         if source in self._by_key:
             return self._by_key[source]
         strangers = [peer for peer in self._peers if not peer.live]
-        if len(strangers) >= MOST_STRANGERS:
+        if len(strangers) >= MAX_STRANGERS:
             self._forget(strangers[0])
             self.statistics.refused_peers += 1
         return self._add(endpoint(*source[:2]), source)
 
     def _heard(self, peer: Peer, message: Any) -> None:
-        room = peer.live or sum(p.live for p in self._peers) < MOST_PEERS
+        room = peer.live or sum(p.live for p in self._peers) < MAX_PEERS
         super()._heard(peer, message)
         if not room:
             # it is answered but gets no telemetry: present peers keep their places
