@@ -69,8 +69,7 @@ def test_px4_outputs_act_in_the_next_step():
         seen.append(seen[-1] + outputs[-1])
         return read()
 
-    # the first step waits for an interval: long enough for an answer on a busy machine
-    with Px4Lockstep(step, 0.5, lambda c: outputs.append(c.values[0]), address=TCP) as simulator:
+    with Px4Lockstep(step, 0.5, lambda c: outputs.append(c.values[0]), address=TCP) as simulator:  # the first step waits 0.5 s
         px4 = standing_in(simulator)
         simulator.run(steps=300)
     px4.done()
