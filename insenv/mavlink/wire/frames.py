@@ -79,14 +79,13 @@ def message_class(name: str) -> Any:
     return getattr(dialect(), f"MAVLink_{name.lower()}_message", None) or defined()[name]
 
 
-V1, V2 = 0xFE, 0xFD
+V2 = 0xFD
+"""The magic of MAVLink 2; that of MAVLink 1 is 0xFE."""
 SIGNED = 0x01
 """The incompatibility flag of a signed frame, the only one supported."""
 SIGNATURE = 13
 """Bytes of link number, time stamp and hash together."""
 HEADER_V1, HEADER_V2, CHECKSUM = 6, 10, 2
-MAX_FRAME_BYTES = HEADER_V2 + 255 + CHECKSUM + SIGNATURE
-"""Bytes of the longest frame."""
 MAX_WRONG_FRAMES = 16
 """Frames with a wrong checksum after which the rest of a piece is discarded."""
 
