@@ -14,7 +14,7 @@ from insenv.cli.lists import examples, list_all, new, schema
 from insenv.cli.options import HELP
 from insenv.cli.reproduce import reproduce
 from insenv.cli.runs import page, replay, run
-from insenv.cli.streaming import stream
+from insenv.cli.stream import stream
 from insenv.cli.studies import allan, budget, train, tune
 
 app = typer.Typer(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from math import degrees
 from pathlib import Path
@@ -14,13 +14,14 @@ from insenv.base.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.mavlink import Vehicle
-    from insenv.mavlink.lockstep.contract import Lockstep, Messages
+    from insenv.mavlink.lockstep import ArduPilotLockstep, Px4Lockstep
+    from insenv.scenario import Scenario
 
 _CHUNK = 20
 
 
 def lockstep(
-    scenario: str,
+    scenario: Scenario,
     estimator: str | None,
     *,
     kind: str,
@@ -34,34 +35,23 @@ def lockstep(
 ) -> None:
     """Run in lockstep until the duration is over or an end is requested, and print the counts.
 
-    speed: None is 1 for PX4, which has no pace of its own, and 0 for ArduPilot, which keeps that of its --speedup.
+    kind: a key of `AUTOPILOTS`.  speed: None is 1 for PX4, which has no pace of its own, and 0 for ArduPilot, which keeps that
+    of its --speedup.
     """
     from insenv.cli.interruptions import ending, written
     from insenv.cli.output import print_json, print_line, working
-    from insenv.cli.stream import checked_duration
-    from insenv.mavlink import Vehicle
-    from insenv.mavlink.lockstep import px4_rates
-    from insenv.mavlink.messages import parse_rates
-    from insenv.mavlink.vehicle import checked_speed
-    from insenv.scenario import load
 
-    loaded = load(scenario)
-    duration = checked_duration(duration_s)
-    pace = checked_speed(speed if speed is not None else 1.0 if kind == "px4" else 0.0)
-    if kind != "px4" and (tlog is not None or rates):
-        option = "--rate" if tlog is None else "--tlog"
-        raise InputError(f"{option}: ArduPilot's JSON interface has no MAVLink; allowed with --lockstep px4")
-    chosen = {**(px4_rates(loaded.rate_hz) if kind == "px4" else {}), **parse_rates(list(rates), loaded.rate_hz)}
     with ending() as request:
         with ExitStack() as stack:
-            vehicle = Vehicle(loaded, estimator, seed=seed, rates=chosen, speed=0.0, **_as_simulator(kind))
-            simulator, address = _prepared(stack, kind, vehicle, to, tlog, pace)
+            vehicle, simulator, address = AUTOPILOTS[kind](
+                stack, scenario, to, speed, tlog, rates, estimator=estimator, seed=seed
+            )
             progress = stack.enter_context(working(f"lockstep with {kind} on {address}"))
             if sys.stderr.isatty():
                 print_line(f"waiting for {kind} on {address}; Ctrl-C ends", stderr=True)
                 if kind != "px4":
                     print_line(f"start it with --home={home_option(vehicle)}", stderr=True)
-            total = None if duration is None else max(1, round(duration / vehicle.simulation.interval))
+            total = None if duration_s is None else max(1, round(duration_s / vehicle.simulation.interval))
             begun = time.monotonic()
             request.orderly = True
             while not request() and (total is None or vehicle.simulation.samples < total):
@@ -71,7 +61,7 @@ def lockstep(
                     progress(vehicle.simulation.samples, total)
             wall = time.monotonic() - begun
         summary = {
-            "scenario": loaded.name, "estimator": vehicle.simulation.estimator.id, "state": vehicle.view.state,
+            "scenario": scenario.name, "estimator": vehicle.simulation.estimator.id, "state": vehicle.view.state,
             "lockstep": kind, "address": address, "simulated_s": vehicle.simulation.time, "wall_s": wall,
             "interrupted": request(), "progress": dict(vars(simulator.progress)),
             "tlog": None if tlog is None else str(tlog),
@@ -89,13 +79,6 @@ def _print_summary(summary: dict[str, Any]) -> None:
         print_line(f"written: {summary['tlog']}")
 
 
-def _as_simulator(kind: str) -> dict[str, Any]:
-    """How the vehicle presents itself to the autopilot: PX4 is component 1 of the same system, and has units of its own."""
-    from insenv.mavlink.lockstep.px4 import COMPONENT
-
-    return {"component": COMPONENT, "hil_acceleration": "mm/s^2"} if kind == "px4" else {}
-
-
 def home_option(vehicle: Vehicle) -> str:
     """Home as ArduPilot's ``--home`` takes it: latitude, longitude (deg), height (m), heading (deg)."""
     latitude, longitude, height = vehicle.view.home
@@ -103,47 +86,58 @@ def home_option(vehicle: Vehicle) -> str:
     return f"{degrees(latitude):.7f},{degrees(longitude):.7f},{height - vehicle.view.undulation:.2f},{heading:.1f}"
 
 
-def _prepared(
-    stack: ExitStack, kind: str, vehicle: Vehicle, to: str | None, tlog: Path | None, speed: float
-) -> tuple[Lockstep, str]:
-    """The simulator's side, and the address that it listens on."""
+def _px4(
+    stack: ExitStack, scenario: Scenario, to: str | None, speed: float | None, tlog: Path | None, rates: Sequence[str],
+    **options: Any,
+) -> tuple[Vehicle, Px4Lockstep, str]:  # fmt: skip
+    """The vehicle as component 200 of PX4's system, in PX4's units; its log is that of a stream."""
+    from insenv.mavlink import Vehicle
     from insenv.mavlink.commands import answers
-    from insenv.mavlink.lockstep import ArduPilotLockstep, Px4Lockstep, ardupilot, moving, px4, px4_messages, steering
+    from insenv.mavlink.lockstep import Px4Lockstep, px4, px4_messages, px4_rates, steering
+    from insenv.mavlink.messages import parse_rates
+    from insenv.mavlink.stream import Recorder
+    from insenv.mavlink.vehicle import checked_speed
+    from insenv.mavlink.wire import TlogWriter
 
-    interval = vehicle.simulation.interval
-    if kind == "px4":
-        step = px4_messages(vehicle)
-        messages = step if tlog is None else _recorded(stack, vehicle, step, tlog)
-        px4_simulator = stack.enter_context(
-            Px4Lockstep(
-                messages, interval, steering(vehicle, px4.CHANNELS), answer=lambda message: answers(vehicle, message),
-                address=to or px4.ADDRESS, speed=speed,
-            )
-        )  # fmt: skip
-        return px4_simulator, str(px4_simulator.link.address)
-    act = steering(vehicle, ardupilot.CHANNELS)
-    json_simulator = stack.enter_context(
-        ArduPilotLockstep(moving(vehicle), act, address=to or ardupilot.ADDRESS, interval=interval, speed=speed)
-    )
-    return json_simulator, str(json_simulator.address)
+    pace = checked_speed(1.0 if speed is None else speed)
+    chosen = px4_rates(scenario.rate_hz) | parse_rates(rates, scenario.rate_hz)
+    vehicle = Vehicle(scenario, rates=chosen, speed=0.0, component=px4.COMPONENT, hil_acceleration="mm/s^2", **options)
+    recorder = Recorder(vehicle, None if tlog is None else stack.enter_context(TlogWriter(tlog)))
+    recorder.begin()
+    simulate = px4_messages(vehicle)
+
+    def step() -> Iterator[Any]:
+        for message in simulate():
+            yield message  # which sends it
+            recorder.sent(message)
+
+    simulator = Px4Lockstep(
+        step, vehicle.simulation.interval, steering(vehicle, px4.CHANNELS),
+        answer=lambda message: answers(vehicle, message), address=to or px4.ADDRESS, speed=pace,
+    )  # fmt: skip
+    return vehicle, stack.enter_context(simulator), str(simulator.link.address)
 
 
-def _recorded(stack: ExitStack, vehicle: Vehicle, simulate: Messages, tlog: Path) -> Messages:
-    """The vehicle's step, with its messages written to a log that begins with its parameters and has a sequence of its own."""
-    from insenv.mavlink.commands import parameter_frames
-    from insenv.mavlink.wire import TlogWriter, dialect
+def _ardupilot(
+    stack: ExitStack, scenario: Scenario, to: str | None, speed: float | None, tlog: Path | None, rates: Sequence[str],
+    **options: Any,
+) -> tuple[Vehicle, ArduPilotLockstep, str]:  # fmt: skip
+    from insenv.mavlink import Vehicle
+    from insenv.mavlink.lockstep import ArduPilotLockstep, ardupilot, moving, steering
+    from insenv.mavlink.vehicle import checked_speed
 
-    recorder = stack.enter_context(TlogWriter(tlog))
-    packer = dialect().MAVLink(None, vehicle.view.system, vehicle.view.component)
-    for frame in parameter_frames(vehicle):
-        recorder.write(vehicle.view.unix_us, frame)
-    packer.seq = len(vehicle.parameters) % 256
+    pace = checked_speed(0.0 if speed is None else speed)
+    if tlog is not None or rates:
+        option = "--rate" if tlog is None else "--tlog"
+        raise InputError(f"{option}: ArduPilot's JSON interface has no MAVLink; allowed with --lockstep px4")
+    vehicle = Vehicle(scenario, speed=0.0, **options)
+    act, interval = steering(vehicle, ardupilot.CHANNELS), vehicle.simulation.interval
+    simulator = ArduPilotLockstep(moving(vehicle), act, address=to or ardupilot.ADDRESS, interval=interval, speed=pace)
+    return vehicle, stack.enter_context(simulator), str(simulator.address)
 
-    def step() -> Sequence[Any]:
-        messages = simulate()
-        for message in messages:
-            recorder.write(vehicle.view.unix_us, bytes(message.pack(packer)))
-            packer.seq = (packer.seq + 1) % 256
-        return messages
 
-    return step
+AUTOPILOTS: dict[str, Callable[..., tuple[Vehicle, Px4Lockstep | ArduPilotLockstep, str]]] = {
+    "px4": _px4,
+    "ardupilot-json": _ardupilot,
+}
+"""The vehicle, the simulator's side and the address that it listens on, by the interface's name."""

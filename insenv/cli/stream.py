@@ -1,53 +1,103 @@
-"""`insenv stream`: the simulated vehicle on a MAVLink link, with a dashboard on stderr."""
+"""The command `insenv stream`: the simulated vehicle on a MAVLink link, with a dashboard on stderr."""
 
 from __future__ import annotations
 
-import sys
-import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import ExitStack
+from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Optional
+
+import typer
 
 from insenv.base.errors import InputError
+from insenv.cli.dashboard import dashboard
+from insenv.cli.lockstep import lockstep as run_lockstep
+from insenv.cli.options import Json, Seed, deferred, given_path, one
+from insenv.cli.options import Scenario as ScenarioName
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-    from insenv.cli.interruptions import Ending
     from insenv.evaluation.limits import Limit
-    from insenv.mavlink import Stream
     from insenv.report import Report
     from insenv.scenario import Scenario
 
-MOST_LINKS = 4
+MAX_LINKS = 4
 """A telemetry log has two bits for the number of a link."""
-_WIDE = 29  # columns of a message's name and rate
-_UNITS = {"tilt": "deg", "heading": "deg", "velocity": "m/s", "position": "m"}
-_OVER_S = 2.0
-_SHOWN_CLIENTS = 4
 
 
+class Lockstep(str, Enum):
+    """The autopilot interface that `insenv stream --lockstep` serves."""
+
+    px4 = "px4"
+    ardupilot_json = "ardupilot-json"
+
+
+@deferred
 def stream(
-    scenario: str,
-    estimator: str | None,
-    *,
-    to: Sequence[str],
-    seed: int | None,
-    speed: float,
-    duration_s: float | None,
-    tlog: Path | None,
-    rates: Sequence[str],
-    signing_key_file: Path | None,
-    system: int,
-    show_errors: bool,
-    undulation: float,
-    scored: bool,
-    out: Path | None,
-    as_json: bool,
+    scenario: ScenarioName,
+    to: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(
+            metavar="ADDRESS",
+            help="udpout:HOST:PORT, udpin:..., tcpin:..., tcpout:... or serial:DEVICE:BAUD; without HOST only this machine."
+            " May be given more than once: each address is one link.",
+        ),
+    ] = None,
+    estimator: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; the default is the scenario's first."),
+    ] = None,
+    seed: Seed = None,
+    speed: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option(
+            metavar="X", help="Simulated seconds per second, 1 by default; 0: as fast as possible, the default with ArduPilot."
+        ),
+    ] = None,
+    duration: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option(metavar="S", help="Simulated seconds; without it until Ctrl-C, with --speed 0 the scenario's duration."),
+    ] = None,
+    tlog: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(parser=given_path, metavar="FILE", help="Write a telemetry log."),
+    ] = None,
+    rate: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(metavar="MESSAGE=HZ", help="Rate of a message, 0 (none) to the rate of the samples; each message once."),
+    ] = None,
+    signing_key_file: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            parser=given_path,
+            metavar="FILE",
+            help="Sign messages with the key in this file, and accept only messages signed with it.",
+        ),
+    ] = None,
+    system: Annotated[
+        int, typer.Option(metavar="N", help="MAVLink system of the vehicle, 1 to 255: several vehicles beside one another.")
+    ] = 1,
+    errors: Annotated[bool, typer.Option("--errors", help="Send the errors of the estimate too (NAMED_VALUE_FLOAT).")] = False,
+    undulation: Annotated[
+        float, typer.Option(metavar="M", help="Height of the geoid above the ellipsoid, the same everywhere.")
+    ] = 0.0,
+    lockstep: Annotated[
+        Optional[Lockstep],  # noqa: UP045
+        typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
+    ] = None,
+    score: Annotated[
+        bool,
+        typer.Option("--score", help="Judge the estimates that clients send: ODOMETRY, ATTITUDE and others (docs/score.md)."),
+    ] = False,
+    out: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            "--out", "-o", parser=given_path, metavar="DIR", help="With --score: write the results, as of a run, there."
+        ),
+    ] = None,
+    as_json: Json = False,
 ) -> None:
-    """Stream until the duration is over or an end is requested, and print a summary."""
+    """Stream the simulated vehicle and its estimate live over MAVLink to ground stations and other clients."""
     from insenv.cli.interruptions import ending, written
     from insenv.cli.output import print_json
     from insenv.mavlink import Stream, Vehicle
@@ -57,34 +107,55 @@ def stream(
     from insenv.report import OutputFolder, run_document, write_files
     from insenv.scenario import load
 
-    loaded = load(scenario)
-    wanted = parse_rates(list(rates), loaded.rate_hz)
-    duration = checked_duration(duration_s)
-    if duration is None and speed == 0.0:
+    addresses, rates = to or [], rate or []
+    if lockstep is not None:
+        if signing_key_file is not None:
+            raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
+        options = {"--errors": errors, "--system": system != 1, "--undulation": undulation != 0.0, "--score": score}
+        for option, is_set in options.items():
+            if is_set:
+                raise InputError(f"{option}: not allowed with --lockstep")
+        if len(addresses) > 1:
+            raise InputError(f"--to: {len(addresses)} addresses; --lockstep allows one, that of the autopilot")
+    elif out is not None and not score:
+        raise InputError("--out: allowed with --score, whose results it takes")
+    elif not addresses:
+        raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
+    id, loaded = one(estimator), load(scenario)
+    if duration is not None and not 0.0 < duration < 1e9:
+        raise InputError(f"--duration {duration:g}: allowed is above 0 and below 1e9 simulated seconds")
+    if lockstep is not None:
+        run_lockstep(
+            loaded, id, kind=lockstep.value, to=addresses[0] if addresses else None, seed=seed, speed=speed,
+            duration_s=duration, tlog=tlog, rates=rates, as_json=as_json,
+        )  # fmt: skip
+        return
+    chosen = parse_rates(rates, loaded.rate_hz)
+    pace = 1.0 if speed is None else speed
+    if duration is None and pace == 0.0:
         duration = loaded.duration_s
-    addresses = _checked_addresses(to)
+    _check_addresses(addresses)
     folder = None if out is None else OutputFolder(out)
-    limit = _limit(loaded, seed, duration) if scored else None
+    limit = _limit(loaded, seed, duration) if score else None
     report: Report | None = None
     with ending() as request:
         with ExitStack() as stack:
             signing = None if signing_key_file is None else Signing.from_key_file(signing_key_file)
             vehicle = Vehicle(
-                loaded, estimator, seed=seed, rates=wanted, speed=speed, system=system, show_errors=show_errors,
-                undulation=undulation,
-            )  # fmt: skip
-            vehicle.score = Score(vehicle.view, limit) if scored else None
+                loaded, id, seed=seed, rates=chosen, speed=pace, system=system, show_errors=errors, undulation=undulation
+            )
+            vehicle.score = Score(vehicle.view, limit) if score else None
             links = [
                 stack.enter_context(open_link(address, signing=signing, system=system, number=number))
                 for number, address in enumerate(addresses)
             ]
-            recorder = None if tlog is None else stack.enter_context(TlogWriter(tlog))
-            running = Stream(vehicle, links, recorder)
+            running = Stream(vehicle, links, None if tlog is None else stack.enter_context(TlogWriter(tlog)))
             watch = stack.enter_context(dashboard(running, request))
             request.orderly = True
             running.run(duration, watch, request)
-            shown = ", ".join(str(link.address) for link in links)
-            summary = running.summary() | {"address": shown, "tlog": None if tlog is None else str(tlog)}
+            summary = running.summary()
+            summary["address"] = ", ".join(str(link.address) for link in links)
+            summary["tlog"] = None if tlog is None else str(tlog)
             if vehicle.score is not None:
                 report = report_of(vehicle.score)
                 files = write_files(report, folder).paths if folder is not None and report.results else ()
@@ -104,131 +175,13 @@ def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Li
         return limit_of(plant, progress)
 
 
-def _checked_addresses(to: Sequence[str]) -> Sequence[str]:
-    """Check the addresses of the links.  Raises `InputError` for too many, or one that is named twice."""
-    if len(to) > MOST_LINKS:
-        raise InputError(f"--to: {len(to)} addresses; allowed are 1 to {MOST_LINKS}")
+def _check_addresses(to: Sequence[str]) -> None:
+    """Raise `InputError` for too many links, or an address that is named twice."""
+    if len(to) > MAX_LINKS:
+        raise InputError(f"--to: {len(to)} addresses; allowed are 1 to {MAX_LINKS}")
     for place, address in enumerate(to):
         if address in to[:place]:
             raise InputError(f"--to {address}: named twice; each address is one link")
-    return to
-
-
-def checked_duration(duration_s: float | None) -> float | None:
-    """Check the duration.  Raises `InputError`."""
-    if duration_s is not None and not 0.0 < duration_s < 1e9:
-        raise InputError(f"--duration {duration_s:g}: allowed is above 0 and below 1e9 simulated seconds")
-    return duration_s
-
-
-@contextmanager
-def dashboard(running: Stream, request: Ending) -> Iterator[Callable[[Stream], None] | None]:
-    """A dashboard on stderr while the block runs; None if stderr is not a terminal.
-
-    A terminal that is closed, so that nothing can be written to it, is a request to end.
-    """
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.live import Live
-
-    console = Console(stderr=True, markup=False, highlight=False, emoji=False)
-    rates = Rates()
-    live = Live(picture(running, rates, width=console.width), console=console, transient=True, auto_refresh=False)
-
-    def show(stream: Stream) -> None:
-        try:
-            live.update(picture(stream, rates, width=console.width), refresh=True)
-        except OSError:
-            request.asked = True
-
-    live.start(refresh=True)
-    try:
-        yield show
-    finally:
-        with suppress(OSError):
-            live.stop()
-
-
-class Rates:
-    """Message rates (Hz) over the last two seconds."""
-
-    def __init__(self) -> None:
-        self._kept: list[tuple[float, Counter[str]]] = []
-
-    def __call__(self, sent: Counter[str], now: float) -> dict[str, float]:
-        """The rates by name at `now` (s), from the numbers of messages sent so far."""
-        self._kept.append((now, Counter(sent)))
-        while len(self._kept) > 2 and now - self._kept[1][0] > _OVER_S:
-            del self._kept[0]
-        begun, before = self._kept[0]
-        elapsed = max(now - begun, 1e-3)
-        return {name: (count - before[name]) / elapsed for name, count in sent.items()}
-
-
-def picture(running: Stream, rates: Rates, now: float | None = None, width: int = 100) -> RenderableType:
-    """The dashboard at present, in `width` columns."""
-    from rich import box
-    from rich.console import Group
-    from rich.table import Table
-    from rich.text import Text
-
-    vehicle, simulation = running.vehicle, running.vehicle.simulation
-    view, statistics, scenario = vehicle.view, running.statistics, simulation.plant.scenario
-    pace = "paused" if vehicle.paused else f"speed {vehicle.speed:g}" if vehicle.speed else "as fast as possible"
-    clients = [peer.name if peer.heard is None else f"{peer.name} ({peer.system}/{peer.component})" for peer in running.peers]
-    more = len(clients[_SHOWN_CLIENTS:])
-    shown = ", ".join(clients[:_SHOWN_CLIENTS]) + (f" and {more} more" if more else "")
-    gnss = "none" if not simulation.has_gnss else "off" if not simulation.gnss_on else "fix" if view.has_lock else "no fix"
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_row("vehicle", f"{scenario.name} ({scenario.vehicle.kind}), {simulation.estimator.id}")
-    table.add_row("time", f"{simulation.time:.1f} s, {pace}; {simulation.time / max(running.wall_s, 1e-3):.3g} times real time")
-    table.add_row("alignment", f"{view.state}{_sigmas(view.tilt_sigma_deg, view.heading_sigma_deg)}; GNSS {gnss}")
-    table.add_row("error", ", ".join(f"{name} {value:.3g} {_UNITS[name]}" for name, value in view.errors.items()))
-    for source in vehicle.score.sources.values() if vehicle.score is not None else ():
-        table.add_row(source.name, _scored(source.latest, vehicle.score.limit_at(source.time)))  # type: ignore[union-attr]
-    late = running.pacer.lateness
-    table.add_row("lateness", f"p50 {late(0.5) * 1e3:.2f} ms, p99 {late(0.99) * 1e3:.2f} ms; {running.cpu_share:.0%} of a core")
-    table.add_row("link", f"{', '.join(str(link.address) for link in running.links)}; clients: {shown or 'none yet'}")
-    rejected = statistics.wrong_checksum + statistics.unsigned + statistics.wrongly_signed
-    rejected += statistics.replayed + statistics.stale + statistics.early
-    table.add_row(
-        "messages",
-        f"{statistics.sent_frames} sent to {len(clients)} client{'s' if len(clients) != 1 else ''},"
-        f" {statistics.dropped_frames} dropped, {statistics.received_messages} received, "
-        f"{rejected} rejected; {view.fields.saturated.total()} values saturated",
-    )
-    streamed = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
-    across = max(1, min(3, (width + 2) // _WIDE))
-    for _ in range(across):
-        streamed.add_column("message", no_wrap=True, min_width=20)
-        streamed.add_column("Hz", justify="right", min_width=5)
-    cells = [
-        cell
-        for name, hz in sorted(rates(running.sent, time.monotonic() if now is None else now).items())
-        for cell in (name[:20], f"{hz:.1f}")
-    ]
-    cells += [""] * (-len(cells) % (2 * across))
-    for place in range(0, len(cells), 2 * across):
-        streamed.add_row(*cells[place : place + 2 * across])
-    return Group(table, Text(""), streamed, Text("Ctrl-C ends the stream"))
-
-
-def _scored(errors: dict[str, float], limit: dict[str, float]) -> str:
-    """Errors of the latest estimate of a client, each with the limit."""
-    parts = []
-    for name, error in errors.items():
-        what, _, unit = name.rpartition("_")
-        beside = f" ({limit[name]:.2g})" if name in limit else ""
-        parts.append(f"{what} {error:.3g}{beside} {'m/s' if unit == 'mps' else unit}")
-    return ", ".join(parts)
-
-
-def _sigmas(tilt_deg: float, heading_deg: float) -> str:
-    if tilt_deg != tilt_deg:
-        return ""
-    return f" (1 sigma: tilt {tilt_deg:.3g} deg, heading {heading_deg:.3g} deg)"
 
 
 def _print_summary(summary: dict[str, Any], report: Report | None = None) -> None:

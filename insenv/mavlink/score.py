@@ -2,6 +2,11 @@
 
 An estimate is judged at its time stamp, so that neither the link nor the client's computing time counts as error; how late it
 arrived is counted apart.
+
+Estimates are ODOMETRY, ATTITUDE, ATTITUDE_QUATERNION and VISION_POSITION_ESTIMATE.  Frames: attitude from body FRD to NED at
+the vehicle; positions from home (HOME_POSITION) along the NED axes at home; the velocity of ODOMETRY in body FRD (child frame
+12) or NED (child frame 1).  Times are those of the simulation clock, which the vehicle's messages carry (``time_usec``,
+``time_boot_ms``), or the same in Unix time.
 """
 
 from __future__ import annotations
@@ -9,7 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, nan, sqrt
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -19,26 +24,23 @@ from insenv.base.errors import InputError
 from insenv.core.tables import Vector
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Array, Result, Track, checked_estimate, errors, track_of
 from insenv.evaluation.limits import Limit
-from insenv.mavlink.messages.fields import DEG_E7, Message
-from insenv.mavlink.messages.view import View
+from insenv.mavlink.messages import Message, View
+from insenv.mavlink.messages.fields import DEG_E7
+from insenv.mavlink.simulation import POSE
 from insenv.report import Report
 from insenv.runs.function import Called
 from insenv.runs.simulated import result_of
-
-# Estimates that clients send: ODOMETRY, ATTITUDE, ATTITUDE_QUATERNION, VISION_POSITION_ESTIMATE.
-#
-# Frames: attitude from body FRD to NED at the vehicle; positions from home (HOME_POSITION) along the NED axes at home; the
-# velocity of ODOMETRY in body FRD (child frame 12) or NED (child frame 1).  Times are those of the simulation clock, which the
-# vehicle's messages carry (``time_usec``, ``time_boot_ms``), or the same in Unix time.
 
 LOCAL_NED, BODY_FRD = 1, 12
 """MAV_FRAME."""
 UNIX_US = 10**15
 """Time stamps beyond this many microseconds are Unix time."""
-FARTHEST = 1e5
+MAX_DISTANCE_M = 1e5
 """Largest distance from home, m, within which the axes at home make sense."""
 _POSE_SIGMA = {0: POSITION[0], 6: POSITION[1], 11: POSITION[2], 15: ATTITUDE[0], 18: ATTITUDE[1], 20: ATTITUDE[2]}
 """Channels on the diagonal of a pose covariance, whose upper triangle stands row by row."""
+_PLACE = ("latitude", "longitude", "height")
+_LONGITUDE = 8  # its element in a row of `POSE`
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,7 @@ def estimate_of(message: Any, origin: Origin) -> Estimate:
 
 
 def _attitude(message: Any, origin: Origin) -> Estimate:
-    q = _by_euler(message.roll, message.pitch, message.yaw)
-    return Estimate(message.time_boot_ms * 1e-3, checked_estimate(q), resolution=1e-3)
+    return Estimate(message.time_boot_ms * 1e-3, checked_estimate(_by_euler(message)), resolution=1e-3)
 
 
 def _attitude_quaternion(message: Any, origin: Origin) -> Estimate:
@@ -83,12 +84,7 @@ def _attitude_quaternion(message: Any, origin: Origin) -> Estimate:
 
 
 def _vision_position_estimate(message: Any, origin: Origin) -> Estimate:
-    rows = checked_estimate(
-        {
-            "q_nb": _by_euler(message.roll, message.pitch, message.yaw),
-            **_place((message.x, message.y, message.z), origin),
-        }
-    )
+    rows = checked_estimate({"q_nb": _by_euler(message), **_place(message, origin)})
     return Estimate(_seconds(message.usec, origin), rows, _pose_sigma(message.covariance))
 
 
@@ -100,13 +96,8 @@ def _odometry(message: Any, origin: Origin) -> Estimate:
             f"child_frame_id = {message.child_frame_id}: allowed is {BODY_FRD} (MAV_FRAME_BODY_FRD) or {LOCAL_NED}"
             " (MAV_FRAME_LOCAL_NED)"
         )
-    rows = checked_estimate(
-        {
-            "q_nb": message.q,
-            "velocity_n": (message.vx, message.vy, message.vz),
-            **_place((message.x, message.y, message.z), origin),
-        }
-    )
+    velocity = (message.vx, message.vy, message.vz)
+    rows = checked_estimate({"q_nb": message.q, "velocity_n": velocity, **_place(message, origin)})
     sigma = _pose_sigma(message.pose_covariance)
     if message.child_frame_id == BODY_FRD:
         rows["velocity_n"] = np.asarray(attitude.numeric.rotate(rows["q_nb"], rows["velocity_n"]))
@@ -135,38 +126,38 @@ def _seconds(stamp_us: int, origin: Origin) -> float:
     return (stamp_us - round(origin.start_unix * 1e6) if stamp_us > UNIX_US else stamp_us) * 1e-6
 
 
-def _by_euler(roll: float, pitch: float, heading: float) -> Array:
-    angles = {"roll": roll, "pitch": pitch, "yaw": heading}
-    for name, angle in angles.items():
+def _by_euler(message: Any) -> Array:
+    angles = [getattr(message, name) for name in ("roll", "pitch", "yaw")]
+    for name, angle in zip(("roll", "pitch", "yaw"), angles, strict=True):
         if not isfinite(angle) or abs(angle) > 7.0:
             raise InputError(f"{name} = {angle:g} rad: allowed is a finite angle up to a full turn")
-    return np.asarray(attitude.numeric.from_euler(roll, pitch, heading))
+    return np.asarray(attitude.numeric.from_euler(*angles))
 
 
-def _place(offset: Sequence[float], origin: Origin) -> dict[str, float]:
+def _place(message: Any, origin: Origin) -> dict[str, float]:
     """Latitude, longitude, height of a position from home along the NED axes at home."""
-    if not all(map(isfinite, offset)) or max(map(abs, offset)) > FARTHEST:
+    offset = (message.x, message.y, message.z)
+    if not all(map(isfinite, offset)) or max(map(abs, offset)) > MAX_DISTANCE_M:
         raise InputError(
-            f"x, y, z = {[round(v, 3) for v in offset]} m: allowed are finite distances from home up to {FARTHEST:g} m"
+            f"x, y, z = {[round(v, 3) for v in offset]} m: allowed are finite distances from home up to {MAX_DISTANCE_M:g} m"
         )
-    at = (origin.latitude, origin.longitude, origin.height)
-    found = geodesy.numeric.geodetic_from_ned_offset(np.array(offset), *at)
-    return {name: float(value) for name, value in zip(("latitude", "longitude", "height"), found, strict=True)}
+    home = (origin.latitude, origin.longitude, origin.height)
+    place = geodesy.numeric.geodetic_from_ned_offset(np.array(offset), *home)
+    return dict(zip(_PLACE, map(float, place), strict=True))
 
 
 def _pose_sigma(triangle: Sequence[float]) -> dict[str, float]:
     """Standard deviations by channel (m, deg) of a pose covariance; none where it is unknown: NaN, or not positive."""
-    found = {}
-    for place, channel in _POSE_SIGMA.items():
-        variance = triangle[place] if place < len(triangle) else nan
-        if isfinite(variance) and variance > 0.0:
-            found[channel] = sqrt(variance) * (180.0 / np.pi if channel in ATTITUDE else 1.0)
-    return found
+    return {
+        channel: sqrt(triangle[place]) * (180.0 / np.pi if channel in ATTITUDE else 1.0)
+        for place, channel in _POSE_SIGMA.items()
+        if isfinite(triangle[place]) and triangle[place] > 0.0
+    }
 
 
 HISTORY_S = 600.0
 """Time for which the truth is kept: older estimates are refused."""
-MOST = 200_000
+MAX_ESTIMATES = 200_000
 """Estimates kept of one source; beyond it every second one is dropped, and so on."""
 ANSWER_S = 1.0
 """Simulated time between two answers to one source."""
@@ -176,19 +167,19 @@ NAMES = {
     "vn_mps": "VN", "ve_mps": "VE", "vd_mps": "VD",
 }  # fmt: skip
 """Names of NAMED_VALUE_FLOAT by channel, behind E_ (error, estimate minus truth) and L_ (limit, 1 sigma)."""
-_POSE = ("velocity_n", "latitude", "longitude", "height")
 
 
 @dataclass
 class Source:
     """The estimates of one client by one kind of message.
 
-    name: "odometry-42-191", message, system and component.  kept: (time, estimate, truth) of those that are recorded, every
+    name: "odometry-42-191", message, system and component.  recorded: (estimate, truth) of those that are kept, every
     `stride`-th; count: of all accepted; delays: simulated seconds from stamp to arrival; latest: its latest error by channel.
+    time: of the latest estimate (s); answered: that of the latest with an answer.
     """
 
     name: str
-    kept: list[tuple[Estimate, dict[str, Vector]]] = field(default_factory=list)
+    recorded: list[tuple[Estimate, dict[str, Vector]]] = field(default_factory=list)
     stride: int = 1
     count: int = 0
     delays: list[float] = field(default_factory=list)
@@ -199,24 +190,41 @@ class Source:
     def take(self, estimate: Estimate, truth: dict[str, Vector], delay: float) -> None:
         """Record an estimate and the truth at its time."""
         if self.count % self.stride == 0:
-            self.kept.append((estimate, truth))
+            self.recorded.append((estimate, truth))
             self.delays.append(delay)
         self.count, self.time = self.count + 1, estimate.time
-        if len(self.kept) >= MOST:
-            self.kept, self.delays, self.stride = self.kept[::2], self.delays[::2], 2 * self.stride
-        found = errors(_track([estimate.time], [estimate.rows]), _track([estimate.time], [truth]))
-        self.latest = {name: float(value[0]) for name, value in found.items()}
+        if len(self.recorded) >= MAX_ESTIMATES:
+            self.recorded, self.delays, self.stride = self.recorded[::2], self.delays[::2], 2 * self.stride
+        times = np.array([estimate.time])
+        error = errors(track_of(times, _stacked([estimate.rows])), track_of(times, _stacked([truth])))
+        self.latest = {name: float(value[0]) for name, value in error.items()}
+
+    def tracks(self) -> tuple[dict[str, Vector], Track]:
+        """What it has sent, by row name, and the truth at the same times."""
+        times = np.array([estimate.time for estimate, _ in self.recorded])
+        truth = track_of(times, _stacked([truth for _, truth in self.recorded]))
+        return _stacked([estimate.rows for estimate, _ in self.recorded]), truth
+
+    def stated(self) -> dict[str, Vector]:
+        """Standard deviations by channel that it has stated with every estimate."""
+        sigmas = [estimate.sigma for estimate, _ in self.recorded]
+        return {name: np.array([sigma[name] for sigma in sigmas]) for name in NAMES if all(name in sigma for sigma in sigmas)}
+
+
+def _stacked(rows: list[dict[str, Any]]) -> dict[str, Vector]:
+    """The rows of several times by name, with those that the first time has."""
+    return {name: np.array([each[name] for each in rows]) for name in rows[0]}
 
 
 class Score:
     """Errors of the estimates that clients send.
 
     view: the vehicle.  limit: the smallest standard deviation that any method can have, or None.  sources: by name.  refused:
-    number of messages that were refused, by the sentence that says why (the first of its kind).
+    number of messages that were refused, by the sentence that says why (the first of its kind).  disturbed_at: time (s) at
+    which what clients did to the vehicle made the limit another one; None before.
     """
 
     def __init__(self, view: View, limit: Limit | None = None) -> None:
-        simulation = view.simulation
         self.view, self.limit = view, limit
         self.sources: dict[str, Source] = {}
         self.refused: Counter[str] = Counter()
@@ -226,17 +234,13 @@ class Score:
         # as HOME_POSITION rounds it, by which clients count
         place = (round(latitude * DEG_E7) / DEG_E7, round(longitude * DEG_E7) / DEG_E7)
         self.origin = Origin(*place, round((height - view.undulation) * 1e3) * 1e-3 + view.undulation, view.start_unix)
-        rows = int(HISTORY_S / simulation.interval) + 1
-        self._history = np.full((rows, 11), np.nan)
+        self._history = np.full((int(HISTORY_S / view.simulation.interval) + 1, 10), np.nan)
         self._first = 0
 
     def follow(self) -> None:
         """Keep the truth of the present sample, and notice what makes the limit another one."""
-        simulation, truth = self.view.simulation, self.view.truth
-        row = self._history[simulation.samples % len(self._history)]
-        row[0], row[1:5] = simulation.time, truth["q_nb"]
-        row[5:8] = truth["velocity_n"]
-        row[8], row[9], row[10] = truth["latitude"], truth["longitude"], truth["height"]
+        simulation = self.view.simulation
+        self._history[simulation.samples % len(self._history)] = np.hstack([self.view.truth[name] for name in POSE])
         self._first = self._first or simulation.samples
         if self.disturbed_at is None and (not simulation.gnss_on or simulation.interference is not None or simulation.changed):
             self.disturbed_at = simulation.time
@@ -257,24 +261,17 @@ class Score:
         if estimate.time - source.answered < ANSWER_S - 1e-9:
             return []
         source.answered = estimate.time
-        return self._answers(source)
+        limit = self.limit_at(source.time)
+        values = {f"E_{NAMES[name]}": error for name, error in source.latest.items()}
+        values |= {f"L_{NAMES[name]}": limit[name] for name in source.latest if name in limit}
+        return self.view.fields.named(round(source.time * 1e3), values)
 
     def limit_at(self, time: float) -> dict[str, float]:
         """The limit by channel at a time (s); empty where there is none: beyond its run, or after the scenario was changed."""
-        if (
-            self.limit is None
-            or time > float(self.limit.time[-1])
-            or (self.disturbed_at is not None and time > self.disturbed_at)
-        ):
+        changed = self.disturbed_at is not None and time > self.disturbed_at
+        if self.limit is None or changed or time > float(self.limit.time[-1]):
             return {}
         return {name: float(value[0]) for name, value in self.limit.at(np.array([time])).items()}
-
-    def _answers(self, source: Source) -> list[Message]:
-        time_ms, limit = round(source.time * 1e3), self.limit_at(source.time)
-        values = {f"E_{NAMES[name]}": error for name, error in source.latest.items()}
-        values |= {f"L_{NAMES[name]}": limit[name] for name in source.latest if name in limit}
-        made = [self.view.fields.message("NAMED_VALUE_FLOAT", time_ms, name, value) for name, value in values.items()]
-        return [message for message in made if message is not None]
 
     def _refuse(self, kind: str, sentence: str) -> None:
         """Count a refusal under the first sentence of its kind: numbers in it would make one of each message."""
@@ -295,75 +292,51 @@ class Score:
             raise InputError(f"the stamp {time:.6f} s does not follow {source.time:.6f} s: allowed are increasing times")
         nearest = round(time / dt)
         if abs(nearest * dt - time) <= 0.5 * estimate.resolution + 1e-9:  # the stamp of a sample, rounded
-            return _rows(self._history[nearest % len(self._history)])
-        low = int(time / dt)
-        before, after = (self._history[place % len(self._history)] for place in (low, low + 1))
-        return _rows(_between(before, after, (time - low * dt) / dt))
+            row = self._history[nearest % len(self._history)].copy()
+        else:
+            low = int(time / dt)
+            before, after = (self._history[place % len(self._history)] for place in (low, low + 1))
+            row = _between(before, after, (time - low * dt) / dt)
+        values = (row[:4], row[4:7], *(np.array(value) for value in row[7:]))
+        return dict(zip(POSE, values, strict=True))
 
 
 def _between(before: Vector, after: Vector, share: float) -> Vector:
-    """Rows linear between two samples, with the longitude across the date line and the attitude as a rotation."""
+    """A row of the history between two samples: linear, with the longitude across the date line and a rotated attitude."""
     row = before + share * (after - before)
-    turn = attitude.numeric.to_rotation_vector(attitude.numeric.multiply(attitude.numeric.conjugate(before[1:5]), after[1:5]))
-    row[1:5] = attitude.numeric.multiply(before[1:5], attitude.numeric.from_rotation_vector(share * turn))
-    east = (after[9] - before[9] + np.pi) % (2.0 * np.pi) - np.pi
-    row[9] = before[9] + share * east
+    turn = attitude.numeric.to_rotation_vector(attitude.numeric.multiply(attitude.numeric.conjugate(before[:4]), after[:4]))
+    row[:4] = attitude.numeric.multiply(before[:4], attitude.numeric.from_rotation_vector(share * turn))
+    east = (after[_LONGITUDE] - before[_LONGITUDE] + np.pi) % (2.0 * np.pi) - np.pi
+    row[_LONGITUDE] = before[_LONGITUDE] + share * east
     return np.asarray(row)
 
 
-def _rows(row: Vector) -> dict[str, Vector]:
-    values = (row[1:5].copy(), row[5:8].copy(), np.array(row[8]), np.array(row[9]), np.array(row[10]))
-    return dict(zip(("q_nb", *_POSE), values, strict=True))
-
-
-def _track(times: list[float], rows: list[dict[str, Vector]]) -> Track:
-    """The track of rows at times, with what the first of them has."""
-    return track_of(np.array(times), {name: np.array([row[name] for row in rows]) for name in rows[0]})
-
-
-def tracks(source: Source) -> tuple[dict[str, Vector], Track]:
-    """What a source has sent, by row name, and the truth at the same times."""
-    estimates, truths = zip(*source.kept, strict=True)
-    rows = {name: np.array([each.rows[name] for each in estimates]) for name in estimates[0].rows}
-    return rows, _track([each.time for each in estimates], list(truths))
-
-
-def stated(source: Source) -> dict[str, Vector]:
-    """Standard deviations by channel that a source has stated with every estimate."""
-    estimates: list[Any] = [estimate for estimate, _ in source.kept]
-    names = set.intersection(*(set(each.sigma) for each in estimates))
-    return {name: np.array([each.sigma[name] for each in estimates]) for name in NAMES if name in names}
-
-
-# The report of estimates that came from outside: the same as that of a run.
-
-
 def report_of(score: Score) -> Report:
-    """The report of all sources that have sent estimates; its truth is that at the times of their estimates."""
-    simulation = score.view.simulation
-    scenario, found = simulation.plant.scenario, [_result(source, score) for source in score.sources.values()]
+    """The report of all sources that have sent estimates, as of a run; its truth is that at the times of their estimates."""
+    simulation, sources = score.view.simulation, score.sources.values()
+    scenario, limit = simulation.plant.scenario, score.limit
     notes = list(scenario.notes)
-    if not found:
+    if not sources:
         notes.append("no estimate was received")
     notes += [f"refused {count} times: {sentence}" for sentence, count in score.refused.items()]
     if score.disturbed_at is not None:
         notes.append(f"no limit: the scenario was changed at {score.disturbed_at:g} s, from where on it is another one")
-    if score.limit is not None and simulation.time > score.limit.time[-1] + simulation.interval:
-        notes.append(f"no limit of estimates that last longer than the scenario, {score.limit.time[-1]:g} s")
+    if limit is not None and simulation.time > limit.time[-1] + simulation.interval:
+        notes.append(f"no limit of estimates that last longer than the scenario, {limit.time[-1]:g} s")
     return Report(
         scenario=scenario.name,
         title=scenario.title,
         seed=simulation.plant.seed,
         duration_s=simulation.time,
         imu_samples=simulation.samples,
-        truth=_joined([tracks(source)[1] for source in score.sources.values()]),
-        results=tuple(found),
+        truth=_joined([source.tracks()[1] for source in sources]),
+        results=tuple(_result(source, score) for source in sources),
         notes=tuple(notes),
     )
 
 
 def _result(source: Source, score: Score) -> Result:
-    rows, truth = tracks(source)
+    rows, truth = source.tracks()
     limit = score.limit
     if limit is not None and (truth.time[-1] > limit.time[-1] or score.disturbed_at is not None):
         limit = None
@@ -375,7 +348,7 @@ def _result(source: Source, score: Score) -> Result:
     if source.stride > 1:
         notes = (*notes, f"one in {source.stride} of them is recorded")
     called = Called(source.name, "latitude" in rows)
-    return result_of(called, rows, truth, limit, us_per_sample=float("nan"), notes=notes, sigma=stated(source))
+    return result_of(called, rows, truth, limit, us_per_sample=float("nan"), notes=notes, sigma=source.stated())
 
 
 def _joined(parts: list[Track]) -> Track:
@@ -383,5 +356,4 @@ def _joined(parts: list[Track]) -> Track:
     if not parts:
         return Track(np.zeros(0))
     times, rows = np.unique(np.concatenate([part.time for part in parts]), return_index=True)
-    names = ("q_nb", "velocity_n", "latitude", "longitude", "height")
-    return Track(times, **{name: np.concatenate([getattr(part, name) for part in parts])[rows] for name in names})
+    return Track(times, **{name: np.concatenate([getattr(part, name) for part in parts])[rows] for name in POSE})

@@ -7,22 +7,25 @@ restarted and the vehicle steered.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.core.tables import Vector
+from insenv.core.tables import Table, Vector
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.live_health import LiveHealth
 from insenv.mavlink.surroundings import Interference, defaults
-from insenv.scenario import Plant, Scenario, build, poles
+from insenv.scenario import Scenario, build, poles
 from insenv.scenario.files import named_estimators
 
-_POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
+_INCREMENTS = ("delta_angle", "delta_velocity")
+_PLACE = ("latitude", "longitude", "height")
+POSE = ("q_nb", "velocity_n", *_PLACE)
 
 
 @dataclass(frozen=True)
@@ -54,10 +57,12 @@ class Simulation:
     by the next `advance`).  samples: number simulated.  alignments: number started.  fix: the latest fix received;
     fixes: their number.  readings: number of measurements of magnetometer and barometer, by id.  gnss_on: whether the
     receiver is on.  interference: what disturbs it, or None.  increments (6): sums of the delta angles (rad) and delta
-    velocities (m/s) that the estimator received.  bridged: number of lost samples; lost_in_a_row: consecutive ones up to
-    the latest.  health: of the estimator since the alignment began, or None if it does not report it.  reported_heading_sigma:
-    standard deviation (rad) of the heading from which the alignment began, 0 if the estimator takes none.
-    changed: whether commands or parameters have made the drive another one than the scenario's.
+    velocities (m/s) that the estimator received; last_increment (6): the latest of them.  bridged: number of lost samples;
+    lost_in_a_row: consecutive ones up to the latest.  health: of the estimator since the alignment began, or None if it does
+    not report it.  reported_heading_sigma: standard deviation (rad) of the heading from which the alignment began, 0 if the
+    estimator takes none.  plant_parameters, estimator_parameters: the values in force, in the order of the models' tables;
+    set them by `set_plant_parameter` and `set_estimator_parameter`.  changed: whether commands or parameters have made the
+    drive another one than the scenario's.
     """
 
     def __init__(
@@ -68,20 +73,18 @@ class Simulation:
         with_added = build(scenario.model_copy(update=added), seed=seed) if added else plant
         # the estimator knows the scenario alone: its run is that of `insenv run`
         self.plant = replace(plant, model=with_added.model, parameters=with_added.parameters)
-        self.estimator = _chosen(estimator, self.plant)
+        self.estimator = self.plant.adapted(estimator or named_estimators(scenario)[0], whole=False)
         self.interval = self.plant.sample_interval
         self._plant = make_runner(self.plant.model, self.plant.parameters)
         self._settings: dict[int, float] = {}
         self._filter = make_runner(self.estimator.model, self.plant.parameters_of(self.estimator, whole=False))
-
+        self.plant_parameters, self.estimator_parameters = self._plant.p, self._filter.p
         self._y = self._plant.output()
         self._z = self._filter.output()
         self.truth = self.plant.model.outputs.unpack(self._y)
         self.estimate = self.estimator.model.outputs.unpack(self._z)
-        self._start = {name: np.array(self.truth[name]) for name in _POSE}
-        self.samples = 0
-        self.bridged = self.lost_in_a_row = 0
-        self.fixes = 0
+        self._start = {name: np.array(self.truth[name]) for name in POSE}
+        self.samples = self.bridged = self.lost_in_a_row = self.fixes = 0
         self.fix: Fix | None = None
         self.readings = {"magnetometer": 0, "barometer": 0}
         self.gnss_on = True
@@ -89,17 +92,15 @@ class Simulation:
         self._delivered = 0
         self.alignments = 1
         self._aligning_since = 0
-        self.increments = np.zeros(6)
+        self.increments, self.last_increment = np.zeros(6), np.zeros(6)
         self.health = self._new_health()
 
-        self._increment = np.zeros(6)
         inputs, outputs, known = self.estimator.model.inputs, self.plant.model.outputs, plant.model.outputs
         self._u = inputs.start_vector()
         self._u[inputs.slice("dt")] = self.interval
-        self._given = inputs.slice("delta_angle"), inputs.slice("delta_velocity")
-        fed = [n for n in inputs.names if n in known and n not in ("delta_angle", "delta_velocity", "dt")]
-        self._to = np.concatenate([np.zeros(0, int), *(np.r_[inputs.slice(n)] for n in fed)]).astype(int)
-        self._from = np.concatenate([np.zeros(0, int), *(np.r_[outputs.slice(n)] for n in fed)]).astype(int)
+        self._increment_to = _places(inputs, _INCREMENTS)
+        copied = [name for name in inputs.names if name in known and name not in (*_INCREMENTS, "dt")]
+        self._to, self._from = _places(inputs, copied), _places(outputs, copied)
         self._valid = inputs.slice("gnss_valid") if "gnss_valid" in inputs else None
         self._commands = self.plant.model.inputs.start_vector() if self.plant.model.inputs.rows else None
         self._commanded = self.changed = False
@@ -108,11 +109,6 @@ class Simulation:
     def time(self) -> float:
         """The simulation clock: seconds from the start of the run to the end of the latest sample."""
         return self.samples * self.interval
-
-    @property
-    def last_increment(self) -> Vector:
-        """The latest delta angle (3, rad) and delta velocity (3, m/s) that the estimator received."""
-        return self._increment
 
     @property
     def has_gnss(self) -> bool:
@@ -144,23 +140,19 @@ class Simulation:
         self.lost_in_a_row += 1
         if truth["imu_valid"]:
             self.lost_in_a_row = 0
-            self._increment[:3] = truth["delta_angle"]
-            self._increment[3:] = truth["delta_velocity"]
+            self.last_increment[:] = np.concatenate([truth[name] for name in _INCREMENTS])
         else:
             self.bridged += 1
-        self.increments += self._increment
-        u[self._given[0]] = self._increment[:3]
-        u[self._given[1]] = self._increment[3:]
+        self.increments += self.last_increment
+        u[self._increment_to] = self.last_increment
         if self.has_gnss and truth["gnss_valid"]:
             self._delivered += 1
             if self.interference is not None:
                 self.interference.apply(truth, self.time, self.plant.seed, self._delivered)
         u[self._to] = self._y[self._from]
-        if self.has_gnss and truth["gnss_valid"]:
-            if self.gnss_on:
-                self._take_fix()
-            elif self._valid is not None:
-                u[self._valid] = 0.0
+        if not self.gnss_on and self._valid is not None:
+            u[self._valid] = 0.0
+        fix = self._new_fix() if self.has_gnss and truth["gnss_valid"] and self.gnss_on else None
         try:
             self._filter.advance(u)
         except InputError:  # sensor parameters have been set to values that make the measurements infinite
@@ -168,17 +160,18 @@ class Simulation:
             u[:] = np.where(np.isfinite(u), u, 0.0)
             self._filter.advance(u)
         self._z[:] = self._filter.output()
-        if self.health is not None and self.has_gnss and truth["gnss_valid"] and self.gnss_on and self.fix is not None:
-            self.health.take(self.time, self.estimate, self.fix.velocity_sigma if self.fix.velocity_valid else None)
+        if fix is not None:
+            self.fix, self.fixes = fix, self.fixes + 1
+            if self.health is not None:
+                self.health.take(self.time, self.estimate, fix.velocity_sigma if fix.velocity_valid else None)
 
     def _new_health(self) -> LiveHealth | None:
         self.reported_heading_sigma = self.estimator_row("heading_sigma") or 0.0
         return LiveHealth(self.estimator.health_rows) if self.estimator.reports_health else None
 
-    def _take_fix(self) -> None:
+    def _new_fix(self) -> Fix:
         now = self.truth
-        self.fixes += 1
-        self.fix = Fix(
+        return Fix(
             time=self.time - float(now["gnss_age"]),
             latitude=float(now["gnss_latitude"]),
             longitude=float(now["gnss_longitude"]),
@@ -217,18 +210,17 @@ class Simulation:
     def known_now(self) -> Knowledge:
         """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""
         known, start, now = self.plant.knowledge, self._start, self.truth
-        reported = np.array([known.latitude, known.longitude, known.height])
-        error_m = geodesy.numeric.ned_offset(*reported, start["latitude"], start["longitude"], start["height"])
-        latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
-            error_m, now["latitude"], now["longitude"], now["height"]
-        )
+        reported = (known.latitude, known.longitude, known.height)
+        error_m = geodesy.numeric.ned_offset(*reported, *(start[name] for name in _PLACE))
+        place = geodesy.numeric.geodetic_from_ned_offset(error_m, *(now[name] for name in _PLACE))
+        latitude, longitude, height = map(float, place)
         error = np.array([known.roll, known.pitch, known.heading]) - np.array(attitude.numeric.to_euler(start["q_nb"]))
         roll, pitch, heading = np.array(attitude.numeric.to_euler(now["q_nb"])) + error
         return replace(
             known,
-            latitude=float(latitude),
-            longitude=float(longitude),
-            height=float(height),
+            latitude=latitude,
+            longitude=longitude,
+            height=height,
             velocity_n=np.array(now["velocity_n"]) + known.velocity_n - start["velocity_n"],
             roll=float(roll),
             pitch=float(pitch),
@@ -275,18 +267,10 @@ class Simulation:
         table = self.estimator.model.parameters
         return float(self._filter.p[table.slice(name)][0]) if name in table else None
 
-    def plant_parameter(self, place: int) -> float:
-        """Element `place` of the plant's parameters."""
-        return float(self._plant.p[place])
-
     def set_plant_parameter(self, place: int, value: float) -> None:
         """Set element `place` of the plant's parameters, from the next sample on."""
         self._plant.p[place] = value
         self.changed = True
-
-    def estimator_parameter(self, place: int) -> float:
-        """Element `place` of the estimator's parameters."""
-        return float(self._filter.p[place])
 
     def set_estimator_parameter(self, place: int, value: float) -> None:
         """Set element `place` of the estimator's parameters, from the next sample on and in later alignments."""
@@ -294,6 +278,6 @@ class Simulation:
         self._settings[place] = value
 
 
-def _chosen(id: str | Estimator | None, plant: Plant) -> Estimator:
-    """The estimator to run.  Raises `InputError` if none is named."""
-    return plant.adapted(id or named_estimators(plant.scenario)[0], whole=False)
+def _places(table: Table, names: Iterable[str]) -> NDArray[np.int64]:
+    """The indices of rows in the vector of a table."""
+    return np.concatenate([np.zeros(0, np.int64), *(np.r_[table.slice(name)] for name in names)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
 from insenv.mavlink.commands import Outbox, answers, parameter_frames
@@ -25,7 +26,7 @@ BURST_MESSAGES = 90
 """Largest number of messages sent without a pause."""
 BURST_PAUSE_S = 0.005
 SLICE_S = 0.02
-_KEPT = 20_000
+_LATEST = 20_000  # samples whose lateness is kept
 
 
 class Pacer:
@@ -42,30 +43,24 @@ class Pacer:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._interval = interval
-        self._clock, self._sleep = clock, sleep
-        self.slips = 0
-        self.slipped = 0.0
-        self._lateness: deque[float] = deque(maxlen=_KEPT)
-        self._burst = 0
+        self._interval, self._clock, self._sleep = interval, clock, sleep
+        self.slips, self.slipped = 0, 0.0
+        self._lateness: deque[float] = deque(maxlen=_LATEST)
         self.restart(speed)
 
     def restart(self, speed: float) -> None:
         """Restart the deadlines at this speed: the next sample is due one interval from now."""
         self.speed = speed
         self._begun = self._clock()
-        self._samples = 0
-        self._burst = 0
+        self._samples = self._burst = 0
 
     def change(self, speed: float) -> None:
         """Continue at another speed: the part of the sample that has passed counts, so that changes never delay a sample."""
-        before, now = self.speed, self._clock()
-        begun = now
-        if before > 0.0 and speed > 0.0:
-            passed = (now - self._begun) * before / self._interval - self._samples
-            begun = now - min(max(passed, 0.0), 1.0) * self._interval / speed
+        passed = (self._clock() - self._begun) * self.speed / self._interval - self._samples
+        part = min(max(passed, 0.0), 1.0) if self.speed > 0.0 and speed > 0.0 else 0.0
         self.restart(speed)
-        self._begun = begun
+        if part:
+            self._begun -= part * self._interval / speed
 
     def wait(self, meanwhile: Callable[[], bool]) -> bool:
         """Wait for the next deadline, and call `meanwhile` every `SLICE_S` until then.
@@ -107,8 +102,8 @@ class Pacer:
 
     def lateness(self, share: float) -> float:
         """Quantile (s) of the lateness of the latest samples; 0 before the first."""
-        known = sorted(self._lateness)
-        return known[min(len(known) - 1, int(share * len(known)))] if known else 0.0
+        latest = sorted(self._lateness)
+        return latest[min(len(latest) - 1, int(share * len(latest)))] if latest else 0.0
 
 
 HEARTBEAT_S = 1.0
@@ -129,13 +124,43 @@ def never() -> bool:
     return False
 
 
+class Recorder:
+    """A telemetry log of a vehicle: its parameters, then messages sent, numbered consecutively, and messages received.
+
+    count: number of the vehicle's own messages in the log.
+    """
+
+    def __init__(self, vehicle: Vehicle, log: TlogWriter | None) -> None:
+        self.count = 0
+        self._vehicle, self._log = vehicle, log
+
+    def begin(self) -> None:
+        """Begin the log with the parameters: a reader needs the lever arm of the antenna and the data sheet of the unit."""
+        if self._log is not None and not self.count:
+            for frame in parameter_frames(self._vehicle):
+                self._write(frame)
+                self.count += 1
+
+    def sent(self, message: Message) -> None:
+        """Write a message that a link has packed.  The log has a sequence of its own: answers to a peer leave no gap in it."""
+        if self._log is not None:
+            self._write(resequenced(bytes(message.get_msgbuf()), self.count % 256, signed=False))
+            self.count += 1
+
+    def received(self, message: Message, link: int) -> None:
+        """Write a message that came over a link, by its number."""
+        self._write(bytes(message.get_msgbuf()), link)
+
+    def _write(self, frame: bytes, link: int = 0) -> None:
+        if self._log is not None:
+            self._log.write(self._vehicle.view.unix_us, frame, link)
+
+
 class Stream:
     """A vehicle on one link or several.
 
-    recorder: receives the parameters first, then every message that the vehicle sends, numbered consecutively, and
-    every message received, with the number of its link.  sent, received: number of messages by name, answers included; a
-    message counts once, for any number of clients.  recorded: number of the vehicle's own messages in the log.
-    interrupted: whether it was ended from outside.
+    recorder: writes a telemetry log of all that is sent and received (`Recorder`).  sent, received: number of messages by
+    name, answers included; a message counts once, for any number of clients.  interrupted: whether it was ended from outside.
     """
 
     def __init__(self, vehicle: Vehicle, link: Link | Sequence[Link], recorder: TlogWriter | None = None) -> None:
@@ -146,12 +171,10 @@ class Stream:
         self.outbox = Outbox()
         self.pacer = Pacer(vehicle.simulation.interval, vehicle.speed)
         self.interrupted = False
-        self.recorded = 0
-        self._recorder = recorder
-        self._begun = time.monotonic()
+        self.log = Recorder(vehicle, recorder)
+        self._begun = self._watched_at = time.monotonic()
         self._cpu = time.process_time()
         self._heartbeat_at = float("-inf")
-        self._watched_at = self._begun
         self._known_peers = 0
         self._stop: Stop = never
 
@@ -163,22 +186,21 @@ class Stream:
         self.pacer.restart(self.vehicle.speed)
         self._stop = stop
         try:
-            self._record_parameters()
+            self.log.begin()
             while (last is None or simulation.samples < last) and not stop():
                 self.tick()
-                self._look(watch)
+                if time.monotonic() - self._watched_at > WATCH_S:
+                    self._watched_at = time.monotonic()
+                    self.vehicle.view.load = min(self.cpu_share, 1.0)
+                    if watch is not None:
+                        watch(self)
             self.interrupted = self.interrupted or stop()
-            self._flush()
+            self.serve()
+            for _ in range(100):  # the remaining answers
+                if not self.outbox.send(self._send_to):
+                    break
         except KeyboardInterrupt:
             self.interrupted = True
-
-    def _look(self, watch: Watch | None) -> None:
-        now = time.monotonic()
-        if now - self._watched_at > WATCH_S:
-            self._watched_at = now
-            self.vehicle.view.load = min(self.cpu_share, 1.0)
-            if watch is not None:
-                watch(self)
 
     def tick(self) -> None:
         """Advance by one sample at its time, or wait briefly when paused, and answer received messages.
@@ -212,57 +234,32 @@ class Stream:
         for number, link in enumerate(self.links):
             for peer, message in link.receive():
                 self.received[message.get_type()] += 1
-                self._record(bytes(message.get_msgbuf()), number)
+                self.log.received(message, number)
                 self.outbox.put((link, peer), answers(self.vehicle, message))
         self.outbox.send(self._send_to)
-        now = time.monotonic()
         peers = len(self.peers)
-        if now - self._heartbeat_at >= HEARTBEAT_S or peers > self._known_peers:
+        if time.monotonic() - self._heartbeat_at >= HEARTBEAT_S or peers > self._known_peers:
             self.send(self.vehicle.make("HEARTBEAT"))
-            if self.vehicle.paused:
-                for text in self.vehicle.texts():
-                    self.send(text)
+            for text in self.vehicle.texts() if self.vehicle.paused else ():
+                self.send(text)
         self._known_peers = peers
 
     def send(self, message: Message) -> None:
         """Send to all peers."""
-        name = message.get_type()
-        if name == "HEARTBEAT":
+        if message.get_type() == "HEARTBEAT":
             self._heartbeat_at = time.monotonic()
         for link in self.links:
             link.send(message)
-        self._account(name, message)
+        self._account(message)
 
     def _send_to(self, receiver: Any, message: Message) -> None:
         link, peer = receiver
         link.send_to(peer, message)
-        self._account(message.get_type(), message)
+        self._account(message)
 
-    def _account(self, name: str, message: Message) -> None:
-        self.sent[name] += 1
-        if self._recorder is not None:
-            # the log has a sequence of its own: answers to single peers must leave no gap in it
-            self._record(resequenced(bytes(message.get_msgbuf()), self.recorded % 256, signed=False))
-            self.recorded += 1
-
-    def _record(self, frame: bytes, link: int = 0) -> None:
-        if self._recorder is not None:
-            self._recorder.write(self.vehicle.view.unix_us, frame, link)
-
-    def _record_parameters(self) -> None:
-        """Begin the log with the parameters: a reader needs the lever arm of the antenna and the data sheet of the unit."""
-        if self._recorder is not None and not self.recorded:
-            frames = parameter_frames(self.vehicle)
-            for frame in frames:
-                self._record(frame)
-            self.recorded = len(frames)
-
-    def _flush(self) -> None:
-        """Send the remaining answers."""
-        self.serve()
-        for _ in range(100):
-            if not self.outbox.send(self._send_to):
-                break
+    def _account(self, message: Message) -> None:
+        self.sent[message.get_type()] += 1
+        self.log.sent(message)
 
     @property
     def peers(self) -> tuple[Peer, ...]:
@@ -272,9 +269,7 @@ class Stream:
     @property
     def statistics(self) -> Statistics:
         """Counts of all links together; a message sent over several of them counts once."""
-        total = Statistics.total(link.statistics for link in self.links)
-        total.sent_messages = sum(self.sent.values())
-        return total
+        return replace(Statistics.total(link.statistics for link in self.links), sent_messages=sum(self.sent.values()))
 
     @property
     def wall_s(self) -> float:
@@ -288,20 +283,20 @@ class Stream:
 
     def summary(self) -> dict[str, Any]:
         """Counts and timing of the stream, as a JSON document."""
-        vehicle, simulation = self.vehicle, self.vehicle.simulation
+        view, simulation = self.vehicle.view, self.vehicle.simulation
         return {
             "scenario": simulation.plant.scenario.name,
             "estimator": simulation.estimator.id,
-            "state": vehicle.view.state,
+            "state": view.state,
             "simulated_s": simulation.time,
             "wall_s": self.wall_s,
             "cpu_share": self.cpu_share,
             "interrupted": self.interrupted,
             "sent": dict(sorted(self.sent.items())),
             "received": dict(sorted(self.received.items())),
-            "link": self.statistics.as_dict(),
+            "link": asdict(self.statistics),
             "links": [
-                {"address": str(link.address), "clients": [peer.name for peer in link.peers], **link.statistics.as_dict()}
+                {"address": str(link.address), "clients": [peer.name for peer in link.peers], **asdict(link.statistics)}
                 for link in self.links
             ],
             "clients": [peer.name for peer in self.peers],
@@ -309,7 +304,7 @@ class Stream:
             "slips": self.pacer.slips,
             "slipped_s": self.pacer.slipped,
             "bridged_samples": simulation.bridged,
-            "saturated": dict(sorted(vehicle.view.fields.saturated.items())),
-            "refused": dict(sorted(vehicle.view.fields.refused.items())),
+            "saturated": dict(sorted(view.fields.saturated.items())),
+            "refused": dict(sorted(view.fields.refused.items())),
             "answers_dropped": self.outbox.dropped,
         }

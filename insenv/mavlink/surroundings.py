@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from insenv.scenario import Scenario
 from insenv.sensors import registry
 
 NOISE_STREAM = 0xFFFFFFFD
-"""Noise stream of what the streamed vehicle draws beside the plant; of the dynamic pressure it is one lower."""
+"""Noise stream of what the streamed vehicle draws beside the plant; those of dynamic pressure and interference follow below."""
 
 GAS_CONSTANT = 287.05287
 """Of dry air in the standard atmosphere, J/(kg K)."""
@@ -73,45 +73,30 @@ class AirData:
     density: float
 
 
-class Surroundings:
-    """The instruments in the quantities of messages.  seed: of the run."""
+def air_data(truth: Mapping[str, Any], undulation: float, barometer: int, seed: int) -> AirData:
+    """From the plant's outputs by row name.  undulation: m.  barometer: number of its measurements so far.  seed: of the run.
 
-    def __init__(self, seed: int) -> None:
-        self._noise = _Noise(seed, NOISE_STREAM - 1)
-
-    def data(self, truth: dict[str, Any], undulation: float, barometer: int) -> AirData:
-        """From the plant's outputs by row name.  undulation: m.  barometer: number of its measurements so far.
-
-        Before the first ones the pressure is that of the true height, and the field is 0.
-        """
-        heights, log_pressure, temperature = _atmosphere()
-        above_sea = float(truth["height"]) - undulation
-        kelvin = float(np.interp(above_sea, heights, temperature))
-        density = float(np.exp(np.interp(above_sea, heights, log_pressure))) / (GAS_CONSTANT * kelvin)
-        height = float(truth["barometer_height"]) - undulation if barometer else above_sea
-        pressure = float(np.exp(np.interp(height, heights, log_pressure)))
-        squared = float(np.dot(truth["velocity_n"], truth["velocity_n"]))
-        dynamic = 0.5 * density * squared + DYNAMIC_NOISE_PA * self._noise(barometer)
-        field = np.array(truth["magnetometer_field_b"])
-        return AirData(field, pressure, dynamic, height, kelvin, density)
+    Before the first ones the pressure is that of the true height, and the field is 0.
+    """
+    heights, log_pressure, temperature = _atmosphere()
+    above_sea = float(truth["height"]) - undulation
+    kelvin = float(np.interp(above_sea, heights, temperature))
+    density = float(np.exp(np.interp(above_sea, heights, log_pressure))) / (GAS_CONSTANT * kelvin)
+    height = float(truth["barometer_height"]) - undulation if barometer else above_sea
+    pressure = float(np.exp(np.interp(height, heights, log_pressure)))
+    squared = float(np.dot(truth["velocity_n"], truth["velocity_n"]))
+    dynamic_noise = float(_normals(seed, barometer // _AHEAD)[barometer % _AHEAD])
+    dynamic = 0.5 * density * squared + DYNAMIC_NOISE_PA * dynamic_noise
+    return AirData(np.array(truth["magnetometer_field_b"]), pressure, dynamic, height, kelvin, density)
 
 
-class _Noise:
-    """Standard normals by sample number, computed in blocks."""
+@lru_cache(maxsize=8)
+def _normals(seed: int, block: int) -> NDArray[np.float64]:
+    """Standard normals of the dynamic pressure, `_AHEAD` of them."""
+    from scipy.special import ndtri
 
-    def __init__(self, seed: int, stream: int) -> None:
-        self._seed, self._stream = seed, stream
-        self._first = -_AHEAD
-        self._block: NDArray[np.float64] = np.zeros(0)
-
-    def __call__(self, sample: int) -> float:
-        if not self._first <= sample < self._first + _AHEAD:
-            from scipy.special import ndtri
-
-            self._first = sample // _AHEAD * _AHEAD
-            steps = np.arange(self._first, self._first + _AHEAD)
-            self._block = ndtri(noise.uniforms(self._seed, steps, self._stream, 1))[:, 0]
-        return float(self._block[sample - self._first])
+    numbers = block * _AHEAD + np.arange(_AHEAD)
+    return np.asarray(ndtri(noise.uniforms(seed, numbers, NOISE_STREAM - 1, 1))[:, 0])
 
 
 @lru_cache(maxsize=1)
@@ -132,9 +117,13 @@ def _atmosphere() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.
 # It changes the fixes that the receiver of the scenario delivers.  What is random is a pure function of seed and fix
 # number, as all noise is.
 
-KINDS = ("none", "jamming", "spoofing", "drift", "satellites lost")
-"""By number, as the command has them."""
-_LARGEST_M, _LARGEST_M_S, _LARGEST_FACTOR = 1e6, 1e3, 1e3
+KINDS: tuple[tuple[str, str, float, float, int], ...] = (
+    ("jamming", "lost_share", 0.0, 1.0, 1),
+    ("spoofing", "offset_n", -1e6, 1e6, 3),
+    ("drift", "drift_n", -1e3, 1e3, 3),
+    ("satellites lost", "dilution", 1.0, 1e3, 1),
+)
+"""Name, field of `Interference`, its lowest and highest value and number of elements, by number of the command from 1."""
 _STREAM = NOISE_STREAM - 2
 
 
@@ -150,53 +139,42 @@ class Interference:
     name: str
     since: float
     lost_share: float = 0.0
-    offset_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    drift_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset_n: tuple[float, ...] = (0.0, 0.0, 0.0)
+    drift_n: tuple[float, ...] = (0.0, 0.0, 0.0)
     dilution: float = 1.0
 
     def apply(self, rows: Mapping[str, Any], time: float, seed: int, number: int) -> None:
         """Change a fix in place.  rows: of the plant's outputs; number: of the fix."""
         from scipy.special import ndtri
 
-        drawn = noise.uniforms(seed, np.array([number]), _STREAM, 7)[0]
-        if drawn[0] < self.lost_share:
+        uniforms = noise.uniforms(seed, np.array([number]), _STREAM, 7)[0]
+        if uniforms[0] < self.lost_share:
             rows["gnss_valid"][...] = rows["gnss_velocity_valid"][...] = 0.0
             return
-        normals = ndtri(drawn[1:]) * sqrt(self.dilution**2 - 1.0)
+        normals = ndtri(uniforms[1:]) * sqrt(self.dilution**2 - 1.0)
         drift: Vector = np.array(self.drift_n)
-        moved = np.array(self.offset_n) + drift * (time - self.since) + normals[:3] * rows["gnss_position_sigma"]
-        place = [float(rows[f"gnss_{name}"]) for name in ("latitude", "longitude", "height")]
-        found = geodesy.numeric.geodetic_from_ned_offset(moved, *place)
-        for name, value in zip(("latitude", "longitude", "height"), found, strict=True):
-            rows[f"gnss_{name}"][...] = float(value)
+        offset = np.array(self.offset_n) + drift * (time - self.since) + normals[:3] * rows["gnss_position_sigma"]
+        place = [rows[f"gnss_{name}"] for name in ("latitude", "longitude", "height")]
+        moved = geodesy.numeric.geodetic_from_ned_offset(offset, *map(float, place))
+        for row, value in zip(place, moved, strict=True):
+            row[...] = float(value)
         rows["gnss_velocity_n"][...] += drift + normals[3:] * rows["gnss_velocity_sigma"]
         rows["gnss_position_sigma"][...] *= self.dilution
         rows["gnss_velocity_sigma"][...] *= self.dilution
 
 
 def interference(kind: float, values: Sequence[float], now: float) -> Interference | None:
-    """The interference of a command.  kind: number in `KINDS`; values (3): see `Interference`.  None: none.
+    """The interference of a command.  kind: number in `KINDS`, 0 for none; values (3): see `Interference`.
 
     Raises `InputError` for an unknown kind or a value out of range.
     """
-    if kind not in range(len(KINDS)):
-        raise InputError(f"param1 = {kind:g}: allowed is 0 to {len(KINDS) - 1}")
-    name = KINDS[int(kind)]
-    first = values[0]
-    if name == "jamming":
-        return Interference(name, now, lost_share=_within(name, first, 0.0, 1.0))
-    if name == "satellites lost":
-        return Interference(name, now, dilution=_within(name, first, 1.0, _LARGEST_FACTOR))
-    if name in ("spoofing", "drift"):
-        most = _LARGEST_M if name == "spoofing" else _LARGEST_M_S
-        north, east, down = (_within(name, value, -most, most) for value in values)
-        if name == "spoofing":
-            return Interference(name, now, offset_n=(north, east, down))
-        return Interference(name, now, drift_n=(north, east, down))
-    return None
-
-
-def _within(name: str, value: float, least: float, most: float) -> float:
-    if not isfinite(value) or not least <= value <= most:
-        raise InputError(f"{name} = {value:g}: allowed is {least:g} to {most:g}")
-    return float(value)
+    if kind not in range(len(KINDS) + 1):
+        raise InputError(f"param1 = {kind:g}: allowed is 0 to {len(KINDS)}")
+    if kind == 0:
+        return None
+    name, field, lowest, highest, count = KINDS[int(kind) - 1]
+    for value in values[:count]:
+        if not lowest <= value <= highest:
+            raise InputError(f"{name} = {value:g}: allowed is {lowest:g} to {highest:g}")
+    numbers = tuple(map(float, values[:count]))
+    return Interference(name, now, **{field: numbers if count == 3 else numbers[0]})  # type: ignore[arg-type]

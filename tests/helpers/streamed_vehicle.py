@@ -5,12 +5,12 @@ import threading
 import time
 
 import numpy as np
-from pymavlink.dialects.v20 import common
+from pymavlink.dialects.v20 import common, development
 
 from insenv.mavlink import Vehicle
 from insenv.mavlink.commands import answers
 from insenv.mavlink.messages import DEFAULT_HZ
-from insenv.mavlink.vehicle import NEVER
+from insenv.mavlink.parameters import NEVER
 from insenv.mavlink.wire.frames import DEFINITIONS
 from insenv.scenario import load
 
@@ -42,7 +42,7 @@ def sent(name, *values, system=245, component=190):
 
 def answered(vehicle, message):
     """The answers as the client reads them; those that its pymavlink does not know as they are."""
-    reader, sender = common.MAVLink(None), common.MAVLink(None, 1, 1)
+    reader, sender = development.MAVLink(None), common.MAVLink(None, 1, 1)
     packed = [(m, bytearray(m.pack(sender))) for m in answers(vehicle, message)]
     return [m if m.get_type() in DEFINITIONS else reader.decode(frame) for m, frame in packed]
 

@@ -7,7 +7,7 @@ def test_modes_are_named_and_follow_from_what_steers():
     vehicle = quiet()
 
     def modes(vehicle, *parameters):
-        return [m.mode_name.decode() for m in command(vehicle, 512, 435.0, *parameters)[1]]
+        return [m.mode_name for m in command(vehicle, 512, 435.0, *parameters)[1]]
 
     def shown():
         return vehicle.make("HEARTBEAT").custom_mode, vehicle.make("CURRENT_MODE").custom_mode

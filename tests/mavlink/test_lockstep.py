@@ -17,8 +17,7 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.commands import answers
 from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_messages, px4_rates, steering
 from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
-from insenv.mavlink.lockstep.contract import Cadence
-from insenv.mavlink.lockstep.px4 import COMPONENT
+from insenv.mavlink.lockstep.px4 import COMPONENT, Cadence
 from insenv.scenario import load
 
 INTERVAL = 0.005
@@ -70,7 +69,7 @@ def test_px4_outputs_act_in_the_next_step():
         seen.append(seen[-1] + outputs[-1])
         return read()
 
-    with Px4Lockstep(step, INTERVAL, lambda c: outputs.append(c.values[0]), address=TCP) as simulator:
+    with Px4Lockstep(step, 0.5, lambda c: outputs.append(c.values[0]), address=TCP) as simulator:  # the first step waits 0.5 s
         px4 = standing_in(simulator)
         simulator.run(steps=300)
     px4.done()

@@ -134,11 +134,11 @@ def test_times_without_truth_are_refused_and_counted_by_kind(vehicle):
 
 
 def test_of_very_many_estimates_a_part_is_kept(vehicle, monkeypatch):
-    monkeypatch.setattr("insenv.mavlink.score.MOST", 4)
+    monkeypatch.setattr("insenv.mavlink.score.MAX_ESTIMATES", 4)
     for number in range(1, 11):
         vehicle.score.take(estimate("ODOMETRY", time_usec=number * 100_000))
     (source,) = vehicle.score.sources.values()
-    assert [round(each.time, 6) for each, _ in source.kept] == [0.1, 0.5, 0.9] and source.count == 10
+    assert [round(each.time, 6) for each, _ in source.recorded] == [0.1, 0.5, 0.9] and source.count == 10
     assert any("one in 4 of them is recorded" in note for note in report_of(vehicle.score).results[0].notes)
 
 
@@ -149,7 +149,7 @@ def test_truth_between_two_samples_is_that_of_the_motion():
     plane.score = Score(plane.view)
     steps(plane, 1.5)
     plane.score.take(estimate("ODOMETRY", time_usec=1_002_100))
-    ((_, truth),) = plane.score.sources["odometry-42-191"].kept
+    ((_, truth),) = plane.score.sources["odometry-42-191"].recorded
     row = round(1.0 / plane.simulation.interval) - 1
     assert columns.time[row] == pytest.approx(1.0)
     rows = np.ravel([columns.latitude[row], columns.longitude[row], columns.height[row]])

@@ -61,7 +61,7 @@ def test_answers_go_to_the_link_of_the_question_and_both_into_the_log(opened, so
     assert one.statistics.sent_frames == 0 and stream.statistics.received_messages == 1
     _, frames = logged(tmp_path / "a.tlog")
     pings = [(frame[5], frame[6]) for frame in frames if frame[7] == common.MAVLINK_MSG_ID_PING]
-    assert pings == [(255, 190), (1, 1)] and stream.recorded == len(stream.vehicle.parameters) + len(frames) - 1
+    assert pings == [(255, 190), (1, 1)] and stream.log.count == len(stream.vehicle.parameters) + len(frames) - 1
 
 
 @pytest.mark.slow
@@ -76,5 +76,5 @@ def test_a_stream_at_full_speed_has_flat_memory_and_tells_its_load(opened, tmp_p
     assert max(memory[1:]) - min(memory[1:]) < 3.0  # MB
     assert watched and 0.0 < vehicle.view.load <= 1.0 and not vehicle.view.fields.refused
     numbers = [frame[4] for part in logged(tmp_path / "long.tlog") for frame in part]
-    assert len(numbers) == stream.recorded == len(vehicle.parameters) + sum(stream.sent.values())
+    assert len(numbers) == stream.log.count == len(vehicle.parameters) + sum(stream.sent.values())
     assert np.all(np.diff(numbers) % 256 == 1)

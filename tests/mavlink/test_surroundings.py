@@ -8,7 +8,7 @@ from streamed_vehicle import quiet, steps
 from insenv import attitude
 from insenv.core.runner import make_runner
 from insenv.mavlink import Vehicle
-from insenv.mavlink.surroundings import Surroundings
+from insenv.mavlink.surroundings import air_data
 from insenv.scenario import build, load, parse
 
 
@@ -47,7 +47,7 @@ def test_pressure_is_that_of_the_standard_atmosphere(height, pressure, kelvin):
     """Table of the U.S. Standard Atmosphere, 1976, at geopotential heights; 50 m of undulation."""
     geometric = 6356766.0 * height / (6356766.0 - height)
     truth = {"velocity_n": np.array([100.0, 0, 0]), "height": geometric + 50.0, "barometer_height": geometric + 50.0}
-    air = Surroundings(1).data({**truth, "magnetometer_field_b": np.zeros(3)}, 50.0, 1)
+    air = air_data({**truth, "magnetometer_field_b": np.zeros(3)}, 50.0, 1, seed=1)
     assert air.pressure == pytest.approx(pressure, rel=2e-5) and air.temperature == pytest.approx(kelvin, abs=2e-3)
     assert air.pressure_height == pytest.approx(geometric, abs=1e-9)
     assert air.density == pytest.approx(pressure / (287.05287 * kelvin), rel=1e-4)

@@ -8,7 +8,7 @@ from streamed_vehicle import answered, quiet, sent, set_parameter, steps, texts
 
 from insenv import estimators
 from insenv.base.errors import InputError
-from insenv.mavlink.vehicle import NEVER, NEXT_ALIGNMENT, NOW
+from insenv.mavlink.parameters import NEVER, NEXT_ALIGNMENT, NOW
 from insenv.scenario import build, load
 from insenv.sensors.grades import LONGEST_NAME, elements
 

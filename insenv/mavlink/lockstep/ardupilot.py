@@ -4,9 +4,10 @@ The simulator listens on UDP 9002.  For each frame of servo outputs it advances 
 of JSON.
 
 A frame, little-endian: magic 18458, requested rate (Hz), frame number and 16 pulse widths (us); or magic 29569 and 32
-pulse widths.  The number reveals a repeated frame (ArduPilot received nothing for 10 s: the answer is repeated without
-a step) and a restarted autopilot.  The requested rate is not followed: the step is the scenario's sample interval, as
-the time stamp of the answer shows.  https://github.com/ArduPilot/ardupilot/tree/master/libraries/SITL/examples/JSON
+pulse widths.  The number reveals a repeated frame (ArduPilot received nothing for 1 s, older versions 10 s: the answer
+is repeated without a step) and a restarted autopilot.  The requested rate is not followed: the step is the scenario's
+sample interval, as the time stamp of the answer shows.
+https://github.com/ArduPilot/ardupilot/tree/master/libraries/SITL/examples/JSON
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from dataclasses import replace
 from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, Motion, Move, Stop, ignore
-from insenv.mavlink.stream import Pacer
-from insenv.mavlink.wire.link import Address, Clock, parse_address, resolve
+from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, Motion, Move, ignore
+from insenv.mavlink.stream import Pacer, Stop
+from insenv.mavlink.wire.link import Clock, parse_address, resolve
 
 CHANNELS = (1, 0, 2, 3)
 """Channels, from 0, of pitch, roll, throttle and yaw (rudder)."""
@@ -34,20 +35,20 @@ HEAD = struct.Struct("<HHI")
 CENTRE_US, REACH_US = 1500, 500
 SILENT_S = 15.0
 """Silence of the autopilot after which another one may take its place."""
-FIRST_NUMBER = 1
+MAX_FIRST_NUMBER = 1
 """Largest number of a first frame: ArduPilot counts from 0, and on with each answer."""
 READS_PER_TURN = 256
 
 
-def unpack(datagram: bytes) -> tuple[int, int, tuple[int, ...]] | None:
-    """Requested rate (Hz), number and pulse widths (us) of a frame; None if it is invalid."""
+def unpack(datagram: bytes) -> tuple[int, tuple[int, ...]] | None:
+    """Number and pulse widths (us) of a frame; None if it is invalid."""
     if len(datagram) < HEAD.size:
         return None
-    magic, rate, number = HEAD.unpack_from(datagram)
+    magic, _, number = HEAD.unpack_from(datagram)
     channels = MAGICS.get(magic)
     if channels is None or len(datagram) != HEAD.size + 2 * channels:
         return None
-    return rate, number, struct.unpack_from(f"<{channels}H", datagram, HEAD.size)
+    return number, struct.unpack_from(f"<{channels}H", datagram, HEAD.size)
 
 
 def answer(motion: Motion) -> bytes:
@@ -88,11 +89,18 @@ class ArduPilotLockstep(Lockstep):
             raise InputError(f"lockstep: speed {speed:g} needs the interval of a sample, above 0 s; {interval:g} s given")
         self._pacer = Pacer(interval, speed, clock, sleep)
         self._move, self._act, self._clock = move, act, clock
-        self.address = parse_address(address)
-        if self.address.kind != "udpin":
+        parsed = parse_address(address)
+        if parsed.kind != "udpin":
             raise InputError(f"address {address!r}: must be udpin:HOST:PORT for ArduPilot's JSON back end")
-        self._socket = _bound(self.address)
-        self.address = replace(self.address, port=self._socket.getsockname()[1])
+        family, place = resolve(parsed, socket.SOCK_DGRAM)
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            self._socket.setblocking(False)
+            self._socket.bind(place)
+        except OSError as error:
+            self._socket.close()
+            raise InputError(f"address {address}: {error.strerror or error}") from None
+        self.address = replace(parsed, port=self._socket.getsockname()[1])
         self._peer: Any = None
         self._heard = self._time = 0.0
         self._number: int | None = None
@@ -111,13 +119,13 @@ class ArduPilotLockstep(Lockstep):
             except OSError:  # the report of an answer that was refused
                 continue
             frame = unpack(datagram)
-            if frame is None or not self._is_peer(source, frame[1]):
+            if frame is None or not self._is_peer(source, frame[0]):
                 self.progress.refused += 1
                 continue
             newest = frame
         if newest is None:
             return
-        self._follow(*newest[1:])
+        self._follow(*newest)
         try:
             self._socket.sendto(self._answer, self._peer)
         except OSError:
@@ -126,7 +134,7 @@ class ArduPilotLockstep(Lockstep):
     def _is_peer(self, source: Any, number: int) -> bool:
         now = self._clock()
         if source != self._peer:
-            restarted = number <= FIRST_NUMBER and self._number is not None and number < self._number
+            restarted = number <= MAX_FIRST_NUMBER and self._number is not None and number < self._number
             if self._peer is not None and now - self._heard <= SILENT_S and not restarted:
                 return False
             self._peer, self._number = source, None
@@ -155,15 +163,3 @@ class ArduPilotLockstep(Lockstep):
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
-
-
-def _bound(address: Address) -> socket.socket:
-    family, place = resolve(address, socket.SOCK_DGRAM)
-    bound = socket.socket(family, socket.SOCK_DGRAM)
-    try:
-        bound.setblocking(False)
-        bound.bind(place)
-    except OSError as error:
-        bound.close()
-        raise InputError(f"address {address}: {error.strerror or error}") from None
-    return bound

@@ -1,4 +1,4 @@
-"""What the two lockstep protocols share: their demands on a simulation, their counts and their loop.
+"""What the two lockstep protocols share: the loop, its counts, the vehicle's motion and the autopilot's outputs.
 
 The simulation advances by one sample, and the autopilot answers with its outputs.
 """
@@ -6,18 +6,16 @@ The simulation advances by one sample, and the autopilot answers with its output
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from insenv import geodesy
 from insenv.core.tables import Vector
-
-if TYPE_CHECKING:
-    from insenv.mavlink.vehicle import Vehicle
-
+from insenv.mavlink.stream import Stop, never
+from insenv.mavlink.vehicle import FULL, Vehicle
 
 _Lockstep = TypeVar("_Lockstep", bound="Lockstep")
 
@@ -76,26 +74,10 @@ Act = Callable[[Controls], None]
 """Receives an autopilot's outputs, before the next step."""
 Move = Callable[[], Motion]
 """Advances by one sample and returns the motion at its end."""
-Stop = Callable[[], bool]
-"""Whether to end; called after each step and while waiting."""
-Messages = Callable[[], Sequence[Any]]
-"""Advances by one sample and returns the messages to send, a HIL_SENSOR among them."""
-Answer = Callable[[Any], Iterable[Any]]
-"""Answers a received message, such as a request for an interval, by messages."""
 
 
 def ignore(_: Controls) -> None:
     """Ignore the outputs: for vehicles whose motion is prescribed."""
-
-
-def no_answer(_: Any) -> tuple[Any, ...]:
-    """Answer nothing."""
-    return ()
-
-
-def never() -> bool:
-    """Never end."""
-    return False
 
 
 class Lockstep(ABC):
@@ -105,7 +87,7 @@ class Lockstep(ABC):
         self.progress = Progress()
 
     def run(self, steps: int | None = None, stop: Stop = never) -> Progress:
-        """Simulate `steps` samples (None: without end), or until `stop`."""
+        """Simulate `steps` samples (None: without end), or until `stop`, which is called after each step and while waiting."""
         end = None if steps is None else self.progress.steps + steps
         while not stop() and (end is None or self.progress.steps < end):
             self._turn(stop)
@@ -124,58 +106,6 @@ class Lockstep(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-# How many samples one answer of an autopilot covers, and how long to wait for it.
-#
-# An autopilot whose controller runs at half the sample rate answers every second sample.  Waiting for the others
-# would cost the full timeout each time, so the number is learnt: an answer that comes early counts at once, one that comes
-# late after two equal gaps.
-
-SHORTEST_WAIT_S = 0.2
-"""Least time after which a missing answer is given up, s."""
-_MARGIN, _KEPT = 10.0, 0.99
-"""Factor on the slowest answer; what remains of it at each later answer."""
-
-
-class Cadence:
-    """The pattern of an autopilot's answers.
-
-    patience: the longest wait (s), kept until answers have shown how fast they are.  samples: covered by an answer.
-    """
-
-    def __init__(self, patience: float) -> None:
-        self._patience = patience
-        self.samples = 1
-        self._since = 0
-        self._candidate = 0
-        self._slowest: float | None = None
-
-    def sent(self) -> bool:
-        """Count a sample; whether its answer is due."""
-        self._since += 1
-        return self._since >= self.samples
-
-    @property
-    def wait_s(self) -> float:
-        """How long to wait for an answer that is due (s)."""
-        if self._slowest is None:
-            return self._patience
-        return min(self._patience, max(SHORTEST_WAIT_S, _MARGIN * self._slowest))
-
-    def answered(self, waited_s: float | None = None) -> None:
-        """Count an answer.  waited_s: how long it took since its sample; None if the simulator did not wait."""
-        if waited_s is not None:
-            self._slowest = max(waited_s, _KEPT * (self._slowest or 0.0))
-        gap, self._since = self._since, 0
-        if 0 < gap < self.samples or gap == self._candidate:
-            self.samples = gap
-        self._candidate = gap if gap > self.samples else 0
-
-
-# The simulated vehicle's motion for the lockstep, and an autopilot's outputs as its commands.
-
-AXIS = 1000
 
 
 def moving(vehicle: Vehicle) -> Move:
@@ -204,11 +134,9 @@ def steering(vehicle: Vehicle, channels: tuple[int, int, int, int]) -> Act:
     channels: those of pitch, roll, throttle and yaw, from 0.  The vehicles have no rudders but follow commands of
     speed, turn rate, bank and climb rate, which the outputs set in proportion.
     """
-    pitch, roll, throttle, yaw = channels
 
     def act(controls: Controls) -> None:
         if controls.armed and vehicle.simulation.commands:
-            x, y, z, r = (round(AXIS * min(max(controls.values[c], -1.0), 1.0)) for c in (pitch, roll, throttle, yaw))
-            vehicle.steer(x, y, z, r)
+            vehicle.steer(*(round(FULL * min(max(controls.values[channel], -1.0), 1.0)) for channel in channels))
 
     return act

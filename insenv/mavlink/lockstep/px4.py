@@ -10,19 +10,17 @@ https://docs.px4.io/main/en/simulation/
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.mavlink.lockstep.contract import Act, Answer, Cadence, Controls, Lockstep, Messages, Stop, ignore, no_answer
+from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, ignore
 from insenv.mavlink.messages import DEFAULT_HZ
-from insenv.mavlink.stream import Pacer
+from insenv.mavlink.stream import Pacer, Stop
+from insenv.mavlink.vehicle import Vehicle
 from insenv.mavlink.wire import Link, open_link
 from insenv.mavlink.wire.link import Clock, parse_address
-
-if TYPE_CHECKING:
-    from insenv.mavlink.vehicle import Vehicle
 
 CHANNELS = (1, 0, 3, 2)
 """Channels, from 0, of pitch, roll, throttle and yaw."""
@@ -36,16 +34,16 @@ IMU_BITS = 0b111111
 ARMED = 0x80
 """MAV_MODE_FLAG_SAFETY_ARMED."""
 
+Messages = Callable[[], Iterable[Any]]
+"""Advances by one sample and gives the messages to send, a HIL_SENSOR among them; each is sent before the next is taken."""
+Answer = Callable[[Any], Iterable[Any]]
+"""Answers a received message, such as a request for an interval, by messages."""
+
 
 def px4_rates(sample_hz: float) -> dict[str, float]:
     """Rates (Hz) by message for PX4: sensors at each sample, each fix, the truth, and nothing else."""
-    return {
-        **dict.fromkeys(DEFAULT_HZ, 0.0),
-        "HEARTBEAT": 1.0,
-        "HIL_SENSOR": sample_hz,
-        "HIL_GPS": DEFAULT_HZ["HIL_GPS"],
-        "HIL_STATE_QUATERNION": DEFAULT_HZ["HIL_STATE_QUATERNION"],
-    }
+    sent = {name: DEFAULT_HZ[name] for name in ("HEARTBEAT", "HIL_GPS", "HIL_STATE_QUATERNION")}
+    return {**dict.fromkeys(DEFAULT_HZ, 0.0), **sent, "HIL_SENSOR": sample_hz}
 
 
 def px4_messages(vehicle: Vehicle) -> Messages:
@@ -54,17 +52,60 @@ def px4_messages(vehicle: Vehicle) -> Messages:
     PX4 rounds the inertial unit with id 0, whose messages are its clock, to 4.8 mm/s^2 and 220 deg/h, and the others not.
     """
 
-    def step() -> list[Any]:
-        messages = []
+    def step() -> Iterator[Any]:
         for message in vehicle.step():
-            messages.append(message)
+            yield message
             if message.get_type() == "HIL_SENSOR" and message.fields_updated & IMU_BITS:
                 again = copy(message)
                 again.id, again.fields_updated = 1, message.fields_updated & IMU_BITS
-                messages.append(again)
-        return messages
+                yield again
 
     return step
+
+
+MIN_WAIT_S = 0.2
+"""Least time after which a missing answer is given up, s."""
+_MARGIN, _DECAY = 10.0, 0.99
+"""Factor on the slowest answer; what remains of it at each later answer."""
+
+
+class Cadence:
+    """How many samples one answer covers, and how long to wait for it.
+
+    An autopilot whose controller runs at half the sample rate answers every second sample.  Waiting for the others
+    would cost the full timeout each time, so the number is learnt: an answer that comes early counts at once, one that comes
+    late after two equal gaps.
+
+    patience: the longest wait (s), kept until answers have shown how fast they are.  samples: covered by an answer.
+    """
+
+    def __init__(self, patience: float) -> None:
+        self._patience = patience
+        self.samples = 1
+        self._since = 0
+        self._candidate = 0
+        self._slowest: float | None = None
+
+    def sent(self) -> bool:
+        """Count a sample; whether its answer is due."""
+        self._since += 1
+        return self._since >= self.samples
+
+    @property
+    def wait_s(self) -> float:
+        """How long to wait for an answer that is due (s)."""
+        if self._slowest is None:
+            return self._patience
+        return min(self._patience, max(MIN_WAIT_S, _MARGIN * self._slowest))
+
+    def answered(self, waited_s: float | None = None) -> None:
+        """Count an answer.  waited_s: how long it took since its sample; None if the simulator did not wait."""
+        if waited_s is not None:
+            self._slowest = max(waited_s, _DECAY * (self._slowest or 0.0))
+        gap, self._since = self._since, 0
+        if 0 < gap < self.samples or gap == self._candidate:
+            self.samples = gap
+        self._candidate = gap if gap > self.samples else 0
 
 
 class Px4Lockstep(Lockstep):
@@ -84,7 +125,7 @@ class Px4Lockstep(Lockstep):
         interval: float,
         act: Act = ignore,
         *,
-        answer: Answer = no_answer,
+        answer: Answer = lambda _: (),
         address: str = ADDRESS,
         speed: float = 0.0,
         patience: float = 1.0,
@@ -108,7 +149,9 @@ class Px4Lockstep(Lockstep):
     def _turn(self, stop: Stop) -> None:
         self._take()  # answers that come late belong to no step
         if not self.link.peers:
-            self._stand_still()
+            self._connected = self.in_step = False
+            self._cadence = Cadence(self._patience)
+            self.link.wait(0.1)
             return
         if not self._connected:
             self._connected, self._next = True, self._clock()
@@ -124,29 +167,19 @@ class Px4Lockstep(Lockstep):
             if due:
                 self._await(stop)
         elif self._pacer.speed == 0.0:
-            self._pace()
-
-    def _stand_still(self) -> None:
-        self._connected = self.in_step = False
-        self._cadence = Cadence(self._patience)
-        self.link.wait(0.1)
+            self._next += self._interval  # at the pace of the wall clock, until an answer comes
+            while not self._take() and self._clock() < self._next:
+                self._sleep(min(max(self._next - self._clock(), 0.0), self._interval))
 
     def _await(self, stop: Stop) -> None:
         sent = self._clock()
         deadline = sent + self._cadence.wait_s
-        while self.link.peers and not stop():
-            if self._take(since=sent):
-                return
+        while self.link.peers and not stop() and not self._take(since=sent):
             left = deadline - self._clock()
             if left <= 0.0:
                 self.progress.unanswered += 1
                 return
             self.link.wait(min(left, 0.1))
-
-    def _pace(self) -> None:
-        self._next += self._interval
-        while not self._take() and self._clock() < self._next:
-            self._sleep(min(max(self._next - self._clock(), 0.0), self._interval))
 
     def _take(self, since: float | None = None) -> bool:
         """Act on received outputs and answer requests; whether there were outputs with the lockstep flag.

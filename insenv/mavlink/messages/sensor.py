@@ -1,4 +1,4 @@
-"""Messages of the sensors: inertial unit, magnetometer, barometer, GNSS.
+"""Messages of the sensors: inertial unit, magnetometer, barometer, GNSS.  Each function returns the values of the fields.
 
 Specific forces and angular rates are means since the message was last sent, so that a client that integrates them
 obtains what the unit measured, at any message rate; at the sample rate they are the samples themselves.
@@ -11,8 +11,9 @@ from math import atan2, degrees, hypot, nan
 import numpy as np
 
 from insenv.core.tables import Vector
-from insenv.mavlink.messages.fields import Message
-from insenv.mavlink.messages.view import MILLI_G, View, by_name, wrapped
+from insenv.mavlink.messages.fields import Values
+from insenv.mavlink.messages.view import MILLI_G, View, wrapped
+from insenv.mavlink.simulation import Fix
 
 ACCELEROMETER, GYRO, MAGNETOMETER = 0b111, 0b111 << 3, 0b111 << 6
 STATIC, DYNAMIC = 0b1101 << 9, 1 << 10
@@ -21,39 +22,30 @@ _GAUSS, _HPA, _KELVIN = 1e4, 1e-2, 273.15
 GPS_FIX_TYPE_NO_FIX, GPS_FIX_TYPE_3D_FIX = 1, 3
 
 
-def highres_imu(view: View) -> Message | None:
-    """HIGHRES_IMU: as measured, without the estimated biases removed."""
-    return _imu(view, "HIGHRES_IMU")
-
-
-def hil_sensor(view: View) -> Message | None:
-    """HIL_SENSOR: the same values, for autopilots."""
-    return _imu(view, "HIL_SENSOR")
-
-
-def _imu(view: View, name: str) -> Message | None:
+def imu(view: View, name: str) -> Values:
+    """HIGHRES_IMU and, for autopilots, HIL_SENSOR: as measured, without the estimated biases removed."""
     rates, forces, updated = _means(view, name)
     air, readings = view.air, view.simulation.readings
-    seen = view.sent_air.get(name, (0, 0))
-    view.sent_air[name] = readings["magnetometer"], readings["barometer"]
-    if readings["magnetometer"] != seen[0]:
+    before = view.sent_readings.get(name, {})
+    view.sent_readings[name] = dict(readings)
+    if readings["magnetometer"] != before.get("magnetometer", 0):
         updated |= MAGNETOMETER
-    if readings["barometer"] != seen[1]:
+    if readings["barometer"] != before.get("barometer", 0):
         updated |= STATIC | (DYNAMIC if view.traits.airspeed else 0)
-    return view.fields.message(
-        name, view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * _GAUSS).tolist(),
+    return (
+        view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * _GAUSS).tolist(),
         air.pressure * _HPA, air.dynamic_pressure * _HPA, air.pressure_height, air.temperature - _KELVIN, updated, 0,
     )  # fmt: skip
 
 
-def raw_imu(view: View) -> Message | None:
+def raw_imu(view: View) -> Values:
     """RAW_IMU: milli-g, mrad/s and mG, as ArduPilot sends them; nothing in the vehicle has raw counts."""
-    return view.fields.message("RAW_IMU", view.time_us, *_milli(view, "RAW_IMU"), 0, _temperature(view))
+    return view.time_us, *_milli(view, "RAW_IMU"), 0, _temperature(view)
 
 
-def scaled_imu(view: View) -> Message | None:
+def scaled_imu(view: View) -> Values:
     """SCALED_IMU: milli-g, mrad/s and mG, which is coarse: HIGHRES_IMU is not rounded."""
-    return view.fields.message("SCALED_IMU", view.time_ms, *_milli(view, "SCALED_IMU"), _temperature(view))
+    return view.time_ms, *_milli(view, "SCALED_IMU"), _temperature(view)
 
 
 def _milli(view: View, name: str) -> list[float]:
@@ -80,79 +72,76 @@ def _means(view: View, name: str) -> tuple[Vector, Vector, int]:
     return mean[:3], mean[3:], fresh
 
 
-def scaled_pressure(view: View) -> Message | None:
+def scaled_pressure(view: View) -> Values | None:
     """SCALED_PRESSURE: the barometer; None before its first measurement."""
     air = view.air
     if not view.simulation.readings["barometer"]:
         return None
     celsius = (air.temperature - _KELVIN) * 100.0
-    return view.fields.message(
-        "SCALED_PRESSURE", view.time_ms, air.pressure * _HPA, air.dynamic_pressure * _HPA, celsius, celsius
-    )
+    return view.time_ms, air.pressure * _HPA, air.dynamic_pressure * _HPA, celsius, celsius
 
 
-def gps_raw_int(view: View) -> Message | None:
+def gps_raw_int(view: View) -> Values | None:
     """GPS_RAW_INT: the latest fix of the antenna, stamped with its time of validity; None before the first fix.
 
     Dilutions of precision and the number of satellites are not simulated: they are sent as unknown.  h_acc, v_acc and
     vel_acc hold the accuracies that the receiver states.
     """
-    fix = view.fix
+    fix = view.simulation.fix
     if fix is None:
         return None
-    lock = view.has_lock
     north, east, _ = fix.velocity_n.tolist() if fix.velocity_valid else (nan, nan, nan)
-    horizontal, vertical, speed = _accuracies(view)
-    return view.fields.message(
-        "GPS_RAW_INT", round(fix.time * 1e6), GPS_FIX_TYPE_3D_FIX if lock else GPS_FIX_TYPE_NO_FIX,
-        *view.place(fix.latitude, wrapped(fix.longitude), fix.height), nan, nan, hypot(north, east) * 1e2,
-        _course(north, east), nan, fix.height * 1e3, horizontal * 1e3, vertical * 1e3, speed * 1e3, 0, nan,
+    horizontal, vertical = _accuracies(fix)
+    speed = float(np.sqrt(np.mean(fix.velocity_sigma**2))) if fix.velocity_valid else 0.0
+    return (
+        round(fix.time * 1e6), GPS_FIX_TYPE_3D_FIX if view.has_lock else GPS_FIX_TYPE_NO_FIX, *_place(view, fix), nan, nan,
+        hypot(north, east) * 1e2, _course(north, east), nan, fix.height * 1e3,
+        horizontal * 1e3, vertical * 1e3, speed * 1e3, 0, nan,
     )  # fmt: skip
 
 
-def hil_gps(view: View) -> Message | None:
+def hil_gps(view: View) -> Values | None:
     """HIL_GPS: each fix once; while there is none, "no fix" at the receiver's rate, with the latest position.
 
     eph and epv are 1-sigma accuracies in cm, as PX4 reads them, not dilutions.
     """
-    fix, simulation = view.fix, view.simulation
-    gnss = simulation.plant.scenario.gnss
+    simulation = view.simulation
+    fix, gnss = simulation.fix, simulation.plant.scenario.gnss
     if not view.has_lock:
         return None if gnss is None else _no_fix(view, gnss.interval_s, gnss.latency_s)
     if fix is None or view.sent_fix == simulation.fixes:
         return None
     view.sent_fix, view.sent_gps_at = simulation.fixes, simulation.samples
     north, east, down = fix.velocity_n.tolist() if fix.velocity_valid else (0.0, 0.0, 0.0)
-    horizontal, vertical, _ = _accuracies(view)
-    return view.fields.message(
-        "HIL_GPS", round(fix.time * 1e6), GPS_FIX_TYPE_3D_FIX,
-        *view.place(fix.latitude, wrapped(fix.longitude), fix.height), horizontal * 1e2, vertical * 1e2,
+    horizontal, vertical = _accuracies(fix)
+    return (
+        round(fix.time * 1e6), GPS_FIX_TYPE_3D_FIX, *_place(view, fix), horizontal * 1e2, vertical * 1e2,
         hypot(north, east) * 1e2 if fix.velocity_valid else nan, north * 1e2, east * 1e2, down * 1e2,
         _course(north, east) if fix.velocity_valid else nan, nan, 0, nan,
     )  # fmt: skip
 
 
-def _no_fix(view: View, interval: float, latency: float) -> Message | None:
+def _no_fix(view: View, interval: float, latency: float) -> Values | None:
     """HIL_GPS without a fix, due one fix interval after the one before; the first fix may take one and a half."""
-    simulation, fix = view.simulation, view.fix
+    simulation, fix = view.simulation, view.simulation.fix
     if simulation.samples - view.sent_gps_at < round(interval / simulation.interval):
         return None
     if fix is None and simulation.time < 1.5 * interval + latency:
         return None
     view.sent_gps_at = simulation.samples
-    place = (0.0, 0.0, 0.0) if fix is None else view.place(fix.latitude, wrapped(fix.longitude), fix.height)
+    place = (0.0, 0.0, 0.0) if fix is None else _place(view, fix)
     time_us = round(max(simulation.time - latency, 0.0) * 1e6)
-    return view.fields.message("HIL_GPS", time_us, GPS_FIX_TYPE_NO_FIX, *place, nan, nan, nan, 0, 0, 0, nan, nan, 0, nan)
+    return time_us, GPS_FIX_TYPE_NO_FIX, *place, nan, nan, nan, 0, 0, 0, nan, nan, 0, nan
 
 
-def _accuracies(view: View) -> tuple[float, float, float]:
-    """Stated sigmas: horizontal position (root mean square of north and east) and vertical (m), velocity (m/s)."""
-    fix = view.fix
-    if fix is None:
-        return nan, nan, nan
+def _place(view: View, fix: Fix) -> tuple[float, float, float]:
+    return view.place(fix.latitude, wrapped(fix.longitude), fix.height)
+
+
+def _accuracies(fix: Fix) -> tuple[float, float]:
+    """Stated sigmas of the position (m): horizontal, the root mean square of north and east, and vertical."""
     north, east, down = fix.position_sigma.tolist()
-    speed = float(np.sqrt(np.mean(fix.velocity_sigma**2))) if fix.velocity_valid else 0.0
-    return hypot(north, east) / np.sqrt(2.0), down, speed
+    return hypot(north, east) / np.sqrt(2.0), down
 
 
 def _course(north: float, east: float) -> float:
@@ -160,6 +149,3 @@ def _course(north: float, east: float) -> float:
     if not hypot(north, east) > 0.0:
         return nan
     return round(degrees(atan2(east, north)) * 100.0) % 36000
-
-
-SENSORS = by_name(highres_imu, hil_sensor, raw_imu, scaled_imu, scaled_pressure, gps_raw_int, hil_gps)

@@ -1,4 +1,4 @@
-"""Messages of the vehicle itself: type, state, home and time."""
+"""Messages of the vehicle itself: type, state and home.  Each function returns the values of a message's fields."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from hashlib import blake2b
 from math import nan
 
 from insenv.base.version import __version__
-from insenv.mavlink.messages.fields import Message
-from insenv.mavlink.messages.view import View, by_name
+from insenv.mavlink.messages.fields import Message, Values
+from insenv.mavlink.messages.view import View
 
 _MAV_AUTOPILOT_GENERIC, _MAVLINK_VERSION = 0, 3
 _BOOT, _STANDBY, _ACTIVE, _CRITICAL = 1, 3, 4, 5  # MAV_STATE
@@ -18,10 +18,9 @@ _IMU_LOST = 10  # consecutive lost samples after which the inertial unit counts 
 _PARAM_FLOAT, _MISSION_INT, _COMMAND_INT, _FTP, _MAVLINK2, _MISSION_FENCE, _MISSION_RALLY = 2, 4, 8, 32, 8192, 16384, 32768
 _NOT_SELECTABLE, _AUTO_MODE = 2, 4
 _ERRORS = {"tilt": "ERR_TILT", "heading": "ERR_HDG", "velocity": "ERR_VEL", "position": "ERR_POS"}
-METADATA_URI = "mftp:///general.json"
 
 
-def heartbeat(view: View) -> Message | None:
+def heartbeat(view: View) -> Values:
     """HEARTBEAT: autopilot GENERIC, since there is none on board; armed, so that ground stations draw the track.
 
     The state is BOOT before the first sample, STANDBY while aligning, ACTIVE afterwards, CRITICAL after a divergence.
@@ -30,12 +29,11 @@ def heartbeat(view: View) -> Message | None:
         state = _CRITICAL
     else:
         state = _BOOT if not view.simulation.samples else _ACTIVE if view.aligned else _STANDBY
-    mode = _CUSTOM_MODE | (_ARMED if view.armed else 0)
-    kind = view.traits.mavlink_type
-    return view.fields.message("HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, view.mode.number, state, _MAVLINK_VERSION)
+    base_mode = _CUSTOM_MODE | (_ARMED if view.armed else 0)
+    return view.traits.mavlink_type, _MAV_AUTOPILOT_GENERIC, base_mode, view.mode.number, state, _MAVLINK_VERSION
 
 
-def sys_status(view: View) -> Message | None:
+def sys_status(view: View) -> Values:
     """SYS_STATUS: sensors present and healthy; ready (prearm) once aligned.  There is no battery."""
     present = _GYRO | _ACCEL | _MAG | _ABSOLUTE_PRESSURE | _PREARM
     if view.traits.airspeed:
@@ -49,83 +47,41 @@ def sys_status(view: View) -> Message | None:
         health &= ~_PREARM
     if view.simulation.lost_in_a_row >= _IMU_LOST:
         health &= ~(_GYRO | _ACCEL)
-    load = view.load * 1000.0
-    return view.fields.message("SYS_STATUS", present, present, health, load, nan, nan, nan, 0, 0, 0, 0, 0, 0)
+    return present, present, health, view.load * 1000.0, nan, nan, nan, 0, 0, 0, 0, 0, 0
 
 
-def extended_sys_state(view: View) -> Message | None:
+def extended_sys_state(view: View) -> Values:
     """EXTENDED_SYS_STATE: in the air when the wings carry more than half of the weight."""
     airborne = (view.simulation.state("airborne") or 0.0) > 0.5
-    return view.fields.message("EXTENDED_SYS_STATE", 0, _LANDED_IN_AIR if airborne else _LANDED_ON_GROUND)
+    return 0, _LANDED_IN_AIR if airborne else _LANDED_ON_GROUND
 
 
-def system_time(view: View) -> Message | None:
-    """SYSTEM_TIME: Unix time at the start of the run plus the simulation clock, and the simulation clock."""
-    return view.fields.message("SYSTEM_TIME", view.unix_us, view.time_ms)
-
-
-def home_position(view: View) -> Message | None:
+def home_position(view: View) -> Values:
     """HOME_POSITION: the known initial position, origin of local positions."""
     zero, level = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-    return view.fields.message("HOME_POSITION", *view.place(*view.home), *zero, level, *zero, view.time_us)
-
-
-def gps_global_origin(view: View) -> Message | None:
-    """GPS_GLOBAL_ORIGIN: home."""
-    return view.fields.message("GPS_GLOBAL_ORIGIN", *view.place(*view.home), view.time_us)
+    return *view.place(*view.home), *zero, level, *zero, view.time_us
 
 
 def error_messages(view: View) -> list[Message]:
     """NAMED_VALUE_FLOAT: the errors of the estimate against the truth (`View.errors`), by the names of `_ERRORS`."""
-    errors = {_ERRORS[name]: value for name, value in view.errors.items()}
-    made = [view.fields.message("NAMED_VALUE_FLOAT", view.time_ms, name, value) for name, value in errors.items()]
-    return [message for message in made if message is not None]
+    return view.fields.named(view.time_ms, {_ERRORS[name]: value for name, value in view.errors.items()})
 
 
-def autopilot_version(view: View) -> Message | None:
+def autopilot_version(view: View) -> Values:
     """AUTOPILOT_VERSION: the version of insenv; the uid depends on scenario, seed and system."""
     major, minor, patch = (int(part) for part in (__version__.split("+")[0] + ".0.0").split(".")[:3])
     version = major << 24 | minor << 16 | patch << 8
     plant = view.simulation.plant
-    uid = int.from_bytes(
-        blake2b(f"{plant.scenario.name}:{plant.seed}:{view.system}".encode(), digest_size=8).digest(), "little"
-    )
+    digest = blake2b(f"{plant.scenario.name}:{plant.seed}:{view.system}".encode(), digest_size=8).digest()
     # missions, fences and rally points are all empty, but a client that reads them must be told so
     capabilities = _PARAM_FLOAT | _MISSION_INT | _COMMAND_INT | _FTP | _MAVLINK2 | _MISSION_FENCE | _MISSION_RALLY
     none = [0] * 8
-    return view.fields.message("AUTOPILOT_VERSION", capabilities, version, 0, 0, 0, none, none, none, 0, 0, uid)
+    return capabilities, version, 0, 0, 0, none, none, none, 0, 0, int.from_bytes(digest, "little")
 
 
-def protocol_version(view: View) -> Message | None:
-    """PROTOCOL_VERSION: MAVLink 2 only."""
-    return view.fields.message("PROTOCOL_VERSION", 200, 200, 200, [0] * 8, [0] * 8)
-
-
-def current_mode(view: View) -> Message | None:
-    """CURRENT_MODE: what steers the vehicle."""
-    return view.fields.message("CURRENT_MODE", 0, view.mode.number, view.mode.number)
-
-
-def available_modes(view: View) -> list[Message]:
-    """AVAILABLE_MODES: one message for each mode.  None can be selected: manual control begins with its first message."""
+def available_modes(view: View) -> list[Values]:
+    """AVAILABLE_MODES of each mode.  None can be selected: manual control begins with its first message."""
     return [
-        view.fields.message(
-            "AVAILABLE_MODES", len(view.modes), place, 0, mode.number,
-            _NOT_SELECTABLE | (_AUTO_MODE if mode.automatic else 0), mode.name,
-        )
-        for place, mode in enumerate(view.modes, 1)
-    ]  # fmt: skip
-
-
-def component_metadata(view: View) -> Message | None:
-    """COMPONENT_METADATA: where names, units and ranges of the parameters can be read."""
-    return view.fields.message("COMPONENT_METADATA", view.time_ms, view.metadata_crc, METADATA_URI)
-
-
-STATUS = by_name(heartbeat, sys_status, extended_sys_state, system_time, home_position, gps_global_origin, current_mode)
-"""Makers of the streamed messages, by name."""
-
-ON_REQUEST = {
-    **by_name(autopilot_version, protocol_version, component_metadata),
-    "AVAILABLE_MODES": lambda view: available_modes(view)[0],
-}
+        (len(view.modes), index, 0, mode.number, _NOT_SELECTABLE | (_AUTO_MODE if mode.automatic else 0), mode.name)
+        for index, mode in enumerate(view.modes, 1)
+    ]

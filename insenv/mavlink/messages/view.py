@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from math import degrees, pi, radians
+from math import degrees, nan, pi, radians
 from typing import Any
 
 import casadi as ca
@@ -13,13 +11,14 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.core.elementary import wrap_angle
-from insenv.core.tables import Row, Table, Vector
+from insenv.core.numeric import vectorized
+from insenv.core.tables import Vector
 from insenv.evaluation.contradiction import FIXES
 from insenv.evaluation.nis import WRONG
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.mavlink.messages.fields import DEG_E7, Fields, Message
-from insenv.mavlink.simulation import Fix, Simulation
-from insenv.mavlink.surroundings import AirData, Surroundings
+from insenv.mavlink.messages.fields import DEG_E7, Fields
+from insenv.mavlink.simulation import POSE, Simulation
+from insenv.mavlink.surroundings import AirData, air_data
 
 # Quantities that messages need beyond truth and estimate, in one symbolic function: angles, body rates, covariances.
 #
@@ -32,101 +31,53 @@ from insenv.mavlink.surroundings import AirData, Surroundings
 #
 # where psi is the heading and theta the pitch.
 
-_POSE = (
-    ("q_nb", "1", (4,), (1.0, 0.0, 0.0, 0.0)),
-    ("velocity_n", "m/s", (3,), 0.0),
-    ("latitude", "rad", (), 0.0),
-    ("longitude", "rad", (), 0.0),
-    ("height", "m", (), 0.0),
-)
-INPUTS = Table((
-    *(Row(name, f"True {name}", unit, shape, start=start) for name, unit, shape, start in _POSE),
-    *(Row(f"estimated_{name}", f"Estimated {name}", unit, shape, start=start) for name, unit, shape, start in _POSE),
-    Row("rate_ib_b", "True rate of b relative to i", "rad/s", (3,), "b"),
-    Row("measured_rate_ib_b", "Measured rate of b relative to i, minus the estimated bias", "rad/s", (3,), "b"),
-    Row("home", "Latitude and longitude (rad) and height (m) of home", "SI", (3,)),
-    Row("position_sigma", "Stated by the estimator; NaN if it states none", "m", (3,), "n"),
-    Row("velocity_sigma", "Stated by the estimator; NaN if it states none", "m/s", (3,), "n"),
-    Row("attitude_sigma", "Stated by the estimator; NaN if it states none", "rad", (3,), "n"),
-    Row("rate_sigma", "Sigma of the measured rate", "rad/s", (), "b"),
-))  # fmt: skip
-TRIANGLE = 21
-OUTPUTS = Table((
-    Row("euler", "Estimated roll, pitch and heading (-pi to pi)", "rad", (3,)),
-    Row("rate_nb_b", "Estimated rate of b relative to n", "rad/s", (3,), "b"),
-    Row("velocity_b", "Estimated velocity over the Earth", "m/s", (3,), "b"),
-    Row("offset", "Estimated position relative to home, along the NED axes at home", "m", (3,)),
-    Row("estimated_longitude_wrapped", "Estimated longitude, -pi to pi", "rad"),
-    Row("true_rate_nb_b", "True rate of b relative to n", "rad/s", (3,), "b"),
-    Row("true_longitude_wrapped", "True longitude, -pi to pi", "rad"),
-    Row("true_offset", "True position relative to home, along the NED axes at home", "m", (3,)),
-    Row("pose_covariance", "Upper triangle by rows: position in n (m), roll, pitch, heading (rad)", "SI", (TRIANGLE,)),
-    Row("velocity_covariance", "Upper triangle by rows: velocity in b (m/s), rates (rad/s)", "SI", (TRIANGLE,)),
-))  # fmt: skip
+DERIVED = (
+    "euler", "rate_nb_b", "velocity_b", "offset", "longitude_wrapped", "true_rate_nb_b", "true_longitude_wrapped",
+    "pose_covariance", "velocity_covariance",
+)  # fmt: skip
+"""Estimated: roll, pitch, heading (-pi to pi, rad); rates of b relative to n (3, rad/s); velocity (3, m/s, b); position from
+home along the NED axes at home (3, m); longitude (-pi to pi, rad).  True rates and longitude.  Covariances as upper triangles
+by rows (21): of position in n (m), roll, pitch, heading (rad), and of velocity in b (m/s), rates (rad/s)."""
 
 
-class Derived:
-    """The quantities of `OUTPUTS`, computed on fixed arrays without conversion or allocation.
+def _derived(
+    q_nb: Any, velocity_n: Any, latitude: Any, longitude: Any, height: Any, rate_ib_b: Any, home: Any,
+    true_q_nb: Any, true_velocity_n: Any, true_latitude: Any, true_longitude: Any, true_height: Any, true_rate_ib_b: Any,
+    position_sigma: Any, velocity_sigma: Any, attitude_sigma: Any, rate_sigma: Any,
+) -> tuple[Any, ...]:  # fmt: skip
+    """`DERIVED` from estimate and truth.
 
-    inputs, outputs: by row name, views of the arrays that each `evaluate` reads and writes.
+    rate_ib_b: measured, minus the estimated bias (3, rad/s).  home: latitude, longitude (rad), height (m).  position_sigma,
+    velocity_sigma (3, m, m/s, n), attitude_sigma (3, rad, n): stated by the estimator, NaN if it states none.  rate_sigma: of
+    the measured rate (rad/s).
     """
-
-    def __init__(self) -> None:
-        self._u, self._y = INPUTS.start_vector(), np.zeros(OUTPUTS.size)
-        self.inputs, self.outputs = INPUTS.unpack(self._u), OUTPUTS.unpack(self._y)
-        buffer: Any  # CasADi's stub knows no memoryview of an array
-        buffer, self.evaluate = _function().buffer()
-        self._buffer = buffer  # must live as long as `evaluate`
-        buffer.set_arg(0, self._u.data)
-        buffer.set_res(0, self._y.data)
-
-    evaluate: Callable[[], None]
-
-
-@lru_cache(maxsize=1)
-def _function() -> Any:
-    flat = ca.SX.sym("u", INPUTS.size)
-    u = INPUTS.symbols(flat)
-    longitude = wrap_angle(u.estimated_longitude)
-    place, true_place = (u.estimated_latitude, longitude, u.estimated_height), (u.latitude, u.longitude, u.height)
-    home = u.home[0], u.home[1], u.home[2]
-    roll, pitch, heading = attitude.to_euler(u.estimated_q_nb)
-    values = {
-        "euler": ca.vertcat(roll, pitch, heading),
-        "rate_nb_b": u.measured_rate_ib_b - _rate_in_b(u.estimated_q_nb, u.estimated_velocity_n, place),
-        "velocity_b": attitude.rotate_inverse(u.estimated_q_nb, u.estimated_velocity_n),
-        "offset": geodesy.ned_offset(*place, *home),
-        "estimated_longitude_wrapped": longitude,
-        "true_rate_nb_b": u.rate_ib_b - _rate_in_b(u.q_nb, u.velocity_n, true_place),
-        "true_longitude_wrapped": wrap_angle(u.longitude),
-        "true_offset": geodesy.ned_offset(*true_place, *home),
-        "pose_covariance": _pose_covariance(u, pitch, heading),
-        "velocity_covariance": _velocity_covariance(u),
-    }
-    return ca.Function("derived", [flat], [ca.densify(OUTPUTS.assemble(values))], {"cse": True})
-
-
-def _rate_in_b(q_nb: Any, velocity_n: Any, place: Sequence[Any]) -> Any:
-    """omega_in^b: Earth rate plus transport rate, in b."""
-    latitude, _, height = place
-    rate_n = geodesy.earth_rate_n(latitude) + geodesy.transport_rate_n(velocity_n, latitude, height)
-    return attitude.rotate_inverse(q_nb, rate_n)
-
-
-def _pose_covariance(u: Any, pitch: Any, heading: Any) -> Any:
+    wrapped_longitude = wrap_angle(longitude)
+    roll, pitch, heading = attitude.to_euler(q_nb)
     s, c = ca.sin(heading), ca.cos(heading)
     across, tangent = 1.0 / ca.cos(pitch), ca.tan(pitch)
-    moved = ca.vertcat(
+    turning = ca.vertcat(
         ca.horzcat(c * across, s * across, 0.0), ca.horzcat(-s, c, 0.0), ca.horzcat(c * tangent, s * tangent, 1.0)
     )
-    angles = moved @ ca.diag(u.attitude_sigma**2) @ moved.T
-    return _triangle(ca.diagcat(ca.diag(u.position_sigma**2), angles))
+    angles = turning @ ca.diag(attitude_sigma**2) @ turning.T
+    C_bn = attitude.to_dcm(q_nb).T
+    velocity = C_bn @ ca.diag(velocity_sigma**2) @ C_bn.T
+    return (
+        ca.vertcat(roll, pitch, heading),
+        rate_ib_b - _rate_in_b(q_nb, velocity_n, latitude, height),
+        attitude.rotate_inverse(q_nb, velocity_n),
+        geodesy.ned_offset(latitude, wrapped_longitude, height, *ca.vertsplit(home)),
+        wrapped_longitude,
+        true_rate_ib_b - _rate_in_b(true_q_nb, true_velocity_n, true_latitude, true_height),
+        wrap_angle(true_longitude),
+        _triangle(ca.diagcat(ca.diag(position_sigma**2), angles)),
+        _triangle(ca.diagcat(velocity, ca.SX.eye(3) * rate_sigma**2)),
+    )
 
 
-def _velocity_covariance(u: Any) -> Any:
-    C_bn = attitude.to_dcm(u.estimated_q_nb).T
-    velocity = C_bn @ ca.diag(u.velocity_sigma**2) @ C_bn.T
-    return _triangle(ca.diagcat(velocity, ca.SX.eye(3) * u.rate_sigma**2))
+def _rate_in_b(q_nb: Any, velocity_n: Any, latitude: Any, height: Any) -> Any:
+    """omega_in^b: Earth rate plus transport rate, in b."""
+    rate_n = geodesy.earth_rate_n(latitude) + geodesy.transport_rate_n(velocity_n, latitude, height)
+    return attitude.rotate_inverse(q_nb, rate_n)
 
 
 def _triangle(matrix: Any) -> Any:
@@ -134,9 +85,7 @@ def _triangle(matrix: Any) -> Any:
     return ca.vertcat(*[full[i, j] for i in range(6) for j in range(i, 6)])
 
 
-def no_vector() -> Vector:
-    """Three unknown numbers (NaN)."""
-    return np.full(3, np.nan)
+_evaluate = vectorized(_derived, 4, 3, (), (), (), 3, 3, 4, 3, (), (), (), 3, 3, 3, 3, ())
 
 
 @dataclass(frozen=True)
@@ -148,19 +97,11 @@ class Mode:
     automatic: bool
 
 
+_UNKNOWN, _STANDING = np.full(3, np.nan), np.zeros(3)
 SCRIPTED, MANUAL = Mode(0, "Scenario", True), Mode(1, "Manual control", False)
 
-
-@dataclass(frozen=True)
-class Thresholds:
-    """Stated 1-sigma below which an estimate counts as good: tilt and heading (deg), velocity (m/s), position (m)."""
-
-    tilt_deg: float = 1.0
-    heading_deg: float = 5.0
-    velocity: float = 1.0
-    position: float = 20.0
-
-
+TILT_LIMIT_DEG, HEADING_LIMIT_DEG, VELOCITY_LIMIT, POSITION_LIMIT = 1.0, 5.0, 1.0, 20.0
+"""Stated 1-sigma below which an estimate counts as good: deg, deg, m/s, m."""
 SURE = 3.0
 """Number of standard deviations by which data must tell a wrong heading from the right one."""
 MILLI_G, MM_S2 = 1e3 / STANDARD_GRAVITY, 1e3
@@ -172,20 +113,30 @@ class View:
 
     start_unix: Unix time (s) at the start of the run.  undulation: height of the geoid above the ellipsoid (m), the
     same everywhere: height above mean sea level = ellipsoidal height - undulation.  system, component: the sender that
-    messages state.  hil_acceleration: `MILLI_G` or `MM_S2`.  mode: the present one of `modes`.  metadata_crc: checksum of the
-    file that COMPONENT_METADATA names.  home: the known initial latitude,
+    messages state; clients look for component 1.  hil_acceleration: `MILLI_G` or `MM_S2`.  mode: the present one of
+    `modes`.  metadata_crc: checksum of the file that COMPONENT_METADATA names.  home: the known initial latitude,
     longitude (rad) and height (m).  traits: of the vehicle.  load: share of one core that the process takes.
+
+    truth, estimate: outputs of the plant and of the estimator by row name.  sent_increments, sent_readings, sent_fix,
+    sent_gps_at: what messages of the sensors have sent last.
     """
 
-    def __init__(self, simulation: Simulation, surroundings: Surroundings, start_unix: float) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        start_unix: float,
+        *,
+        undulation: float = 0.0,
+        system: int = 1,
+        component: int = 1,
+        hil_acceleration: float = MILLI_G,
+    ) -> None:
         self.simulation = simulation
-        self.surroundings = surroundings
+        self.truth, self.estimate = simulation.truth, simulation.estimate
         self.fields = Fields()
-        self.thresholds = Thresholds()
-        self.start_unix = start_unix
-        self.undulation = 0.0
-        self.system, self.component = 1, 1  # clients look for component 1
-        self.hil_acceleration = MILLI_G
+        self.start_unix, self.undulation = start_unix, undulation
+        self.system, self.component = system, component
+        self.hil_acceleration = hil_acceleration
         self.mode = SCRIPTED
         self.metadata_crc = 0
         self.armed = True
@@ -194,18 +145,17 @@ class View:
         self.home = known.latitude, wrapped(known.longitude), known.height
         self.traits = simulation.plant.scenario.vehicle.traits
         self.sent_increments: dict[str, tuple[int, Vector]] = {}
-        self.sent_air: dict[str, tuple[int, int]] = {}
+        self.sent_readings: dict[str, dict[str, int]] = {}
         self.sent_fix = self.sent_gps_at = 0
-        self._derived = Derived()
-        self._derived.inputs["home"][:] = self.home
-        self._derived_at = -1
+        self._rate_sigma = known.sensors.angle_random_walk / np.sqrt(simulation.interval)
+        self._values: dict[str, Any] = {}
+        self._values_at = -1
         self._air: AirData | None = None
         self._air_at = (-1, 0.0)
-        self._rate_sigma = known.sensors.angle_random_walk / np.sqrt(simulation.interval)
 
     def forget(self) -> None:
         """Discard derived quantities: the estimate has changed between two samples."""
-        self._derived_at = -1
+        self._values_at = -1
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -229,74 +179,50 @@ class View:
         """Unix time of the simulation clock in microseconds."""
         return round(self.start_unix * 1e6) + self.time_us
 
-    # --- truth, estimate, sensors -------------------------------------------------------------------
-
-    @property
-    def truth(self) -> dict[str, Any]:
-        """The plant's outputs by row name."""
-        return self.simulation.truth
-
-    @property
-    def estimate(self) -> dict[str, Any]:
-        """The estimator's outputs by row name."""
-        return self.simulation.estimate
+    # --- estimate and sensors -----------------------------------------------------------------------
 
     @property
     def values(self) -> dict[str, Any]:
-        """`derived.OUTPUTS` at the present sample."""
-        return self._evaluated().outputs
+        """The quantities `DERIVED` at the present sample."""
+        simulation, truth, estimate = self.simulation, self.truth, self.estimate
+        if self._values_at != simulation.samples:
+            self._values_at = simulation.samples
+            place, stated = (self.estimated(name) for name in ("latitude", "longitude", "height")), self.position_sigma
+            rate_ib_b = truth["delta_angle"] / simulation.interval - estimate.get("gyro_bias", 0.0)
+            results = _evaluate(
+                estimate["q_nb"], self.estimated_velocity_n, *place, rate_ib_b, self.home,
+                *(truth[name] for name in POSE), truth["true_delta_angle"] / simulation.interval,
+                _UNKNOWN if stated is None else stated, estimate.get("velocity_sigma", _UNKNOWN),
+                estimate.get("attitude_sigma", _UNKNOWN), self._rate_sigma,
+            )  # fmt: skip
+            self._values = dict(zip(DERIVED, results, strict=True))
+        return self._values
+
+    def derived(self, *names: str) -> list[float]:
+        """The elements of some of `DERIVED`, one after another."""
+        return [element for name in names for element in self.values[name].tolist()]
 
     def estimated(self, name: str) -> float:
-        """Estimated latitude (rad) or height (m); of an alignment the known initial one."""
-        return float(self._evaluated().inputs[f"estimated_{name}"])
+        """Estimated latitude, longitude (rad) or height (m); of an alignment the known initial one."""
+        return float(self.estimate[name] if name in self.estimate else getattr(self.simulation.plant.knowledge, name))
 
     @property
     def estimated_velocity_n(self) -> Vector:
         """Estimated velocity (3, m/s, n); of an alignment zero."""
-        return self._evaluated().inputs["estimated_velocity_n"]
-
-    def _evaluated(self) -> Derived:
-        if self._derived_at != self.simulation.samples:
-            self._derived_at = self.simulation.samples
-            self._fill()
-            self._derived.evaluate()
-        return self._derived
-
-    def _fill(self) -> None:
-        simulation, u = self.simulation, self._derived.inputs
-        truth, estimate = simulation.truth, simulation.estimate
-        for name in ("q_nb", "velocity_n", "latitude", "longitude", "height"):
-            u[name][...] = truth[name]
-        u["estimated_q_nb"][:] = estimate["q_nb"]
-        u["estimated_velocity_n"][:] = estimate.get("velocity_n", 0.0)
-        known = simulation.plant.knowledge
-        for name in ("latitude", "longitude", "height"):
-            u[f"estimated_{name}"][...] = estimate.get(name, getattr(known, name))
-        dt = simulation.interval
-        u["rate_ib_b"][:] = truth["true_delta_angle"] / dt
-        u["measured_rate_ib_b"][:] = truth["delta_angle"] / dt - estimate.get("gyro_bias", 0.0)
-        stated = self.position_sigma
-        u["position_sigma"][:] = no_vector() if stated is None else stated
-        u["velocity_sigma"][:] = estimate.get("velocity_sigma", no_vector())
-        u["attitude_sigma"][:] = estimate.get("attitude_sigma", no_vector())
-        u["rate_sigma"][...] = self._rate_sigma
+        return self.estimate.get("velocity_n", _STANDING)
 
     @property
     def air(self) -> AirData:
         """Magnetometer, barometer and air at the present sample."""
-        if self._air is None or self._air_at != (self.simulation.samples, self.undulation):
-            self._air_at = self.simulation.samples, self.undulation
-            self._air = self.surroundings.data(self.truth, self.undulation, self.simulation.readings["barometer"])
+        simulation = self.simulation
+        if self._air is None or self._air_at != (simulation.samples, self.undulation):
+            self._air_at = simulation.samples, self.undulation
+            self._air = air_data(self.truth, self.undulation, simulation.readings["barometer"], simulation.plant.seed)
         return self._air
 
     def place(self, latitude: float, longitude: float, height: float) -> tuple[float, float, float]:
         """Latitude and longitude (1e-7 deg) and height above mean sea level (mm), the units of MAVLink."""
         return latitude * DEG_E7, longitude * DEG_E7, (height - self.undulation) * 1e3
-
-    @property
-    def fix(self) -> Fix | None:
-        """The latest fix received."""
-        return self.simulation.fix
 
     @property
     def in_outage(self) -> bool:
@@ -306,10 +232,11 @@ class View:
     @property
     def has_lock(self) -> bool:
         """Whether the receiver is on and its latest fix is younger than 2.5 fix intervals."""
-        fix, simulation = self.simulation.fix, self.simulation
-        if fix is None or not simulation.gnss_on or simulation.plant.scenario.gnss is None:
+        simulation = self.simulation
+        fix, gnss = simulation.fix, simulation.plant.scenario.gnss
+        if fix is None or not simulation.gnss_on or gnss is None:
             return False
-        return simulation.time - fix.time < 2.5 * simulation.plant.scenario.gnss.interval_s
+        return simulation.time - fix.time < 2.5 * gnss.interval_s
 
     # --- quality of the estimate --------------------------------------------------------------------
 
@@ -324,17 +251,17 @@ class View:
     def tilt_sigma_deg(self) -> float:
         """Larger of the stated attitude sigmas about north and east; NaN if none is stated."""
         sigma = self.estimate.get("attitude_sigma")
-        return float("nan") if sigma is None else degrees(max(float(sigma[0]), float(sigma[1])))
+        return nan if sigma is None else degrees(max(float(sigma[0]), float(sigma[1])))
 
     @property
     def heading_sigma_deg(self) -> float:
         """The stated attitude sigma about down; NaN if none is stated."""
         sigma = self.estimate.get("attitude_sigma")
-        return float("nan") if sigma is None else degrees(float(sigma[2]))
+        return nan if sigma is None else degrees(float(sigma[2]))
 
     @property
     def aligned(self) -> bool:
-        """Whether the stated sigmas of tilt and heading are below `thresholds`, and nothing speaks against them (`doubt`).
+        """Whether the stated sigmas of tilt and heading are below their limits, and nothing speaks against them (`doubt`).
 
         True if none are stated: such an estimator navigates from a known attitude.
         """
@@ -342,15 +269,14 @@ class View:
             return False
         if "attitude_sigma" not in self.estimate:
             return True
-        small = self.tilt_sigma_deg < self.thresholds.tilt_deg and self.heading_sigma_deg < self.thresholds.heading_deg
-        return small and not self.doubt
+        return self.tilt_sigma_deg < TILT_LIMIT_DEG and self.heading_sigma_deg < HEADING_LIMIT_DEG and not self.doubt
 
     @property
     def doubt(self) -> str:
         """Why the estimate may not be trusted whatever sigmas it states; empty if nothing speaks against it.
 
         A filter with fixes is also in doubt while its innovations are not as it states, and until fixes could contradict a
-        reported heading: until the changes of velocity alone would give a heading that is off by the threshold away.
+        reported heading: until the changes of velocity alone would give a heading that is off by the limit away.
         """
         notes = self.simulation.notes()
         if notes:
@@ -362,9 +288,9 @@ class View:
             return f"filter {health.verdict}: its innovations are larger than stated"
         if health.contradicted:
             return "fixes contradict the estimate"
-        threshold = radians(self.thresholds.heading_deg)
-        is_believed = self.simulation.reported_heading_sigma < SURE * threshold
-        if health.fixes < FIXES or (is_believed and SURE * health.heading_sigma > threshold):
+        limit = radians(HEADING_LIMIT_DEG)
+        is_believed = self.simulation.reported_heading_sigma < SURE * limit
+        if health.fixes < FIXES or (is_believed and SURE * health.heading_sigma > limit):
             return "heading as reported; no fix can contradict it before the vehicle accelerates or turns"
         return "" if health.well else "filter overconfident: its innovations were larger than stated seconds ago"
 
@@ -376,13 +302,12 @@ class View:
         """
         estimate, truth = self.estimate, self.truth
         rotation = np.ravel(attitude.numeric.error_rotation_vector(estimate["q_nb"], truth["q_nb"]))
-        found = {"tilt": degrees(float(np.hypot(rotation[0], rotation[1]))), "heading": degrees(float(rotation[2]))}
+        values = {"tilt": degrees(float(np.hypot(rotation[0], rotation[1]))), "heading": degrees(float(rotation[2]))}
         if self.simulation.estimator.navigates:
-            found["velocity"] = float(np.linalg.norm(estimate["velocity_n"] - truth["velocity_n"]))
-            place = (tuple(float(each[name]) for name in ("latitude", "longitude", "height")) for each in (estimate, truth))
-            estimated, true = place
-            found["position"] = float(np.linalg.norm(np.ravel(geodesy.numeric.ned_offset(*estimated, *true))))
-        return found
+            values["velocity"] = float(np.linalg.norm(estimate["velocity_n"] - truth["velocity_n"]))
+            places = [float(rows[name]) for rows in (estimate, truth) for name in ("latitude", "longitude", "height")]
+            values["position"] = float(np.linalg.norm(np.ravel(geodesy.numeric.ned_offset(*places))))
+        return values
 
     @property
     def state(self) -> str:
@@ -397,12 +322,3 @@ class View:
 def wrapped(longitude: float) -> float:
     """A longitude (rad) wrapped to -pi to pi."""
     return (longitude + pi) % (2 * pi) - pi
-
-
-Maker = Callable[[View], Message | None]
-"""Makes a message of the present sample, or None if it has no content yet."""
-
-
-def by_name(*makers: Maker) -> dict[str, Maker]:
-    """Makers by the name of their message, which is that of the function in capitals."""
-    return {maker.__name__.upper(): maker for maker in makers}

@@ -1,6 +1,6 @@
 """MAVLink frames: find and check them in bytes, and give them another sequence number.
 
-A frame found here is complete, has a known message number and a correct checksum; pymavlink decodes it afterwards.
+A frame that `split` returns is complete, has a known message number and a correct checksum; pymavlink decodes it afterwards.
 Input is untrusted, so the work spent on invalid bytes is bounded.
 
 Layout of MAVLink 2: magic 0xFD, payload length, incompatibility flags, compatibility flags, sequence, system,
@@ -14,9 +14,9 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Iterable
-from contextlib import suppress
-from dataclasses import asdict, astuple, dataclass
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
@@ -25,93 +25,68 @@ from typing import Any
 from insenv.base.errors import InputError
 from insenv.base.output import check_output_file
 
-# Messages of the common message set that pymavlink's module of it lacks: defined here, as pymavlink would.
-#
-# A message's CRC_EXTRA is computed from its definition, as https://mavlink.io/en/guide/serialization.html defines it.
-
-Definition = tuple[int, tuple[tuple[str, str, int], ...]]
-"""Message number, and type, name and length (0: no array) of each field, in the order of the definition."""
+Definition = tuple[int, int, str, tuple[tuple[str, str, int], ...]]
+"""Message number, CRC_EXTRA, layout of the payload, and type, name and length (0: no array) of each field."""
 
 DEFINITIONS: dict[str, Definition] = {
-    "PROTOCOL_VERSION": (300, (
+    "PROTOCOL_VERSION": (300, 217, "<3H8B8B", (
         ("uint16_t", "version", 0), ("uint16_t", "min_version", 0), ("uint16_t", "max_version", 0),
         ("uint8_t", "spec_version_hash", 8), ("uint8_t", "library_version_hash", 8),
     )),
-    "COMPONENT_METADATA": (397, (("uint32_t", "time_boot_ms", 0), ("uint32_t", "file_crc", 0), ("char", "uri", 100))),
-    "AVAILABLE_MODES": (435, (
-        ("uint8_t", "number_modes", 0), ("uint8_t", "mode_index", 0), ("uint8_t", "standard_mode", 0),
-        ("uint32_t", "custom_mode", 0), ("uint32_t", "properties", 0), ("char", "mode_name", 35),
-    )),
-    "CURRENT_MODE": (436, (
-        ("uint8_t", "standard_mode", 0), ("uint32_t", "custom_mode", 0), ("uint32_t", "intended_custom_mode", 0),
+    "COMPONENT_METADATA": (397, 182, "<2I100s", (
+        ("uint32_t", "time_boot_ms", 0), ("uint32_t", "file_crc", 0), ("char", "uri", 100),
     )),
 }  # fmt: skip
-_SIZES = {"uint32_t": (4, "I"), "uint16_t": (2, "H"), "uint8_t": (1, "B"), "char": (1, "s")}
+"""Messages of the common message set that no module of pymavlink has."""
 
 
 @lru_cache(maxsize=1)
-def further_messages() -> dict[str, Any]:
-    """The classes of these messages by name."""
-    return {name: _class(name, number, fields) for name, (number, fields) in DEFINITIONS.items()}
+def dialect() -> Any:
+    """pymavlink's module of the development messages, which include the common ones; MAVLink 2 in any environment."""
+    from pymavlink.dialects.v20 import development
+
+    return development
 
 
-def crc_extra(name: str, ordered: list[tuple[str, str, int]]) -> int:
-    """The byte that makes a checksum depend on the definition.  ordered: the fields in the order of sending."""
-    from fastcrc import crc16
-
-    text = f"{name} ".encode()
-    for kind, field, length in ordered:
-        text += f"{kind} {field} ".encode() + (bytes((length,)) if length else b"")
-    checksum: int = crc16.mcrf4xx(text)
-    return checksum & 0xFF ^ checksum >> 8
+@lru_cache(maxsize=1)
+def defined() -> dict[str, Any]:
+    """The classes of `DEFINITIONS` by name, of the form of those that pymavlink generates."""
+    return {name: _defined(name, *definition) for name, definition in DEFINITIONS.items()}
 
 
-def _class(name: str, number: int, fields: tuple[tuple[str, str, int], ...]) -> Any:
-    from pymavlink.dialects.v20 import common
+def _defined(name: str, number: int, crc_extra: int, layout: str, fields: tuple[tuple[str, str, int], ...]) -> Any:
+    base, names = dialect().MAVLink_message, [field for _, field, _ in fields]
 
-    ordered = sorted(fields, key=lambda field: -_SIZES[field[0]][0])
-    names = [field for _, field, _ in fields]
-    extra = crc_extra(name, ordered)
-    packer = struct.Struct("<" + "".join(f"{length or ''}{_SIZES[kind][1]}" for kind, _, length in ordered))
+    def construct(self: Any, *values: Any) -> None:
+        base.__init__(self, number, name)
+        self._fieldnames = names
+        vars(self).update(zip(names, values, strict=True))
 
-    class Further(common.MAVLink_message):
-        """One of `DEFINITIONS`."""
+    def pack(self: Any, mav: Any, force_mavlink1: bool = False) -> Any:
+        values = [getattr(self, field) for field in names]
+        flat = [item for value in values for item in (value if isinstance(value, (list, tuple)) else (value,))]
+        return self._pack(mav, crc_extra, struct.pack(layout, *flat), force_mavlink1=force_mavlink1)
 
-        id = number
-        msgname = name
-        fieldnames = names
-        fieldtypes = [kind for kind, _, _ in fields]
-        orders = [[field for _, field, _ in ordered].index(field) for field in names]
-        array_lengths = [length for _, _, length in ordered]
-
-        def __init__(self, *values: Any) -> None:
-            super().__init__(number, name)
-            self._fieldnames = names
-            for field, value in zip(names, values, strict=True):
-                setattr(self, field, value)
-
-        def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-            """The frame."""
-            values: list[Any] = []
-            for _, field, _ in ordered:
-                value = getattr(self, field)
-                values += value if isinstance(value, (list, tuple)) else [value]
-            packed: bytes = self._pack(mav, extra, packer.pack(*values), force_mavlink1=force_mavlink1)
-            return packed
-
-    Further.crc_extra = extra
-    return Further
+    return type(name, (base,), {
+        "id": number, "msgname": name, "crc_extra": crc_extra, "fieldnames": names,
+        "fieldtypes": [kind for kind, _, _ in fields], "orders": list(range(len(fields))),
+        "array_lengths": [length for _, _, length in fields], "__init__": construct, "pack": pack,
+    })  # fmt: skip
 
 
-V1, V2 = 0xFE, 0xFD
+def message_class(name: str) -> Any:
+    """The class of a message by name: pymavlink's, or ours where pymavlink has none.  Raises `KeyError`."""
+    return getattr(dialect(), f"MAVLink_{name.lower()}_message", None) or defined()[name]
+
+
+V2 = 0xFD
+"""The magic of MAVLink 2; that of MAVLink 1 is 0xFE."""
 SIGNED = 0x01
 """The incompatibility flag of a signed frame, the only one supported."""
 SIGNATURE = 13
 """Bytes of link number, time stamp and hash together."""
 HEADER_V1, HEADER_V2, CHECKSUM = 6, 10, 2
-LONGEST = HEADER_V2 + 255 + CHECKSUM + SIGNATURE
-"""Bytes of the longest frame."""
-WRONG_CANDIDATES = 16
+MAX_WRONG_FRAMES = 16
 """Frames with a wrong checksum after which the rest of a piece is discarded."""
 
 _MAGIC = re.compile(b"[\xfd\xfe]")
@@ -156,35 +131,14 @@ class Statistics:
         """The sums over several links."""
         return cls(*(sum(counts) for counts in zip(*(astuple(part) for part in parts), strict=True)))
 
-    def as_dict(self) -> dict[str, int]:
-        """The counts by name."""
-        return asdict(self)
-
-
-@lru_cache(maxsize=1)
-def dialect() -> Any:
-    """pymavlink's module of the common messages, of MAVLink 2 whatever the environment variables say."""
-    from pymavlink.dialects.v20 import common
-
-    return common
-
-
-def message_class(name: str) -> Any:
-    """The class of a message by name: pymavlink's, or ours where pymavlink has none.  Raises `AttributeError`."""
-    ours = further_messages().get(name)
-    found = getattr(dialect(), f"MAVLink_{name.lower()}_message", ours)
-    if found is None:
-        raise AttributeError(f"no message {name!r}")
-    return found
-
 
 @lru_cache(maxsize=1)
 def _tools() -> tuple[dict[int, int], Callable[[bytes], int]]:
     """CRC_EXTRA by message number, and the checksum function."""
     from fastcrc import crc16
 
-    kinds = {**{kind.id: kind for kind in further_messages().values()}, **dialect().mavlink_map}
-    return {number: kind.crc_extra for number, kind in kinds.items()}, crc16.mcrf4xx
+    kinds = (*defined().values(), *dialect().mavlink_map.values())
+    return {kind.id: kind.crc_extra for kind in kinds}, crc16.mcrf4xx
 
 
 def sender(frame: bytes) -> tuple[int, int]:
@@ -206,12 +160,11 @@ def split(piece: bytes, statistics: Statistics) -> tuple[list[bytes], int]:
     extra, checksum = _tools()
     frames: list[bytes] = []
     end, at, wrong = len(piece), 0, 0
-    while wrong < WRONG_CANDIDATES:
-        found = _MAGIC.search(piece, at)
-        if found is None:
-            statistics.skipped_bytes += end - at
-            return frames, end
-        start = found.start()
+    while wrong < MAX_WRONG_FRAMES:
+        magic = _MAGIC.search(piece, at)
+        if magic is None:
+            break
+        start = magic.start()
         statistics.skipped_bytes += start - at
         at = start
         version_2 = piece[start] == V2
@@ -271,40 +224,36 @@ class TlogWriter:
         self.frames = 0
         check_output_file(self.path)
         self._part = self.path.with_name(self.path.name + ".part")
-        try:
+        with self._explained():
             self._file = self._part.open("wb", buffering=1 << 16)
-        except OSError as error:
-            raise self._error(error) from None
 
     def write(self, unix_us: int, frame: bytes, link: int = 0) -> None:
         """Append a frame sent or received at `unix_us` (Unix time, microseconds) over `link` (0 to 3)."""
-        try:
+        with self._explained():
             self._file.write((unix_us & ~_LINK_BITS | link & _LINK_BITS).to_bytes(8, "big") + frame)
-        except OSError as error:
-            raise self._error(error) from None
         self.frames += 1
 
     def flush(self) -> None:
         """Pass all that is buffered to the operating system."""
-        try:
+        with self._explained():
             self._file.flush()
-        except OSError as error:
-            raise self._error(error) from None
 
     def close(self) -> None:
         """Complete the log and rename it; a second call does nothing."""
-        if self._file.closed:
-            return
-        try:
-            self._file.close()
-            os.replace(self._part, self.path)
-        except OSError as error:
-            raise self._error(error) from None
+        if not self._file.closed:
+            with self._explained():
+                self._file.close()
+                os.replace(self._part, self.path)
 
-    def _error(self, error: OSError) -> InputError:
-        with suppress(OSError, AttributeError):
-            self._file.close()
-        return InputError(f"telemetry log {self.path}: cannot be written: {error.strerror or error}")
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Close the file and raise an `InputError` that names it where an operation of the block fails."""
+        try:
+            yield
+        except OSError as error:
+            with suppress(OSError, AttributeError):
+                self._file.close()
+            raise InputError(f"telemetry log {self.path}: cannot be written: {error.strerror or error}") from None
 
     def __enter__(self) -> TlogWriter:
         return self

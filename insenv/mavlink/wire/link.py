@@ -9,6 +9,7 @@ from __future__ import annotations
 import select
 import socket
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
@@ -19,12 +20,19 @@ from insenv.base.errors import InputError
 from insenv.mavlink.wire.frames import Statistics, dialect, resequenced, sender, split
 from insenv.mavlink.wire.signing import Signing, Verdict
 
-# Peers of a link, with bounded buffers of what they sent and of what is to be sent to them.
-
 INBOX_BYTES = 65536
 """Largest number of unread bytes kept of one peer."""
 OUTBOX_BYTES = 262144
 """Largest number of unsent bytes kept for one peer: 30 s of telemetry at 9 kB/s, 5 s of all messages at 200 Hz."""
+MESSAGES_PER_CALL = 64
+"""Largest number of frames that one `receive` processes."""
+MESSAGES_PER_PEER = 8
+"""The same for one peer: 1600 per second at 200 Hz, more than tools send; a flood costs about 0.2 ms per call."""
+MAX_ID = 255
+
+Message = Any
+"""A message object of pymavlink."""
+Clock = Callable[[], float]
 
 
 @dataclass(eq=False)
@@ -32,10 +40,14 @@ class Peer:
     """One peer of a link.
 
     name: "127.0.0.1:14550", or the serial device.  key: what identifies it.  fixed: named in the link's address, so
-    that it never expires.  live: whether it gets what is sent to all.  since, heard: clock times (s) of its first and
-    last verified message; heard is None before the first.  received: messages; sent, dropped: frames.  system,
-    component: as its last message states.  sequence: of the next frame sent to it.  frames: checked and not yet read;
-    outbox: unsent, `waiting` bytes in all.
+    that it never expires.  live: whether it gets what is sent to all.  device: the socket or serial line of a peer that
+    sends a stream of bytes; None for one that sends datagrams.  since, heard: clock times (s) of its first and last
+    verified message; heard is None before the first.  accepted: clock time (s) at which it last accepted bytes.
+    received: messages; sent, dropped: frames.  system, component: as its last message states.  sequence: of the next
+    frame sent to it.
+
+    pieces: read and not yet split, `stored` bytes in all; rest: the start of a frame that the next piece of a stream
+    completes; frames: checked and not yet processed; outbox: unsent, `waiting` bytes in all.
     """
 
     name: str
@@ -43,18 +55,52 @@ class Peer:
     since: float
     fixed: bool = False
     live: bool = False
+    device: Any = None
     heard: float | None = None
+    accepted: float = 0.0
     received: int = 0
     sent: int = 0
     dropped: int = 0
     system: int = 0
     component: int = 0
     sequence: int = 0
+    pieces: deque[bytes] = field(default_factory=deque, repr=False)
+    stored: int = field(default=0, repr=False)
+    rest: bytes = field(default=b"", repr=False)
     frames: deque[bytes] = field(default_factory=deque, repr=False)
     outbox: deque[memoryview] = field(default_factory=deque, repr=False)
     waiting: int = field(default=0, repr=False)
 
-    def push_frame(self, frame: bytes) -> bool:
+    def take(self, piece: bytes) -> bool:
+        """Store bytes that were read; False when the buffer is full."""
+        if self.stored + len(piece) > INBOX_BYTES:
+            return False
+        self.pieces.append(piece)
+        self.stored += len(piece)
+        return True
+
+    def next_frame(self, statistics: Statistics) -> bytes | None:
+        """The next checked frame from this peer, or None.
+
+        Each datagram is split on its own, so that a truncated one does not affect the others.
+        """
+        while not self.frames and self.pieces:
+            piece = self.pieces.popleft()
+            self.stored -= len(piece)
+            piece = self.rest + piece
+            frames, used = split(piece, statistics)
+            self.frames.extend(frames)
+            if self.device is not None:
+                self.rest = piece[used:]
+            else:
+                statistics.skipped_bytes += len(piece) - used
+        return self.frames.popleft() if self.frames else None
+
+    def has_input(self) -> bool:
+        """Whether `next_frame` may return a frame."""
+        return bool(self.frames or self.pieces)
+
+    def queue(self, frame: bytes) -> bool:
         """Append a whole frame to the outbox; False when it is full, and the frame is then dropped."""
         if self.waiting + len(frame) > OUTBOX_BYTES:
             return False
@@ -62,91 +108,18 @@ class Peer:
         self.waiting += len(frame)
         return True
 
-    def next_frame(self, statistics: Statistics) -> bytes | None:
-        """The next checked frame from this peer, or None."""
-        raise NotImplementedError
 
-    def has_input(self) -> bool:
-        """Whether `next_frame` may return a frame."""
-        raise NotImplementedError
-
-
-@dataclass(eq=False)
-class DatagramPeer(Peer):
-    """A peer that sends datagrams: each is split on its own, so that a truncated one does not affect the others."""
-
-    datagrams: deque[bytes] = field(default_factory=deque, repr=False)
-    stored: int = field(default=0, repr=False)
-
-    def take(self, datagram: bytes) -> bool:
-        """Store a datagram; False when the buffer is full."""
-        if self.stored + len(datagram) > INBOX_BYTES:
-            return False
-        self.datagrams.append(datagram)
-        self.stored += len(datagram)
-        return True
-
-    def next_frame(self, statistics: Statistics) -> bytes | None:
-        while not self.frames and self.datagrams:
-            datagram = self.datagrams.popleft()
-            self.stored -= len(datagram)
-            found, used = split(datagram, statistics)
-            statistics.skipped_bytes += len(datagram) - used
-            self.frames.extend(found)
-        return self.frames.popleft() if self.frames else None
-
-    def has_input(self) -> bool:
-        return bool(self.frames or self.datagrams)
-
-
-@dataclass(eq=False)
-class StreamPeer(Peer):
-    """A peer that sends a stream of bytes, in pieces of any length."""
-
-    inbox: bytearray = field(default_factory=bytearray, repr=False)
-    fresh: bool = field(default=False, repr=False)
-
-    def room(self) -> int:
-        """The number of bytes that may be read now."""
-        return INBOX_BYTES - len(self.inbox)
-
-    def take(self, piece: bytes) -> None:
-        """Store bytes that were read."""
-        self.inbox += piece
-        self.fresh = True
-
-    def next_frame(self, statistics: Statistics) -> bytes | None:
-        if not self.frames and self.fresh:
-            found, used = split(bytes(self.inbox), statistics)
-            del self.inbox[:used]
-            self.fresh = False
-            self.frames.extend(found)
-        return self.frames.popleft() if self.frames else None
-
-    def has_input(self) -> bool:
-        return bool(self.frames or self.fresh)
-
-
-# Addresses of a link: ``udpout:HOST:PORT``, ``udpin:HOST:PORT``, ``tcpin:HOST:PORT``, ``tcpout:HOST:PORT``,
-# ``serial:DEVICE:BAUD``.
-
-KINDS = {
-    "udpout": "udpout:HOST:PORT",
-    "udpin": "udpin:HOST:PORT",
-    "tcpout": "tcpout:HOST:PORT",
-    "tcpin": "tcpin:HOST:PORT",
-    "serial": "serial:DEVICE:BAUD",
-}
+KINDS = ("udpout", "udpin", "tcpout", "tcpin", "serial")
 LOOPBACK = "127.0.0.1"
 BAUD = 57600
-_HIGHEST_PORT = 65535
+MAX_PORT = 65535
 
 
 @dataclass(frozen=True)
 class Address:
     """The address of a link.
 
-    kind: a key of `KINDS`.  host: name, IP address or serial device.  port: network port, or baud rate.
+    kind: one of `KINDS`.  host: name, IP address or serial device.  port: network port, or baud rate.
     """
 
     kind: str
@@ -162,22 +135,24 @@ def endpoint(host: str, port: int) -> str:
     return f"{f'[{host}]' if ':' in host else host}:{port}"
 
 
+def _form(kind: str) -> str:
+    return "serial:DEVICE:BAUD" if kind == "serial" else f"{kind}:HOST:PORT"
+
+
 def parse_address(text: str) -> Address:
     """Parse an address; an empty host is the loopback address 127.0.0.1.  Raises `InputError`."""
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
-        raise InputError(f"address {text!r}: must be {', '.join(KINDS.values())}")
-    form = KINDS[kind]
+        raise InputError(f"address {text!r}: must be {', '.join(map(_form, KINDS))}")
+    host, colon, port = rest.rpartition(":")
     if kind == "serial":
-        device, colon, baud = rest.rpartition(":")
-        device, baud = (device, baud) if colon and baud.isdigit() else (rest, str(BAUD))
+        device, baud = (host, port) if colon and port.isdigit() else (rest, str(BAUD))
         if not device or not 0 < int(baud) <= 100_000_000:
-            raise InputError(f"address {text!r}: must be {form}, such as serial:/dev/ttyUSB0:{BAUD}")
+            raise InputError(f"address {text!r}: must be {_form(kind)}, such as serial:/dev/ttyUSB0:{BAUD}")
         return Address(kind, device, int(baud))
-    host, _, port = rest.rpartition(":")
     lowest = 1 if kind.endswith("out") else 0
-    if not port.isascii() or not port.isdigit() or not lowest <= int(port) <= _HIGHEST_PORT:
-        raise InputError(f"address {text!r}: must be {form} with a port from {lowest} to {_HIGHEST_PORT}")
+    if not port.isascii() or not port.isdigit() or not lowest <= int(port) <= MAX_PORT:
+        raise InputError(f"address {text!r}: must be {_form(kind)} with a port from {lowest} to {MAX_PORT}")
     if host.startswith("[") and host.endswith("]"):
         host = host[1:-1]
     elif ":" in host:
@@ -188,25 +163,21 @@ def parse_address(text: str) -> Address:
 def resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Any]:
     """Address family and socket address, IPv4 preferred.  Raises `InputError` when the host is unknown."""
     try:
-        found = socket.getaddrinfo(address.host, address.port, type=kind)
+        entries = socket.getaddrinfo(address.host, address.port, type=kind)
     except (OSError, UnicodeError) as error:
         raise InputError(f"address {address}: unknown host {address.host!r}: {error}") from None
-    found.sort(key=lambda entry: entry[0] != socket.AF_INET)
-    return found[0][0], found[0][4]
+    entries.sort(key=lambda entry: entry[0] != socket.AF_INET)
+    return entries[0][0], entries[0][4]
 
 
-MESSAGES_PER_CALL = 64
-"""Largest number of frames that one `receive` processes."""
-MESSAGES_PER_PEER = 8
-"""The same for one peer: 1600 per second at 200 Hz, more than tools send; a flood costs about 0.2 ms per call."""
-HIGHEST_ID = 255
-
-Message = Any
-"""A message object of pymavlink's `dialects.v20.common`."""
-Clock = Callable[[], float]
+def check_sender(system: int, component: int) -> None:
+    """Raise `InputError` unless both are from 1 to 255."""
+    for name, value in (("system", system), ("component", component)):
+        if not 1 <= value <= MAX_ID:
+            raise InputError(f"{name} {value}: allowed is 1 to {MAX_ID}")
 
 
-class Link:
+class Link(ABC):
     """Base class of the links, which `open_link` makes.
 
     address: with the actual port where port 0 was requested.  signing: None on an unsigned link.  system, component:
@@ -218,9 +189,7 @@ class Link:
     def __init__(
         self, address: Address, signing: Signing | None, system: int, component: int, clock: Clock, number: int | None = None
     ) -> None:
-        for name, value in (("system", system), ("component", component)):
-            if not 1 <= value <= HIGHEST_ID:
-                raise InputError(f"{name} {value}: allowed is 1 to {HIGHEST_ID}")
+        check_sender(system, component)
         self.address = address
         self.signing = signing
         self.statistics = Statistics()
@@ -229,10 +198,8 @@ class Link:
         self._peers: list[Peer] = []
         self._turn = 0
         self._sequence = 0
-        module = dialect()
-        self._packer = module.MAVLink(None, srcSystem=system, srcComponent=component)
-        self._decoder = module.MAVLink(None)
-        self._error: type[Exception] = module.MAVError
+        self._packer = dialect().MAVLink(None, srcSystem=system, srcComponent=component)
+        self._decoder = dialect().MAVLink(None)
         self._open()
 
     @property
@@ -258,27 +225,27 @@ class Link:
         # each peer and the log have a sequence of their own: an answer to one peer must not look like a loss to another
         self._packer.seq = self._sequence
         plain = message.pack(self._packer)
-        made: dict[int, bytes] = {} if self.signing is not None else {self._sequence: plain}
-        frame = self._framed(plain, self._sequence, made)
+        by_sequence: dict[int, bytes] = {} if self.signing is not None else {self._sequence: plain}
+        logged = self._framed(plain, self._sequence, by_sequence)
         self._sequence = (self._sequence + 1) % 256
         self.statistics.sent_messages += 1
         for peer in peers:
-            mine = self._framed(plain, peer.sequence, made)
+            frame = self._framed(plain, peer.sequence, by_sequence)
             peer.sequence = (peer.sequence + 1) % 256
-            if self._transmit(peer, mine):
+            if self._transmit(peer, frame):
                 peer.sent += 1
                 self.statistics.sent_frames += 1
-                self.statistics.sent_bytes += len(mine)
+                self.statistics.sent_bytes += len(frame)
             else:
                 peer.dropped += 1
                 self.statistics.dropped_frames += 1
-        return frame
+        return logged
 
-    def _framed(self, plain: bytes, sequence: int, made: dict[int, bytes]) -> bytes:
-        if sequence not in made:
+    def _framed(self, plain: bytes, sequence: int, by_sequence: dict[int, bytes]) -> bytes:
+        if sequence not in by_sequence:
             frame = resequenced(plain, sequence, signed=self.signing is not None)
-            made[sequence] = frame if self.signing is None else self.signing.signed(frame, self.number)
-        return made[sequence]
+            by_sequence[sequence] = frame if self.signing is None else self.signing.signed(frame, self.number)
+        return by_sequence[sequence]
 
     # --- in --------------------------------------------------------------------------------------
 
@@ -291,24 +258,24 @@ class Link:
         """
         self._pump()
         messages: list[tuple[Peer, Message]] = []
-        waiting = [peer for peer in self._peers if peer.has_input()]
-        self._turn += 1  # each call begins with another peer
-        at, taken = self._turn, 0
-        processed: dict[Peer, int] = {}
-        while waiting and taken < MESSAGES_PER_CALL:
-            at %= len(waiting)
-            peer = waiting[at]
-            frame = peer.next_frame(self.statistics) if processed.get(peer, 0) < MESSAGES_PER_PEER else None
+        ready = deque(peer for peer in self._peers if peer.has_input())
+        self._turn += 1
+        ready.rotate(-self._turn)  # each call begins with another peer
+        left = dict.fromkeys(ready, MESSAGES_PER_PEER)
+        for _ in range(MESSAGES_PER_CALL):
+            frame = None
+            while ready and frame is None:
+                peer = ready.popleft()
+                frame = peer.next_frame(self.statistics)
             if frame is None:
-                del waiting[at]
-                continue
-            taken += 1
-            processed[peer] = processed.get(peer, 0) + 1
+                break
+            left[peer] -= 1
+            if left[peer]:
+                ready.append(peer)
             message = self._verified(frame)
             if message is not None:
                 self._heard(peer, message)
                 messages.append((peer, message))
-            at += 1
         return messages
 
     def _verified(self, frame: bytes) -> Message | None:
@@ -322,7 +289,7 @@ class Link:
             return None
         try:
             return self._decoder.decode(bytearray(frame))
-        except self._error:
+        except dialect().MAVError:
             self.statistics.undecodable += 1
             return None
 
@@ -347,25 +314,25 @@ class Link:
 
     # --- defined by each kind of link ---------------------------------------------------------------
 
+    @abstractmethod
     def _open(self) -> None:
         """Open the sockets or the device.  Raises `InputError`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _sources(self) -> list[Any]:
         """The sockets or devices that `select` can watch for input."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _pump(self) -> None:
         """Read, accept, expire and flush: a bounded amount of work that does not block."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _transmit(self, peer: Peer, frame: bytes) -> bool:
         """Pass a frame to the operating system or queue it; False when it is dropped."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _close(self) -> None:
         """Close the sockets or the device."""
-        raise NotImplementedError
 
     def close(self) -> None:
         """Close the sockets and store the signing times."""

@@ -40,15 +40,15 @@ KEY_BYTES = 32
 EPOCH_UNIX_S = 1420070400
 """2015-01-01 00:00 UTC, the origin of signing times."""
 TICKS_PER_S = 100_000
-MOST_TICKS = 2**48 - 1
-WINDOW_TICKS = 60 * TICKS_PER_S
+MAX_TICKS = 2**48 - 1
+MAX_LAG_TICKS = 60 * TICKS_PER_S
 """Largest lag of the first signing time of a new stream behind our clock."""
 AHEAD_TICKS = TICKS_PER_S
 """How far the stored marks are ahead of the times."""
-MOST_STREAMS = 1024
+MAX_STREAMS = 1024
 """Largest number of streams kept."""
 HASH_BYTES = 6
-LEAD_TICKS = 24 * 3600 * TICKS_PER_S
+MAX_LEAD_TICKS = 24 * 3600 * TICKS_PER_S
 """Largest lead of a signing time over our clock: a time that is accepted locks its stream out until then, so that a
 sender whose clock was once years ahead would be locked out for good."""
 
@@ -142,7 +142,7 @@ class Signing:
         return cls(read_key(path), link=link, clock=clock, marks=Path(f"{path}.times"))
 
     def _now(self) -> int:
-        return min(max(int((self._clock() - EPOCH_UNIX_S) * TICKS_PER_S), 0), MOST_TICKS)
+        return min(max(int((self._clock() - EPOCH_UNIX_S) * TICKS_PER_S), 0), MAX_TICKS)
 
     # --- out -------------------------------------------------------------------------------------
 
@@ -173,12 +173,12 @@ class Signing:
         if own == who:
             return Verdict.REFLECTED
         stream, now = (link, *who), self._now()
-        if ticks > now + LEAD_TICKS:
+        if ticks > now + MAX_LEAD_TICKS:
             return Verdict.EARLY
         last = self._last.get(stream)
         if ticks <= (self._floor if last is None else last):
             return Verdict.REPLAYED
-        if last is None and (ticks + WINDOW_TICKS < now or not self._has_room(now)):
+        if last is None and (ticks + MAX_LAG_TICKS < now or not self._has_room(now)):
             return Verdict.STALE
         if (
             self._marks is not None
@@ -193,9 +193,9 @@ class Signing:
 
     def _has_room(self, now: int) -> bool:
         """Whether a new stream fits; forgets those that are older than the window if it does not."""
-        if len(self._last) < MOST_STREAMS:
+        if len(self._last) < MAX_STREAMS:
             return True
-        old = {stream: ticks for stream, ticks in self._last.items() if ticks + WINDOW_TICKS < now}
+        old = {stream: ticks for stream, ticks in self._last.items() if ticks + MAX_LAG_TICKS < now}
         for stream, ticks in old.items():
             self._floor = max(self._floor, ticks)
             del self._last[stream]
@@ -207,8 +207,8 @@ class Signing:
         """Renew the marks of all streams, of this one for a frame at `ticks`, and of new ones; whether they are stored."""
         before = self._mark, self._floor_mark
         times = {**self._last, stream: ticks}
-        self._mark = {each: max(self._mark.get(each, 0), min(last + AHEAD_TICKS, MOST_TICKS)) for each, last in times.items()}
-        self._floor_mark = max(self._floor_mark, min(now + AHEAD_TICKS, MOST_TICKS))
+        self._mark = {each: max(self._mark.get(each, 0), min(last + AHEAD_TICKS, MAX_TICKS)) for each, last in times.items()}
+        self._floor_mark = max(self._floor_mark, min(now + AHEAD_TICKS, MAX_TICKS))
         if self._store_marks():
             return True
         self._mark, self._floor_mark = before
@@ -270,6 +270,6 @@ def _stream(name: str) -> Stream:
 
 
 def _ticks(value: object) -> int:
-    if not isinstance(value, int) or not 0 <= value <= MOST_TICKS:
+    if not isinstance(value, int) or not 0 <= value <= MAX_TICKS:
         raise ValueError
     return value

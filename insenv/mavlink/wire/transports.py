@@ -1,4 +1,4 @@
-"""Links over streams of bytes: TCP, as server or client, and serial lines.
+"""Links over TCP, as server or client, serial lines and UDP.
 
 Frames that a peer does not read are kept in a bounded buffer; when it is full, whole frames are dropped for that peer
 only.  A TCP peer that reads nothing for some time is disconnected.
@@ -12,17 +12,16 @@ import select
 import socket
 import time
 from abc import abstractmethod
-from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from insenv.base.errors import InputError
 from insenv.base.installing import need
-from insenv.mavlink.wire.link import Clock, DatagramPeer, Link, Peer, StreamPeer, endpoint, parse_address, resolve
+from insenv.mavlink.wire.link import Clock, Link, Peer, endpoint, parse_address, resolve
 from insenv.mavlink.wire.signing import Signing
 
-MOST_CLIENTS = 16
+MAX_CLIENTS = 16
 STALLED_S = 30.0
 """A client that reads nothing for so long while frames are pending is disconnected."""
 RETRY_S = 1.0
@@ -32,140 +31,113 @@ READ_BYTES = 16384
 """Bytes read from one peer per call: some ten times what 64 messages consume."""
 
 
-@dataclass(eq=False)
-class _End(StreamPeer):
-    """A peer with its socket or serial line, and the time (clock, s) at which it last read something."""
-
-    device: Any = None
-    took: float = 0.0
-
-
 class _StreamLink(Link):
     """What TCP and serial lines share: exchange with the buffers of a peer."""
 
     @abstractmethod
-    def _read(self, end: _End, size: int) -> bytes | None:
-        """Read up to `size` bytes: b"" when there are none, None when the peer is gone."""
+    def _read(self, peer: Peer) -> bytes | None:
+        """Read up to `READ_BYTES`: b"" when there are none, None when the peer is gone."""
 
     @abstractmethod
-    def _write(self, end: _End, data: memoryview) -> int | None:
+    def _write(self, peer: Peer, data: memoryview) -> int | None:
         """Write, and return the number of bytes accepted: None when the peer is gone."""
 
     @abstractmethod
-    def _lost(self, end: _End) -> None:
+    def _lost(self, peer: Peer) -> None:
         """Handle the loss of a peer."""
 
     def _transmit(self, peer: Peer, frame: bytes) -> bool:
-        assert isinstance(peer, _End)
-        if peer not in self._peers or not peer.push_frame(frame):
+        if peer not in self._peers or not peer.queue(frame):
             return False
         self._flush(peer)
         return True
 
-    def _flush(self, end: _End) -> bool:
+    def _flush(self, peer: Peer) -> bool:
         """Send pending frames as far as they are accepted; False when the peer is gone."""
-        while end.outbox:
-            data = end.outbox[0]
-            taken = self._write(end, data)
-            if taken is None:
-                self._lost(end)
+        while peer.outbox:
+            data = peer.outbox[0]
+            count = self._write(peer, data)
+            if count is None:
+                self._lost(peer)
                 return False
-            if taken:
-                end.took = self._clock()
-                end.waiting -= taken
-            if taken < len(data):
-                end.outbox[0] = data[taken:]
+            if count:
+                peer.accepted = self._clock()
+                peer.waiting -= count
+            if count < len(data):
+                peer.outbox[0] = data[count:]
                 return True
-            end.outbox.popleft()
+            peer.outbox.popleft()
         return True
 
-    def _exchange(self, end: _End) -> None:
-        if not end.outbox:
-            end.took = self._clock()
-        if not self._flush(end):
-            return
-        if self._clock() - end.took > STALLED_S:
-            self._lost(end)
-            return
-        size = min(READ_BYTES, end.room())
-        if size > 0 and not end.has_input():
-            piece = self._read(end, size)
-            if piece is None:
-                self._lost(end)
+    def _pump(self) -> None:
+        for peer in list(self._peers):
+            if not peer.outbox:
+                peer.accepted = self._clock()
+            if not self._flush(peer):
+                continue
+            stalled = self._clock() - peer.accepted > STALLED_S
+            piece = b"" if stalled or peer.has_input() else self._read(peer)
+            if stalled or piece is None:
+                self._lost(peer)
             elif piece:
                 self.statistics.received_bytes += len(piece)
-                end.take(piece)
+                peer.take(piece)
 
-    def _ends(self) -> Iterator[_End]:
-        """The peers; they may be removed meanwhile."""
-        for peer in list(self._peers):
-            assert isinstance(peer, _End)
-            yield peer
-
-    def _exchange_all(self) -> None:
-        for end in self._ends():
-            self._exchange(end)
+    def _add(self, name: str, device: Any, *, fixed: bool) -> None:
+        now = self._clock()
+        self._peers.append(Peer(name, name, now, fixed=fixed, live=True, sequence=self._sequence, device=device, accepted=now))
 
     def _sources(self) -> list[Any]:
-        return [end.device for end in self._ends()]
+        return [peer.device for peer in self._peers]
+
+    def _close(self) -> None:
+        for peer in list(self._peers):
+            self._flush(peer)
+            peer.device.close()
+        self._peers.clear()
 
 
 class _TcpLink(_StreamLink):
-    def _read(self, end: _End, size: int) -> bytes | None:
+    def _read(self, peer: Peer) -> bytes | None:
         try:
-            return end.device.recv(size) or None
+            return peer.device.recv(READ_BYTES) or None
         except BlockingIOError:
             return b""
         except OSError:
             return None
 
-    def _write(self, end: _End, data: memoryview) -> int | None:
+    def _write(self, peer: Peer, data: memoryview) -> int | None:
         try:
-            return end.device.send(data)
+            return int(peer.device.send(data))
         except BlockingIOError:
             return 0
         except OSError:
             return None
 
-    def _lost(self, end: _End) -> None:
-        end.device.close()
-        end.live = False
-        if end in self._peers:
-            self._peers.remove(end)
+    def _lost(self, peer: Peer) -> None:
+        peer.device.close()
+        peer.live = False
+        if peer in self._peers:
+            self._peers.remove(peer)
 
-    def _add(self, device: socket.socket, name: str, *, fixed: bool) -> None:
+    def _connected(self, device: socket.socket, name: str, *, fixed: bool) -> None:
         device.setblocking(False)
         device.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        now = self._clock()
-        peer = _End(name, name, now, fixed=fixed, live=True, sequence=self._sequence, device=device, took=now)
-        self._peers.append(peer)
-
-    def _close_peers(self) -> None:
-        for end in self._ends():
-            self._flush(end)
-            end.device.close()
-        self._peers.clear()
+        self._add(name, device, fixed=fixed)
 
 
 class TcpServerLink(_TcpLink):
     """``tcpin``: every client that connects is a peer."""
 
     def _open(self) -> None:
-        address = self.address
-        family, place = resolve(address, socket.SOCK_STREAM)
-        self._listener = socket.socket(family, socket.SOCK_STREAM)
+        family, place = resolve(self.address, socket.SOCK_STREAM)
         try:
-            self._listener.setblocking(False)
-            if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows, where SO_REUSEADDR lets two servers share a port
-                self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
-            else:
-                self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._listener.bind(place)
-            self._listener.listen(ACCEPTS_PER_CALL)
-            self.address = replace(address, port=self._listener.getsockname()[1])
+            both = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
+            self._listener = socket.create_server(place, family=family, backlog=ACCEPTS_PER_CALL, dualstack_ipv6=both)
         except OSError as error:
-            self._listener.close()
-            raise InputError(f"address {address}: {error.strerror or error}") from None
+            raise InputError(f"address {self.address}: {error.strerror or error}") from None
+        self._listener.setblocking(False)
+        self.address = replace(self.address, port=self._listener.getsockname()[1])
 
     def _pump(self) -> None:
         for _ in range(ACCEPTS_PER_CALL):
@@ -173,18 +145,18 @@ class TcpServerLink(_TcpLink):
                 device, source = self._listener.accept()
             except OSError:  # no client, or one that is gone already
                 break
-            if len(self._peers) >= MOST_CLIENTS:
+            if len(self._peers) >= MAX_CLIENTS:
                 device.close()
                 self.statistics.refused_peers += 1
                 continue
-            self._add(device, endpoint(*source[:2]), fixed=False)
-        self._exchange_all()
+            self._connected(device, endpoint(*source[:2]), fixed=False)
+        super()._pump()
 
     def _sources(self) -> list[Any]:
         return [self._listener, *super()._sources()]
 
     def _close(self) -> None:
-        self._close_peers()
+        super()._close()
         self._listener.close()
 
 
@@ -200,7 +172,7 @@ class TcpClientLink(_TcpLink):
     def _pump(self) -> None:
         if not self._peers:
             self._connect()
-        self._exchange_all()
+        super()._pump()
 
     def _connect(self) -> None:
         now = self._clock()
@@ -212,20 +184,19 @@ class TcpClientLink(_TcpLink):
             self._trial.setblocking(False)
             self._trial.connect_ex(self._place)
         trial = self._trial
-        if trial.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
-            self._give_up()
-            return
         try:
-            trial.getpeername()
+            failed = bool(trial.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
+            # TCP can connect to itself where nobody listens
+            failed = failed or trial.getpeername() == trial.getsockname()
         except OSError:  # not connected yet
             if now - self._began > CONNECT_S:
                 self._give_up()
             return
-        if trial.getpeername() == trial.getsockname():  # TCP can connect to itself where nobody listens
+        if failed:
             self._give_up()
             return
         self._trial = None
-        self._add(trial, endpoint(self.address.host, self.address.port), fixed=True)
+        self._connected(trial, endpoint(self.address.host, self.address.port), fixed=True)
 
     def _give_up(self) -> None:
         if self._trial is not None:
@@ -234,14 +205,14 @@ class TcpClientLink(_TcpLink):
 
     def _close(self) -> None:
         self._give_up()
-        self._close_peers()
+        super()._close()
 
 
 class SerialLink(_StreamLink):
     """``serial``: one permanent peer."""
 
     def _open(self) -> None:
-        address, now = self.address, self._clock()
+        address = self.address
         need(f"address {address}", "serial", package="pyserial", extra="serial")
         import serial
 
@@ -249,49 +220,36 @@ class SerialLink(_StreamLink):
             line = serial.Serial(address.host, address.port, timeout=0, write_timeout=0, exclusive=True)
         except (serial.SerialException, ValueError, OSError) as error:
             raise InputError(f"address {address}: the device does not open: {error}") from None
-        self._gone: tuple[type[Exception], ...] = (serial.SerialException, OSError)
-        self._peers.append(_End(address.host, address.host, now, fixed=True, live=True, device=line, took=now))
+        self._add(address.host, line, fixed=True)
 
-    def _pump(self) -> None:
-        self._exchange_all()
+    def _read(self, peer: Peer) -> bytes | None:
+        with suppress(OSError):  # which pyserial's own exceptions are
+            return bytes(peer.device.read(READ_BYTES))
+        return b""
 
-    def _read(self, end: _End, size: int) -> bytes | None:
-        try:
-            return end.device.read(size)
-        except self._gone:
-            return b""
-
-    def _write(self, end: _End, data: memoryview) -> int | None:
-        try:
+    def _write(self, peer: Peer, data: memoryview) -> int | None:
+        with suppress(OSError):
             # pyserial would retry for ever while the line accepts nothing
-            if os.name == "posix" and not select.select((), (end.device,), (), 0)[1]:
-                return 0
-            return end.device.write(data) or 0
-        except self._gone:
-            return 0
+            if os.name != "posix" or select.select((), (peer.device,), (), 0)[1]:
+                return peer.device.write(data) or 0
+        return 0
 
     def _sources(self) -> list[Any]:
         return super()._sources() if os.name == "posix" else []  # elsewhere select watches sockets only
 
-    def _lost(self, end: _End) -> None:
+    def _lost(self, peer: Peer) -> None:
         # a serial line cannot be disconnected: discard what is pending and continue
-        end.outbox.clear()
-        end.waiting, end.took = 0, self._clock()
-
-    def _close(self) -> None:
-        for end in self._ends():
-            end.device.close()
+        peer.outbox.clear()
+        peer.waiting, peer.accepted = 0, self._clock()
 
 
-# Links over UDP: to one place, or to everyone who sends MAVLink to our port.
-
-MOST_PEERS = 16
-MOST_STRANGERS = 64
+MAX_PEERS = 16
+MAX_STRANGERS = 64
 """Largest number of senders that are not peers: no verified message, or no free place.  More replace the oldest."""
 EXPIRY_S = 20.0
 """A peer that has been silent for so long is dropped: ground stations send a heartbeat each second."""
 READS_PER_CALL = 512
-LARGEST = 4096
+MAX_DATAGRAM_BYTES = 4096
 """Bytes of the largest datagram accepted: routers put several frames into one."""
 BUFFER_BYTES = 1 << 20
 
@@ -303,24 +261,22 @@ class DatagramLink(Link):
     """
 
     def _open(self) -> None:
-        address = self.address
-        family, target = resolve(address, socket.SOCK_DGRAM)
+        family, target = resolve(self.address, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._connected = False
-        self._by_key: dict[Any, DatagramPeer] = {}
-        self._fixed: DatagramPeer | None = None
+        self._by_key: dict[Any, Peer] = {}
         try:
             self._socket.setblocking(False)
             for option in (socket.SO_RCVBUF, socket.SO_SNDBUF):
                 self._socket.setsockopt(socket.SOL_SOCKET, option, BUFFER_BYTES)
-            if address.kind == "udpin":
+            if self.address.kind == "udpin":
                 self._socket.bind(target)
-                self.address = replace(address, port=self._socket.getsockname()[1])
+                self.address = replace(self.address, port=self._socket.getsockname()[1])
             else:
                 self._aim(target)
         except OSError as error:
             self._socket.close()
-            raise InputError(f"address {address}: {error.strerror or error}") from None
+            raise InputError(f"address {self.address}: {error.strerror or error}") from None
 
     def _aim(self, target: Any) -> None:
         if not ipaddress.ip_address(target[0].partition("%")[0]).is_multicast:
@@ -330,9 +286,12 @@ class DatagramLink(Link):
                 self._connected = True
             except PermissionError:  # a broadcast address
                 self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        peer = DatagramPeer(endpoint(self.address.host, self.address.port), target, self._clock(), fixed=True, live=True)
+        self._add(endpoint(self.address.host, self.address.port), target, fixed=True)
+
+    def _add(self, name: str, place: Any, *, fixed: bool = False) -> Peer:
+        peer = self._by_key[place] = Peer(name, place, self._clock(), fixed=fixed, live=fixed)
         self._peers.append(peer)
-        self._by_key[target] = self._fixed = peer
+        return peer
 
     def _transmit(self, peer: Peer, frame: bytes) -> bool:
         for _ in range(2):
@@ -352,34 +311,30 @@ class DatagramLink(Link):
         self._expire()
         for _ in range(READS_PER_CALL):
             try:
-                datagram, source = self._socket.recvfrom(LARGEST + 1)
+                datagram, source = self._socket.recvfrom(MAX_DATAGRAM_BYTES + 1)
             except BlockingIOError:
                 return
             except OSError:
                 continue  # the report of a datagram that was refused
             self.statistics.received_bytes += len(datagram)
-            if len(datagram) > LARGEST:
+            if len(datagram) > MAX_DATAGRAM_BYTES:
                 self.statistics.oversized += 1
                 continue
-            peer = self._fixed if self._fixed is not None and self._connected else self._from(source)
+            peer = self._peers[0] if self._connected else self._from(source)
             if not peer.take(datagram):
                 self.statistics.overflowed += 1
 
-    def _from(self, source: Any) -> DatagramPeer:
-        known = self._by_key.get(source)
-        if known is not None:
-            return known
+    def _from(self, source: Any) -> Peer:
+        if source in self._by_key:
+            return self._by_key[source]
         strangers = [peer for peer in self._peers if not peer.live]
-        if len(strangers) >= MOST_STRANGERS:
+        if len(strangers) >= MAX_STRANGERS:
             self._forget(strangers[0])
             self.statistics.refused_peers += 1
-        peer = DatagramPeer(endpoint(*source[:2]), source, self._clock())
-        self._peers.append(peer)
-        self._by_key[source] = peer
-        return peer
+        return self._add(endpoint(*source[:2]), source)
 
     def _heard(self, peer: Peer, message: Any) -> None:
-        room = peer.live or sum(p.live for p in self._peers) < MOST_PEERS
+        room = peer.live or sum(p.live for p in self._peers) < MAX_PEERS
         super()._heard(peer, message)
         if not room:
             # it is answered but gets no telemetry: present peers keep their places
@@ -393,8 +348,7 @@ class DatagramLink(Link):
 
     def _forget(self, peer: Peer) -> None:
         self._peers.remove(peer)
-        with suppress(KeyError):
-            del self._by_key[peer.key]
+        del self._by_key[peer.key]
 
     def _sources(self) -> list[Any]:
         return [self._socket]
@@ -402,8 +356,6 @@ class DatagramLink(Link):
     def _close(self) -> None:
         self._socket.close()
 
-
-# Open a link by its address.
 
 _LINKS: dict[str, type[Link]] = {
     "udpout": DatagramLink,

@@ -10,7 +10,7 @@ from streamed_vehicle import Clock, heartbeat, until
 
 from insenv.base.errors import InputError
 from insenv.mavlink.wire import Signing
-from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, LEAD_TICKS, TICKS_PER_S, Verdict, read_key
+from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, MAX_LEAD_TICKS, TICKS_PER_S, Verdict, read_key
 
 KEY, OTHER_KEY = bytes(range(32)), bytes(range(1, 33))
 NOW_S = 1_800_000_000.0
@@ -160,7 +160,7 @@ def test_each_system_and_each_link_number_has_its_own_time(signing):
 def test_a_sender_with_a_wrong_clock_locks_nobody_out_not_even_itself(key_file, clock):
     signing = Signing.from_key_file(key_file, clock=clock)
     year = 365 * 86400
-    for ahead in (5 * year, 50 * year, LEAD_TICKS / TICKS_PER_S + 1):
+    for ahead in (5 * year, 50 * year, MAX_LEAD_TICKS / TICKS_PER_S + 1):
         assert signing.verify(Ground(at_s=NOW_S + ahead).frame()) is Verdict.EARLY
     assert signing.verify(Ground().frame()) is GOOD  # the same one, with its clock set right
     # up to a day, such as a wrong time zone, is accepted; it keeps its stream out until then, and others not
@@ -169,7 +169,7 @@ def test_a_sender_with_a_wrong_clock_locks_nobody_out_not_even_itself(key_file, 
     assert signing.verify(Ground(at_s=NOW_S + 1, system=253).frame()) is GOOD
     clock.now += 12 * 3600 + 1
     assert signing.verify(Ground(at_s=clock.now, system=254).frame()) is GOOD
-    assert time_of(signing.signed(unsigned())) <= ticks(clock.now) + LEAD_TICKS + 1
+    assert time_of(signing.signed(unsigned())) <= ticks(clock.now) + MAX_LEAD_TICKS + 1
 
 
 def test_our_times_follow_the_clock_and_always_increase(key_file, clock):
@@ -191,7 +191,7 @@ def test_our_times_follow_the_clock_and_always_increase(key_file, clock):
 
 
 def test_streams_are_bounded_and_old_ones_make_room(monkeypatch, key_file, clock):
-    monkeypatch.setattr("insenv.mavlink.wire.signing.MOST_STREAMS", 4)
+    monkeypatch.setattr("insenv.mavlink.wire.signing.MAX_STREAMS", 4)
     signing = Signing.from_key_file(key_file, clock=clock)
     flood = [Ground(system=i).frame() for i in range(2, 8)]
     assert [signing.verify(frame) for frame in flood] == [GOOD] * 4 + [STALE] * 2

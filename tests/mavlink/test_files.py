@@ -5,7 +5,7 @@ import json
 import pytest
 from streamed_vehicle import ACCEPTED, answered, command, quiet, sent
 
-from insenv.mavlink.vehicle import checksum
+from insenv.mavlink.files import checksum
 
 
 def transfer(vehicle, opcode, data=b"", *, sequence=0, session=0, offset=0, size=None):
