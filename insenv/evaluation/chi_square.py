@@ -23,8 +23,8 @@ def quantile(probability: ArrayLike, degrees: float) -> Any:
 
     Abramowitz and Stegun 1964, eq. 26.4.19: P(chi^2 | n) is the regularised incomplete gamma function P(n/2, chi^2/2).
     """
-    found = [2.0 * _inverse(float(one), degrees / 2.0) for one in np.ravel(probability)]
-    return np.reshape(found, np.shape(probability))[()]
+    values = [2.0 * _inverse(float(each), degrees / 2.0) for each in np.ravel(probability)]
+    return np.reshape(values, np.shape(probability))[()]
 
 
 def _inverse(probability: float, a: float) -> float:

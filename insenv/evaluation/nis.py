@@ -12,22 +12,25 @@ that of independent components:
 
 This needs no model of the dependence.  It does not see one that is longer than a block.
 
+The rule, `judged`, takes numbers or symbols: Python evaluates it after a run, and a live page runs it compiled (`equation`).
+
 Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001), section 5.4.2;
 blocks: batch means, Law and Kelton, "Simulation Modeling and Analysis", section 9.5.3.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from math import sqrt
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache, reduce
 from typing import Any, Literal, get_args
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.evaluation import sentences
-from insenv.evaluation.chi_square import quantile
+from insenv.core.elementary import maximum, polynomial, select
+from insenv.evaluation.chi_square import bound_polynomial, quantile
 
 Array = NDArray[np.float64]
 Verdict = Literal["untested", "consistent", "overconfident", "diverged"]
@@ -41,9 +44,9 @@ BLOCKS = 20
 """Blocks of a run; fewer than two measurements a block leave D = 1."""
 NOTABLE = 1.1
 """A factor below it is not called overconfident: data sheets and receivers do not give a sigma to 10 %."""
-MANY = 0.1
+REFUSED_OVERCONFIDENT = 0.1
 """Share of refused measurements that is not explained by occasional outliers."""
-MOST = 0.5
+REFUSED_DIVERGED = 0.5
 """Share of refused measurements from which filter and instrument have parted."""
 APART = 5.0
 """RMS of the test ratios used, of a group of components, from which filter and instrument have parted.
@@ -54,119 +57,184 @@ LAST = 0.75
 """Diverged is a filter that has parted from its measurements over the whole run, or over those after this share of them."""
 FEWEST = 8
 """Measurements below which no filter is called diverged for the last of them."""
+_POSITIVE = 1e-300
+"""Smallest divisor: a value divided by it is not used."""
 
 
 @dataclass(frozen=True)
-class Nis:
-    """Mean NIS of the components used, and its 95 % bounds for a consistent filter; NaN where there is none."""
-
-    mean: float
-    low: float
-    high: float
-
-    @property
-    def above(self) -> bool:
-        """Whether it shows innovations that are notably larger than stated."""
-        return self.mean > max(self.high, NOTABLE**2)
-
-    @property
-    def below(self) -> bool:
-        """Whether it shows innovations that are notably smaller than stated."""
-        return self.mean < min(self.low, NOTABLE**-2)
-
-    def as_json(self) -> dict[str, Any]:
-        """The documented JSON form."""
-        return {"nis": self.mean, "nis_bounds": [self.low, self.high]}
-
-    @property
-    def text(self) -> str:
-        """The mean with its bounds."""
-        if not self.mean >= 0:
-            return sentences.NONE_USED
-        return sentences.NIS.format(mean=figure(self.mean), low=f"{self.low:.3g}", high=f"{self.high:.3g}")
-
-    @property
-    def qualified(self) -> str:
-        """What the verdict "consistent" means where the mean is outside the bounds; empty inside."""
-        if self.mean < self.low:
-            return sentences.SMALLER
-        return sentences.WITHIN.format(percent=f"{100 * (NOTABLE - 1):.0f}") if self.mean > self.high else ""
-
-
-@dataclass(frozen=True)
-class Counts:
-    """What a filter reports of one instrument: sums over all measurements so far, at each record.
+class Sums:
+    """What a filter reports of one instrument, numbers or symbols: sums over all measurements up to one record or to several.
 
     count, refused (records,): measurements, and those of which the gate refused a component.
     used, used_number, left, left_number (records, groups): squared test ratios of the components used and of those refused, and
     the numbers of these components.
     """
 
-    count: Array
-    refused: Array
-    used: Array
-    used_number: Array
-    left: Array
-    left_number: Array
+    count: Any
+    refused: Any
+    used: Any
+    used_number: Any
+    left: Any
+    left_number: Any
 
     @classmethod
-    def of(cls, rows: Mapping[str, Array], names: tuple[str, ...]) -> Counts:
+    def of(cls, rows: Mapping[str, Array], names: tuple[str, ...]) -> Sums:
         """From recorded rows by name; names: in the order of the fields."""
-        count, refused, *sums = (np.asarray(rows[name], dtype=np.float64) for name in names)
-        return cls(np.ravel(count), np.ravel(refused), *(one.reshape(len(one), -1) for one in sums))
+        values = [np.asarray(rows[name], dtype=np.float64).reshape(len(rows[name]), -1) for name in names]
+        return cls(values[0][:, 0], values[1][:, 0], *values[2:])
 
-    def nis(self, group: int | None = None) -> Nis:
-        """Of one group of components; None: of all."""
-        group_of = slice(None) if group is None else slice(group, group + 1)
-        return _nis(self.used[:, group_of].sum(axis=-1), self.used_number[:, group_of].sum(axis=-1), _edges(self.count))
-
-    @property
-    def verdict(self) -> Verdict:
-        """How filter and instrument agree (`insenv.evaluation.health.Health`)."""
-        if not np.any(self.used_number[-1] + self.left_number[-1]):
-            return "untested"
-        count, refused = self.count[-1], self.refused[-1]
-        late = int(np.searchsorted(self.count, LAST * count, side="left"))
-        of_late, refused_late, square, number = (
-            values[-1] - values[late] for values in (self.count, self.refused, self.used, self.used_number)
-        )
-        if refused > MOST * count:
-            return "diverged"
-        if of_late >= FEWEST and (refused_late > MOST * of_late or np.any(square > APART**2 * np.maximum(number, 1.0))):
-            return "diverged"
-        nis = (self.nis(), *(self.nis(group) for group in range(self.used.shape[1])))
-        return "overconfident" if refused > MANY * count or any(one.above for one in nis) else "consistent"
+    def at(self, records: Any) -> Sums:
+        """Those at some records, or at one."""
+        return Sums(*(getattr(self, each.name)[records] for each in fields(self)))
 
     @property
-    def factor(self) -> float:
-        """RMS of the test ratios, refused components included, of the group with the largest."""
-        square, number = self.used[-1] + self.left[-1], self.used_number[-1] + self.left_number[-1]
-        return sqrt(float(np.max(square / np.maximum(number, 1.0))))
+    def groups(self) -> int:
+        """Number of groups of components."""
+        return int(self.used.shape[-1])
 
 
-def figure(value: float) -> str:
-    """Three digits, and no exponent of a large value."""
-    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+@dataclass(frozen=True)
+class Nis:
+    """Mean NIS of the components used, and its 95 % bounds for a consistent filter; NaN where there is none."""
+
+    mean: Any
+    low: Any
+    high: Any
+
+    @property
+    def above(self) -> Any:
+        """Whether it shows innovations that are notably larger than stated."""
+        return self.mean > maximum(self.high, NOTABLE**2)
+
+    @property
+    def below(self) -> bool:
+        """Whether it shows innovations that are notably smaller than stated."""
+        return bool(self.mean < min(self.low, NOTABLE**-2))
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        return {"nis": self.mean, "nis_bounds": [self.low, self.high]}
 
 
-def _edges(count: Array) -> NDArray[np.intp]:
-    """Records that end the blocks: the first with each multiple of 1 / `BLOCKS` of the measurements; one block for few."""
-    if count[-1] < 2 * BLOCKS:
-        return np.array([len(count) - 1])
-    return np.unique(np.searchsorted(count, np.arange(1, BLOCKS + 1) * (count[-1] / BLOCKS), side="left"))
+NO_NIS = Nis(float("nan"), float("nan"), float("nan"))
 
 
-def _nis(square: Array, number: Array, edges: NDArray[np.intp]) -> Nis:
-    """Mean NIS and bounds from the recorded sums of squares and components (records,)."""
-    total = float(number[-1])
-    if not total:
-        return Nis(float("nan"), float("nan"), float("nan"))
-    mean = float(square[-1]) / total
-    squares, numbers = (np.diff(values[edges], prepend=0.0) for values in (square, number))
-    dependence = 1.0
-    if len(edges) > 1 and mean > 0:
-        white = 2 * mean**2 * float(numbers.mean())
-        dependence = max(1.0, float(np.sum((squares - mean * numbers) ** 2)) / (len(edges) - 1) / white)
-    degrees = total / dependence
+@dataclass(frozen=True)
+class Judgement:
+    """How a filter and an instrument agree.
+
+    verdict: its place in `VERDICTS`.  factor: RMS of the test ratios, refused components included, of the group with the
+    largest.  nis: of all components used.  groups: of each group of components.
+    """
+
+    verdict: Any
+    factor: Any
+    nis: Nis
+    groups: tuple[Nis, ...]
+
+
+def judged(ends: Sums, late: Sums, blocks: Any, bounds: Callable[[Any], tuple[Any, Any]]) -> Judgement:
+    """The judgement from sums at the ends of the blocks, the last of which is the end of the run, and at one record before.
+
+    late: at the record after which the last part of the measurements comes.  blocks: number of blocks that hold measurements.
+    bounds: of degrees of freedom, the bounds of the mean NIS.
+    """
+    groups = range(ends.groups)
+    nis = _nis(_sum(ends.used), _sum(ends.used_number), blocks, bounds)
+    each = tuple(_nis(ends.used[:, k], ends.used_number[:, k], blocks, bounds) for k in groups)
+    count, refused = ends.count[-1], ends.refused[-1]
+    used, used_number, left, left_number = (
+        [_number(values[-1, k]) for k in groups] for values in (ends.used, ends.used_number, ends.left, ends.left_number)
+    )
+    of_late, refused_late = count - late.count, refused - late.refused
+    parted = [used[k] - late.used[k] > APART**2 * maximum(used_number[k] - late.used_number[k], 1.0) for k in groups]
+    diverged = _any(
+        refused > REFUSED_DIVERGED * count,
+        (of_late >= FEWEST) * _any(refused_late > REFUSED_DIVERGED * of_late, *parted),
+    )
+    overconfident = _any(refused > REFUSED_OVERCONFIDENT * count, nis.above, *(one.above for one in each))
+    tested = _any(*(used_number[k] + left_number[k] > 0 for k in groups))
+    squares = [(used[k] + left[k]) / maximum(used_number[k] + left_number[k], 1.0) for k in groups]
+    return Judgement(
+        verdict=select(tested, select(diverged, 3, select(overconfident, 2, 1)), 0),
+        factor=ca.sqrt(reduce(maximum, squares)),
+        nis=nis,
+        groups=each,
+    )
+
+
+def _nis(squares: Any, numbers: Any, blocks: Any, bounds: Callable[[Any], tuple[Any, Any]]) -> Nis:
+    """Of the sums of squared test ratios and of components (blocks,) up to the end of each block."""
+    square, number = _number(squares[-1]), _number(numbers[-1])
+    if isinstance(number, float) and number == 0.0:
+        return NO_NIS
+    mean = square / number
+    off = _steps(squares) - mean * _steps(numbers)
+    white = 2 * mean**2 * (number / blocks)
+    spread = _total(off**2) / maximum(blocks - 1, 1) / maximum(white, _POSITIVE)
+    degrees = number / select((blocks > 1) * (mean > 0), maximum(spread, 1.0), 1.0)
+    return Nis(mean, *bounds(degrees))
+
+
+def _number(value: Any) -> Any:
+    return value if isinstance(value, ca.SX) else float(value)
+
+
+def _sum(values: Any) -> Any:
+    """Over the groups."""
+    return ca.sum2(values) if isinstance(values, ca.SX) else values.sum(axis=-1)
+
+
+def _steps(sums: Any) -> Any:
+    return sums - ca.vertcat(0.0, sums[:-1]) if isinstance(sums, ca.SX) else np.diff(sums, prepend=0.0)
+
+
+def _total(values: Any) -> Any:
+    return ca.sum1(values) if isinstance(values, ca.SX) else float(np.sum(values))
+
+
+def _any(*conditions: Any) -> Any:
+    return sum(conditions) > 0
+
+
+def of_records(sums: Sums) -> Judgement:
+    """The judgement of a run, from its records."""
+    count = sums.count
+    edges = np.array([len(count) - 1])
+    if count[-1] >= 2 * BLOCKS:  # the first record with each multiple of 1 / `BLOCKS` of the measurements
+        edges = np.unique(np.searchsorted(count, np.arange(1, BLOCKS + 1) * (count[-1] / BLOCKS), side="left"))
+    late = int(np.searchsorted(count, LAST * count[-1], side="left"))
+    return judged(sums.at(edges), sums.at(late), len(edges), _bounds)
+
+
+def _bounds(degrees: float) -> tuple[float, float]:
     low, high = (float(bound) / degrees for bound in quantile(PROBABILITIES, degrees))
-    return Nis(mean, low, high)
+    return low, high
+
+
+@lru_cache
+def equation(groups: int) -> ca.Function:
+    """`judged` for a live page: (sums at the ends of `BLOCKS` blocks, sums late) -> numbers.
+
+    Sums: one record after another, each in the order of `Sums` (2 + 4 groups).  A run with fewer blocks repeats its last one.
+    Numbers: verdict, factor, then mean, low and high of all components and of each group.
+    """
+    width = 2 + 4 * groups
+    ends, late = ca.SX.sym("e", BLOCKS * width), ca.SX.sym("l", width)
+    rows = _columns(ca.reshape(ends, width, BLOCKS).T, groups)
+    blocks = ca.sum1(_steps(rows.count) > 0)
+    polynomials = [bound_polynomial(probability) for probability in PROBABILITIES]
+
+    def bounds(degrees: Any) -> tuple[Any, Any]:
+        low, high = (polynomial(1.0 / ca.sqrt(degrees), one) ** 3 for one in polynomials)
+        return low, high
+
+    judgement = judged(rows, _columns(late.T, groups), blocks, bounds)
+    numbers = [number for one in (judgement.nis, *judgement.groups) for number in (one.mean, one.low, one.high)]
+    return ca.Function("judge", [ends, late], [ca.vertcat(judgement.verdict, judgement.factor, *numbers)], {"cse": True})
+
+
+def _columns(rows: Any, groups: int) -> Sums:
+    """Sums from rows of numbers (records, 2 + 4 groups)."""
+    parts = [rows[:, 2 + k * groups : 2 + (k + 1) * groups] for k in range(4)]
+    return Sums(rows[:, 0], rows[:, 1], *parts)

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared, remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.description import InitialSection
 from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
+from insenv.runs.log_remarks import latitude_text
 from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
-from insenv.runs.told_latitude import named
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,9 @@ ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives withou
 ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
 SURE_SPEED = 3.0  # m/s: of a fix, above which a vehicle does not stand whatever its inertial unit shows
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
-FAR = 4.0  # standard deviations by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
+PLACE_SIGMAS = (
+    4.0  # standard deviations by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
+)
 WITH_FIXES = "the start is that of the fixes"
 EARLY = 0.1  # s: a stated time this much before the first sample is that of the sample, rounded
 REFERENCE_SIGMAS = {
@@ -105,7 +108,7 @@ class Start:
     """
 
     knowledge: Knowledge
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     refusal: str = ""
 
 
@@ -121,6 +124,23 @@ def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first:
     if not estimator.navigates:
         return _place(log, estimator.motion != "moving", first)
     return _from_log(log, first) if _stands(log, first) else _under_way(log, first)
+
+
+def _known(log: RecordedLog, in_place: bool, place: tuple[float, float, float], **state: Any) -> Knowledge:
+    """The state at a place (latitude, longitude rad, height m), with what the log says of its unit and its instruments."""
+    latitude, longitude, height = place
+    return Knowledge(
+        latitude=latitude,
+        longitude=longitude,
+        height=height,
+        sample_interval=float(np.median(log.dt)),
+        **state,
+        **log.motion_errors(),
+        **log.fix_wander(),
+        antenna_lever_arm=log.lever_arm_b,
+        instruments=log.told,
+        sensors=log.sensors(in_place=in_place),
+    )
 
 
 def _sigmas(initial: InitialSection, **otherwise: Any) -> dict[str, Any]:
@@ -147,21 +167,14 @@ def _place(log: RecordedLog, in_place: bool, first: int) -> Start:
         place = float(gnss.latitude[at]), float(gnss.longitude[at]), float(gnss.height[at])
     else:
         raise InputError("alignment needs the place: [initial] latitude_deg, longitude_deg and height_m, or [gnss]")
-    latitude, longitude, height = place
     heading = initial.heading_deg
-    known = Knowledge(
-        latitude=latitude,
-        longitude=longitude,
-        height=height,
-        sample_interval=float(np.median(log.dt)),
+    known = _known(
+        log,
+        in_place,
+        place,
         heading=0.0 if heading is None else float(np.radians(heading)),
-        **({} if in_place else _bias_at_rest(log, first, latitude)),
+        **({} if in_place else _bias_at_rest(log, first, place[0])),
         **_sigmas(initial, heading_sigma=np.pi if heading is None else COURSE_SIGMA, tilt_sigma=np.pi),
-        **log.motion_errors(),
-        **log.fix_wander(),
-        antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
-        sensors=log.sensors(in_place=in_place),
     )
     return Start(known, far)
 
@@ -177,12 +190,12 @@ def _bias_at_rest(log: RecordedLog, first: int, latitude: float) -> dict[str, An
         return {}
     rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
     tilt_sigma, earth = rest.tilt_sigma(sensors), geodesy.numeric.earth_rate_n(latitude)
-    found = start_at_rest(rest, rest.level, latitude, 0.0, np.pi, sensors, tilt_sigma)
-    by_attitude = found.rest_share * np.hypot(found.heading_sigma * earth[0], tilt_sigma * geodesy.OMEGA_IE)
+    start = start_at_rest(rest, rest.level, latitude, 0.0, np.pi, sensors, tilt_sigma)
+    by_attitude = start.rest_share * np.hypot(start.heading_sigma * earth[0], tilt_sigma * geodesy.OMEGA_IE)
     left = float(log.imu_time[-1] - log.imu_time[first])
     drift = sensors.gyro_bias_sigma * np.sqrt(2 * left / sensors.gyro_correlation_time)
-    error = float(np.linalg.norm([found.gyro_bias_error, by_attitude, drift]))
-    return {} if error >= sensors.gyro_bias_sigma else {"gyro_bias": found.gyro_bias, "gyro_bias_error": error}
+    error = float(np.linalg.norm([start.gyro_bias_error, by_attitude, drift]))
+    return {} if error >= sensors.gyro_bias_sigma else {"gyro_bias": start.gyro_bias, "gyro_bias_error": error}
 
 
 def _fix_at(gnss: GnssFixes, time: float) -> int:
@@ -190,8 +203,8 @@ def _fix_at(gnss: GnssFixes, time: float) -> int:
     return int(np.argmin(np.abs(gnss.time - time)))
 
 
-def _far_from_fix(log: RecordedLog, first: int, then: str) -> tuple[str, ...]:
-    """A sentence if [initial] gives a place that contradicts the fix nearest to where sample `first` begins."""
+def _far_from_fix(log: RecordedLog, first: int, then: str) -> tuple[Remark, ...]:
+    """[initial] gives a place that contradicts the fix nearest to where sample `first` begins."""
     gnss = log.gnss
     if gnss is None:
         return ()
@@ -212,11 +225,10 @@ def _as_stated(log: RecordedLog) -> Knowledge:
     given: Any = initial
     span = float(log.imu_time[0]), float(log.imu_time[-1])
     in_place = travel(log, *span) is None and (log.description.in_place or False)
-    return Knowledge(
-        latitude=float(np.radians(given.latitude_deg)),
-        longitude=float(np.radians(given.longitude_deg)),
-        height=given.height_m,
-        sample_interval=float(np.median(log.dt)),
+    return _known(
+        log,
+        in_place,
+        (float(np.radians(given.latitude_deg)), float(np.radians(given.longitude_deg)), given.height_m),
         velocity_n=np.array(given.velocity_mps),
         roll=float(np.radians(given.roll_deg)),
         pitch=float(np.radians(given.pitch_deg)),
@@ -225,11 +237,6 @@ def _as_stated(log: RecordedLog) -> Knowledge:
         velocity_sigma=np.array(given.velocity_sigma_mps),
         tilt_sigma=float(np.radians(given.tilt_sigma_deg)),
         heading_sigma=float(np.radians(given.heading_sigma_deg)),
-        **log.motion_errors(),
-        **log.fix_wander(),
-        antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
-        sensors=log.sensors(in_place=in_place),
     )
 
 
@@ -246,21 +253,15 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
     row = int(np.argmin(np.abs(reference.time - time)))
     assert reference.pitch is not None and reference.heading is not None
     assert reference.longitude is not None and reference.height is not None
-    return Knowledge(
-        latitude=float(reference.latitude[row]),
-        longitude=float(reference.longitude[row]),
-        height=float(reference.height[row]),
-        sample_interval=float(np.median(log.dt)),
+    return _known(
+        log,
+        False,
+        (float(reference.latitude[row]), float(reference.longitude[row]), float(reference.height[row])),
         velocity_n=reference.velocity_n[row],
         roll=float(reference.roll[row]),
         pitch=float(reference.pitch[row]),
         heading=float(reference.heading[row]),
         **_sigmas(log.description.initial, **REFERENCE_SIGMAS),
-        **log.motion_errors(),
-        **log.fix_wander(),
-        antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
-        sensors=log.sensors(in_place=False),
     )
 
 
@@ -274,6 +275,9 @@ def _stands(log: RecordedLog, first: int) -> bool:
         return True
     speed = float(np.hypot(*gnss.velocity_n[_fix_at(gnss, begin), :2]))
     return speed <= (SURE_SPEED if inside else REST_SPEED)  # a steady drive on a straight road looks like a rest
+
+
+_UNDER_WAY = declared("start-under-way", "{where}: the start has {source}; its level is {level}, its heading is {heading}")
 
 
 def _under_way(log: RecordedLog, first: int) -> Start:
@@ -294,7 +298,10 @@ def _under_way(log: RecordedLog, first: int) -> Start:
     if gnss is None and all(each.id != "dvl" for each in log.instruments):
         raise InputError(refusal)
     place, velocity, velocity_sigma = _place(log, False, first), np.zeros(3), np.full(3, ANY_SPEED)
-    source, position_sigma = f"the position of [initial], latitude {named(place.knowledge.latitude)}", np.full(3, ROUNDED_PLACE)
+    source, position_sigma = (
+        f"the position of [initial], latitude {latitude_text(place.knowledge.latitude)}",
+        np.full(3, ROUNDED_PLACE),
+    )
     if gnss is not None:
         at = _fix_at(gnss, begin)
         gap = abs(float(gnss.time[at]) - begin)
@@ -321,7 +328,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         "unknown" if sigma >= np.pi else f"known to {np.degrees(sigma):.3g} deg"
         for sigma in (known.tilt_sigma, known.heading_sigma)
     )
-    note = f"{where}: the start has {source}; its level is {level}, its heading is {heading}"
+    note = _UNDER_WAY.filled(where=where, source=source, level=level, heading=heading)
     return Start(known, (*place.notes, note), "" if levelled and initial.heading_deg is not None else refusal)
 
 
@@ -331,8 +338,8 @@ def _from_log(log: RecordedLog, first: int) -> Start:
     rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
     latitude, longitude, height, position_sigma, far = _rest_position(log, rows)
     roll, pitch = (
-        found if given is None else float(np.radians(given))
-        for found, given in zip(rest.level, (initial.roll_deg, initial.pitch_deg), strict=True)
+        measured if given is None else float(np.radians(given))
+        for measured, given in zip(rest.level, (initial.roll_deg, initial.pitch_deg), strict=True)
     )
     levelled = initial.roll_deg is None and initial.pitch_deg is None
     if initial.roll_deg is None and rest.force[2] > ON_ITS_BACK * np.linalg.norm(rest.force):
@@ -350,51 +357,49 @@ def _from_log(log: RecordedLog, first: int) -> Start:
     if far:
         sigmas["position_sigma"] = position_sigma  # the given one is that of the given place
     tilt_sigma, heading = sigmas["tilt_sigma"], 0.0
-    notes = [*far]
+    of_motion: tuple[Remark, ...] = ()
     if initial.heading_deg is not None:
-        heading = float(np.radians(initial.heading_deg))
-        heading, sigmas["heading_sigma"] = checked_by_motion(
-            log, first, (roll, pitch, heading), rest.rate, sigmas["heading_sigma"], tilt_sigma, notes
+        angles = roll, pitch, float(np.radians(initial.heading_deg))
+        heading, sigmas["heading_sigma"], of_motion = checked_by_motion(
+            log, first, angles, rest.rate, sigmas["heading_sigma"], tilt_sigma
         )
     elif gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < COURSE_SIGMA:
         sigmas["heading_sigma"] = np.pi
     elif sigmas["heading_sigma"] < np.pi:
         heading = heading_by_course(log, first, (roll, pitch), rest.rate)
-    found = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
+    start = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
 
-    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, found.heading))
+    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, start.heading))
     place = geodesy.numeric.geodetic_from_ned_offset(-(C_nb @ log.lever_arm_b), latitude, longitude, height)
-    known = Knowledge(
-        latitude=float(place[0]),
-        longitude=float(place[1]),
-        height=float(place[2]),
-        sample_interval=float(np.median(log.dt)),
+    known = _known(
+        log,
+        False,
+        (float(place[0]), float(place[1]), float(place[2])),
         velocity_n=np.zeros(3) if initial.velocity_mps is None else np.array(initial.velocity_mps),
         roll=roll,
         pitch=pitch,
-        heading=found.heading,
-        **{**sigmas, "heading_sigma": found.heading_sigma},
-        gyro_bias=found.gyro_bias,
-        gyro_bias_error=found.gyro_bias_error,
-        rest_share=found.rest_share,
-        **log.motion_errors(),
-        **log.fix_wander(),
-        antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
-        sensors=log.sensors(in_place=False),
+        heading=start.heading,
+        **{**sigmas, "heading_sigma": start.heading_sigma},
+        gyro_bias=start.gyro_bias,
+        gyro_bias_error=start.gyro_bias_error,
+        rest_share=start.rest_share,
     )
-    return Start(known, (*notes, *_conflict_note(found, heading)))
+    return Start(known, (*far, *of_motion, *_heading_conflict(start, heading)))
 
 
-def _conflict_note(found: RestStart, heading: float) -> tuple[str, ...]:
-    if not found.conflict:
-        return ()
-    given, apart = np.degrees(heading), np.degrees(abs(found.conflict))
-    return (
-        f"the heading {given:.4g} deg differs by {apart:.3g} deg from that of the gyros at rest, more than both allow: "
-        f"navigation starts with {np.degrees(found.heading):.4g} deg, 1 sigma {np.degrees(found.heading_sigma):.2g} deg; the "
-        "heading is wrong, or the vehicle does not stand still, or the unit is worse than its grade",
-    )
+@remark(
+    "heading-contradicted",
+    "the heading {stated:.4g} deg differs by {apart:.3g} deg from that of the gyros at rest, more than both allow: navigation "
+    "starts with {heading:.4g} deg, 1 sigma {sigma:.2g} deg; the heading is wrong, or the vehicle does not stand still, or the "
+    "unit is worse than its grade",
+)
+def _heading_conflict(start: RestStart, heading: float) -> dict[str, Any] | None:
+    """A given heading (rad) that the gyros at rest contradict."""
+    if not start.conflict:
+        return None
+    stated, apart = np.degrees(heading), np.degrees(abs(start.conflict))
+    sigma = np.degrees(start.heading_sigma)
+    return {"stated": stated, "apart": apart, "heading": np.degrees(start.heading), "sigma": sigma}
 
 
 def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
@@ -422,7 +427,7 @@ def _hint(initial: InitialSection) -> str:
     return "; start 'stated' starts from the state in [initial]" if stated else ""
 
 
-def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array, tuple[str, ...]]:
+def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array, tuple[Remark, ...]]:
     """Position of the antenna at rest (rad, rad, m), its sigma (3, m), and notes: the mean of the fixes, or [initial]."""
     gnss, initial = log.gnss, log.description.initial
     if gnss is not None:
@@ -437,25 +442,28 @@ def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, flo
     return float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), initial.height_m, np.ones(3), ()
 
 
+@remark(
+    "place-contradicted",
+    "the place in [initial], latitude_deg = {latitude:g} and longitude_deg = {longitude:g}, is {size} ({sigmas:.3g} sigma) "
+    "from {of_fixes}: {then}",
+)
 def _far_note(
     log: RecordedLog, fixed: tuple[float, float, float], sigma: Array, of_fixes: str, then: str, moved: float = 0.0
-) -> tuple[str, ...]:
-    """A sentence if [initial] gives a place that contradicts `of_fixes`, `fixed` (rad, rad, m) with `sigma` (3, m).
+) -> dict[str, Any] | None:
+    """[initial] gives a place that contradicts `of_fixes`, `fixed` (rad, rad, m) with `sigma` (3, m).
 
     then: what is done about it.  moved: way between the two (m), of a vehicle that travels.
     """
     initial = log.description.initial
     if initial.latitude_deg is None or initial.longitude_deg is None:
-        return ()
+        return None
     given = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
     north, east, _ = geodesy.numeric.ned_offset(*given, *fixed)
     stated = (ROUNDED_PLACE, ROUNDED_PLACE) if initial.position_sigma_m is None else initial.position_sigma_m[:2]
     both = float(np.hypot(max(stated), max(sigma[:2])))
     apart = max(float(np.hypot(north, east)) - float(np.linalg.norm(log.lever_arm_b)) - moved, 0.0)
-    if apart <= FAR * both:
-        return ()
+    if apart <= PLACE_SIGMAS * both:
+        return None
     size = f"{apart / 1000:.3g} km" if apart >= 1000 else f"{apart:.3g} m"
-    return (
-        f"the place in [initial], latitude_deg = {initial.latitude_deg:g} and longitude_deg = {initial.longitude_deg:g}, is "
-        f"{size} ({apart / both:.3g} sigma) from {of_fixes}: {then}",
-    )
+    place = {"latitude": initial.latitude_deg, "longitude": initial.longitude_deg}
+    return {**place, "size": size, "sigmas": apart / both, "of_fixes": of_fixes, "then": then}
