@@ -20,7 +20,7 @@ from insenv.base.remarks import Remark, declared, remark
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation.nis import APART as APART
 from insenv.evaluation.nis import BLOCKS as BLOCKS
-from insenv.evaluation.nis import NO_NIS, NOTABLE, Array, Nis, Sums, of_records
+from insenv.evaluation.nis import NO_NIS, NOTABLE, Array, Nis, of_records, sums_of
 from insenv.evaluation.nis import VERDICTS as VERDICTS
 from insenv.evaluation.nis import WRONG as WRONG
 from insenv.evaluation.nis import Verdict as Verdict
@@ -63,14 +63,14 @@ class AidHealth:
     factor: float
 
     @classmethod
-    def of(cls, sums: Sums) -> AidHealth | None:
-        """From the records of a run; None if nothing was measured."""
-        if not sums.count[-1] > 0:
+    def of(cls, sums: Array) -> AidHealth | None:
+        """From the sums at the records of a run (`insenv.evaluation.nis`); None if nothing was measured."""
+        count, refused = map(int, sums[-1, :2])
+        if not count:
             return None
-        judgement = of_records(sums)
-        verdict = VERDICTS[judgement.verdict]
-        factor = judgement.factor if verdict in WRONG else 1.0
-        return cls(int(sums.count[-1]), int(sums.refused[-1]), judgement.nis, judgement.groups, verdict, factor)
+        place, factor, (nis, *groups) = of_records(sums)
+        verdict = VERDICTS[place]
+        return cls(count, refused, nis, tuple(groups), verdict, factor if verdict in WRONG else 1.0)
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
@@ -98,44 +98,32 @@ class AidHealth:
         )
 
 
+NO_FIXES = AidHealth(0, 0, NO_NIS, (NO_NIS, NO_NIS), "untested", 1.0)
+
+
 @dataclass(frozen=True)
 class Health:
-    """The health of a filter over a run: by GNSS (None: no fix came), and by every other aid that measured, by id.
+    """The health of a filter over a run: by GNSS (`NO_FIXES`: none came), and by every other aid that measured, by id.
 
-    fixes, refused, nis: number of fixes, of those refused, and NIS; 0 and NaN without fixes.  groups: NIS of position and of
-    velocity ("position", "velocity").  verdict, factor: the worst of those of GNSS and of `aids`.
+    fixes, refused, nis: of GNSS.  groups: NIS of position and of velocity ("position", "velocity").  verdict, factor: the worst
+    of those of GNSS and of `aids`.
     """
 
-    gnss: AidHealth | None
+    gnss: AidHealth
     aids: Mapping[str, AidHealth] = field(default_factory=dict)
 
-    @property
-    def _all(self) -> tuple[AidHealth, ...]:
-        return (*([self.gnss] if self.gnss else []), *self.aids.values())
-
-    @property
-    def fixes(self) -> int:
-        return self.gnss.measurements if self.gnss else 0
-
-    @property
-    def refused(self) -> int:
-        return self.gnss.refused if self.gnss else 0
-
-    @property
-    def nis(self) -> Nis:
-        return self.gnss.nis if self.gnss else NO_NIS
-
-    @property
-    def groups(self) -> dict[str, Nis]:
-        return dict(zip(GROUPS, self.gnss.groups if self.gnss else (NO_NIS, NO_NIS), strict=True))
+    fixes = property(lambda self: self.gnss.measurements)
+    refused = property(lambda self: self.gnss.refused)
+    nis = property(lambda self: self.gnss.nis)
+    groups = property(lambda self: dict(zip(GROUPS, self.gnss.groups, strict=True)))
 
     @property
     def verdict(self) -> Verdict:
-        return max((one.verdict for one in self._all), key=VERDICTS.index)
+        return max((self.gnss.verdict, *(aid.verdict for aid in self.aids.values())), key=VERDICTS.index)
 
     @property
     def factor(self) -> float:
-        return max(1.0, *(one.factor for one in self._all))
+        return max(self.gnss.factor, *(aid.factor for aid in self.aids.values()), 1.0)
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
@@ -159,7 +147,7 @@ class Health:
         """The lines of `summary`."""
         called = _called(self.verdict, self.factor)
         named = tuple(f"{id}: {aid.summary()}" for id, aid in self.aids.items())
-        if not self.gnss:
+        if not self.fixes:
             return (called, *named)
         of_gnss = self.gnss.summary("fixes")
         if self.verdict != self.gnss.verdict:
@@ -173,7 +161,7 @@ class Health:
 
     def judged(self, verdict: Verdict) -> tuple[str, ...]:
         """The measurements that got this verdict: "its fixes", ids of aids."""
-        fixes = ("its fixes",) if self.gnss and self.gnss.verdict == verdict else ()
+        fixes = ("its fixes",) if self.fixes and self.gnss.verdict == verdict else ()
         return (*fixes, *(id for id, aid in self.aids.items() if aid.verdict == verdict))
 
     def notes(self, models_slow_errors: bool = False, causes: Mapping[str, str] | None = None) -> tuple[Remark, ...]:
@@ -203,7 +191,7 @@ OR_AIDS, CAUSES = ", and at the other aids, which may be stated too surely: {aid
 def fixes_misfit(health: Health) -> tuple[Remark, ...]:
     """Fixes of GNSS that do not fit the filter."""
     gnss = health.gnss
-    if gnss is None or gnss.verdict not in WRONG:
+    if gnss.verdict not in WRONG:
         return ()
     or_aids = OR_AIDS.format(aids=", ".join(health.aids)) if health.aids else ""
     values = {"factor": figure(gnss.factor), "refused": gnss.refused, "count": gnss.measurements, "or_aids": or_aids}
@@ -231,8 +219,7 @@ def aid_misfit(id: str, aid: AidHealth, causes: str) -> dict[str, Any] | None:
 def slow_errors(health: Health) -> dict[str, Any] | None:
     """Positions whose innovations are smaller than stated, of a filter that fits its fixes."""
     position = health.groups["position"]
-    fits = health.gnss is not None and health.gnss.verdict not in WRONG
-    return {"mean": position.mean} if fits and position.below else None
+    return {"mean": position.mean} if health.gnss.verdict not in WRONG and position.below else None
 
 
 NO_FIX = declared("no-fix", "no fix came: the estimate is that of the inertial unit alone")
@@ -257,10 +244,10 @@ def health(outputs: Mapping[str, Array]) -> Health | None:
     None if nothing was measured.
     """
     fixes = all(name in outputs for name in FIX_HEALTH.names)
-    gnss = AidHealth.of(Sums.of(outputs, FIX_HEALTH.names)) if fixes else None
-    aids = {id: AidHealth.of(Sums.of(outputs, aid_health(id))) for id in reported_aids(outputs)}
+    gnss = AidHealth.of(sums_of(outputs, FIX_HEALTH.names)) if fixes else None
+    aids = {id: AidHealth.of(sums_of(outputs, aid_health(id))) for id in reported_aids(outputs)}
     measured = {id: one for id, one in aids.items() if one is not None}
-    return Health(gnss, measured) if gnss or measured else None
+    return Health(gnss or NO_FIXES, measured) if gnss or measured else None
 
 
 def course(outputs: Mapping[str, Array]) -> tuple[Array, Array]:

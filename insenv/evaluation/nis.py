@@ -21,7 +21,7 @@ blocks: batch means, Law and Kelton, "Simulation Modeling and Analysis", section
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache, reduce
 from typing import Any, Literal, get_args
 
@@ -62,38 +62,6 @@ _POSITIVE = 1e-300
 
 
 @dataclass(frozen=True)
-class Sums:
-    """What a filter reports of one instrument, numbers or symbols: sums over all measurements up to one record or to several.
-
-    count, refused (records,): measurements, and those of which the gate refused a component.
-    used, used_number, left, left_number (records, groups): squared test ratios of the components used and of those refused, and
-    the numbers of these components.
-    """
-
-    count: Any
-    refused: Any
-    used: Any
-    used_number: Any
-    left: Any
-    left_number: Any
-
-    @classmethod
-    def of(cls, rows: Mapping[str, Array], names: tuple[str, ...]) -> Sums:
-        """From recorded rows by name; names: in the order of the fields."""
-        values = [np.asarray(rows[name], dtype=np.float64).reshape(len(rows[name]), -1) for name in names]
-        return cls(values[0][:, 0], values[1][:, 0], *values[2:])
-
-    def at(self, records: Any) -> Sums:
-        """Those at some records, or at one."""
-        return Sums(*(getattr(self, each.name)[records] for each in fields(self)))
-
-    @property
-    def groups(self) -> int:
-        """Number of groups of components."""
-        return int(self.used.shape[-1])
-
-
-@dataclass(frozen=True)
 class Nis:
     """Mean NIS of the components used, and its 95 % bounds for a consistent filter; NaN where there is none."""
 
@@ -117,53 +85,53 @@ class Nis:
 
 
 NO_NIS = Nis(float("nan"), float("nan"), float("nan"))
+Judgement = tuple[Any, Any, list[Nis]]
+"""Place of the verdict in `VERDICTS`; RMS of the test ratios, refused components included, of the group with the largest; NIS
+of all components used and of each group."""
+Bounds = Callable[[Any], tuple[Any, Any]]
+"""Of degrees of freedom, the bounds of the mean NIS."""
+
+# Sums of an instrument, a row for each record: number of measurements so far, of those of which the gate refused a component;
+# then, each with a column for every group of components, squared test ratios of the components used, their number, and the same
+# two of those refused.
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """How a filter and an instrument agree.
-
-    verdict: its place in `VERDICTS`.  factor: RMS of the test ratios, refused components included, of the group with the
-    largest.  nis: of all components used.  groups: of each group of components.
-    """
-
-    verdict: Any
-    factor: Any
-    nis: Nis
-    groups: tuple[Nis, ...]
+def sums_of(rows: Mapping[str, Array], names: tuple[str, ...]) -> Array:
+    """Sums (records, 2 + 4 groups) from recorded rows by name; names: ordered as `insenv.estimators.parts.rows.COUNTED`."""
+    return np.hstack([np.asarray(rows[name], dtype=np.float64).reshape(len(rows[name]), -1) for name in names])
 
 
-def judged(ends: Sums, late: Sums, blocks: Any, bounds: Callable[[Any], tuple[Any, Any]]) -> Judgement:
+def judged(ends: Any, late: Any, blocks: Any, bounds: Bounds) -> Judgement:
     """The judgement from sums at the ends of the blocks, the last of which is the end of the run, and at one record before.
 
     late: at the record after which the last part of the measurements comes.  blocks: number of blocks that hold measurements.
-    bounds: of degrees of freedom, the bounds of the mean NIS.
     """
-    groups = range(ends.groups)
-    nis = _nis(_sum(ends.used), _sum(ends.used_number), blocks, bounds)
-    each = tuple(_nis(ends.used[:, k], ends.used_number[:, k], blocks, bounds) for k in groups)
-    count, refused = ends.count[-1], ends.refused[-1]
-    used, used_number, left, left_number = (
-        [_number(values[-1, k]) for k in groups] for values in (ends.used, ends.used_number, ends.left, ends.left_number)
-    )
-    of_late, refused_late = count - late.count, refused - late.refused
-    parted = [used[k] - late.used[k] > APART**2 * maximum(used_number[k] - late.used_number[k], 1.0) for k in groups]
+    width = (ends.shape[1] - 2) // 4
+    groups, last = range(width), [_number(ends[-1, k]) for k in range(ends.shape[1])]
+    squares, numbers = ends[:, 2 : 2 + width], ends[:, 2 + width : 2 + 2 * width]
+    nis = [_nis(_sum(squares), _sum(numbers), blocks, bounds)]
+    nis += [_nis(squares[:, k], numbers[:, k], blocks, bounds) for k in groups]
+    count, refused, used, used_number, left, left_number = _parts(last)
+    count_late, refused_late, used_late, used_number_late, *_ = _parts([sum - late[k] for k, sum in enumerate(last)])
+    parted = [used_late[k] > APART**2 * maximum(used_number_late[k], 1.0) for k in groups]
     diverged = _any(
         refused > REFUSED_DIVERGED * count,
-        (of_late >= FEWEST) * _any(refused_late > REFUSED_DIVERGED * of_late, *parted),
+        (count_late >= FEWEST) * _any(refused_late > REFUSED_DIVERGED * count_late, *parted),
     )
-    overconfident = _any(refused > REFUSED_OVERCONFIDENT * count, nis.above, *(one.above for one in each))
+    overconfident = _any(refused > REFUSED_OVERCONFIDENT * count, *(one.above for one in nis))
     tested = _any(*(used_number[k] + left_number[k] > 0 for k in groups))
-    squares = [(used[k] + left[k]) / maximum(used_number[k] + left_number[k], 1.0) for k in groups]
-    return Judgement(
-        verdict=select(tested, select(diverged, 3, select(overconfident, 2, 1)), 0),
-        factor=ca.sqrt(reduce(maximum, squares)),
-        nis=nis,
-        groups=each,
-    )
+    mean_squares = [(used[k] + left[k]) / maximum(used_number[k] + left_number[k], 1.0) for k in groups]
+    verdict = select(tested, select(diverged, 3, select(overconfident, 2, 1)), 0)
+    return verdict, ca.sqrt(reduce(maximum, mean_squares)), nis
 
 
-def _nis(squares: Any, numbers: Any, blocks: Any, bounds: Callable[[Any], tuple[Any, Any]]) -> Nis:
+def _parts(sums: list[Any]) -> list[Any]:
+    """The sums of one row: two numbers, and four lists of a number for each group."""
+    width = (len(sums) - 2) // 4
+    return [*sums[:2], *(sums[2 + k * width : 2 + (k + 1) * width] for k in range(4))]
+
+
+def _nis(squares: Any, numbers: Any, blocks: Any, bounds: Bounds) -> Nis:
     """Of the sums of squared test ratios and of components (blocks,) up to the end of each block."""
     square, number = _number(squares[-1]), _number(numbers[-1])
     if isinstance(number, float) and number == 0.0:
@@ -197,14 +165,14 @@ def _any(*conditions: Any) -> Any:
     return sum(conditions) > 0
 
 
-def of_records(sums: Sums) -> Judgement:
+def of_records(sums: Array) -> Judgement:
     """The judgement of a run, from its records."""
-    count = sums.count
+    count = sums[:, 0]
     edges = np.array([len(count) - 1])
     if count[-1] >= 2 * BLOCKS:  # the first record with each multiple of 1 / `BLOCKS` of the measurements
         edges = np.unique(np.searchsorted(count, np.arange(1, BLOCKS + 1) * (count[-1] / BLOCKS), side="left"))
     late = int(np.searchsorted(count, LAST * count[-1], side="left"))
-    return judged(sums.at(edges), sums.at(late), len(edges), _bounds)
+    return judged(sums[edges], sums[late], len(edges), _bounds)
 
 
 def _bounds(degrees: float) -> tuple[float, float]:
@@ -214,27 +182,20 @@ def _bounds(degrees: float) -> tuple[float, float]:
 
 @lru_cache
 def equation(groups: int) -> ca.Function:
-    """`judged` for a live page: (sums at the ends of `BLOCKS` blocks, sums late) -> numbers.
+    """`judged` for a live page: (sums at the ends of `BLOCKS` blocks, sums late), one row after another -> numbers.
 
-    Sums: one record after another, each in the order of `Sums` (2 + 4 groups).  A run with fewer blocks repeats its last one.
-    Numbers: verdict, factor, then mean, low and high of all components and of each group.
+    A run with fewer blocks repeats its last row.  Numbers: verdict, factor, then mean, low and high of each NIS.
     """
     width = 2 + 4 * groups
-    ends, late = ca.SX.sym("e", BLOCKS * width), ca.SX.sym("l", width)
-    rows = _columns(ca.reshape(ends, width, BLOCKS).T, groups)
-    blocks = ca.sum1(_steps(rows.count) > 0)
+    flat, late = ca.SX.sym("e", BLOCKS * width), ca.SX.sym("l", width)
+    ends = ca.reshape(flat, width, BLOCKS).T
+    blocks = ca.sum1(_steps(ends[:, 0]) > 0)
     polynomials = [bound_polynomial(probability) for probability in PROBABILITIES]
 
     def bounds(degrees: Any) -> tuple[Any, Any]:
         low, high = (polynomial(1.0 / ca.sqrt(degrees), one) ** 3 for one in polynomials)
         return low, high
 
-    judgement = judged(rows, _columns(late.T, groups), blocks, bounds)
-    numbers = [number for one in (judgement.nis, *judgement.groups) for number in (one.mean, one.low, one.high)]
-    return ca.Function("judge", [ends, late], [ca.vertcat(judgement.verdict, judgement.factor, *numbers)], {"cse": True})
-
-
-def _columns(rows: Any, groups: int) -> Sums:
-    """Sums from rows of numbers (records, 2 + 4 groups)."""
-    parts = [rows[:, 2 + k * groups : 2 + (k + 1) * groups] for k in range(4)]
-    return Sums(rows[:, 0], rows[:, 1], *parts)
+    verdict, factor, nis = judged(ends, late, blocks, bounds)
+    numbers = [number for one in nis for number in (one.mean, one.low, one.high)]
+    return ca.Function("judge", [flat, late], [ca.vertcat(verdict, factor, *numbers)], {"cse": True})
