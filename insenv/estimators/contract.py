@@ -266,11 +266,11 @@ class Estimator:
 
         Raises `InputError` if there is none.
         """
-        found = self if self.adapt is None else self.adapt(known, drive, choices or {})
-        if not found.on_turntable or drive.vehicle != TURNTABLE:
-            return found
-        notes = found.applicability or (lambda rows, duration_s: ())
-        return replace(found, applicability=lambda rows, duration_s: (*notes(rows, duration_s), found.on_turntable))
+        member = self if self.adapt is None else self.adapt(known, drive, choices or {})
+        if not member.on_turntable or drive.vehicle != TURNTABLE:
+            return member
+        notes = member.applicability or (lambda rows, duration_s: ())
+        return replace(member, applicability=lambda rows, duration_s: (*notes(rows, duration_s), member.on_turntable))
 
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
@@ -337,11 +337,11 @@ class Estimator:
 
     def _given(self, tunings: Mapping[str, Mapping[str, Any]] | None, rows: Mapping[str, Any] | None) -> dict[str, Any]:
         """The parameter rows that are set, by name."""
-        given = {**self.tuned(tunings or {}), **(rows or {})}
-        for name in given:
+        set_rows = {**self.tuned(tunings or {}), **(rows or {})}
+        for name in set_rows:
             if name not in self.model.parameters:
                 raise InputError(f"estimator {self.id!r}: {name} is set, and it has no such parameter ({self.title})")
-        return given
+        return set_rows
 
     def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:
         """The fields of `Knowledge` and `ImuDataSheet` that `parameters` copies, by row name; None if `prepare` computes.
@@ -425,19 +425,16 @@ class Estimator:
 
         time (k,): of its records since its start, s.
         """
-        held = self._held_by_row(parameters, outputs)
+        held = self.held(parameters, outputs)
         with naming(f"estimator {self.id!r}, findings"):
             reaches = [each for each in self.to_find(parameters) if isinstance(each, Reached) and each.row not in held]
             when = [said for each in reaches for said in each.said(time, outputs)]
         return (*(sentence.filled(ratio=f"{ratio:.3g}") for sentence, ratio in held.values()), *when)
 
-    def held(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> dict[Remark, float]:
-        """The findings that hold at the end of such a run, with their ratios (`Finding`): the first of each row."""
-        return dict(self._held_by_row(parameters, outputs).values())
-
-    def _held_by_row(
+    def held(
         self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]
     ) -> dict[str, tuple[Remark, float]]:
+        """The findings that hold at the end of such a run, with their ratios (`Finding`): the first of each row, by row."""
         held: dict[str, tuple[Remark, float]] = {}
         with naming(f"estimator {self.id!r}, findings"):
             for finding in self.to_find(parameters):

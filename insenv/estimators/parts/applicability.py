@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from math import cos, degrees, hypot, pi, sqrt, tan
 from typing import Any
 
-from insenv.base.remarks import Caveat, declared, remark
+from insenv.base.remarks import Caveat, Remark, declared, remark
 from insenv.estimators.contract import Notes
 from insenv.geodesy import NOMINAL_GRAVITY, OMEGA_IE, A
 
@@ -50,6 +50,17 @@ OTHERS = "use fusion with the velocity of GNSS, or aqe-sukf"
 # Rules, of parameters (SI, by row name) and the duration of the data (s).
 
 
+def above(code: str, text: str, row: str, largest: float, kind: type[Remark] = Remark) -> Notes:
+    """The remark that an angle, a parameter row, is larger than this (rad); ``{angle}`` in the text stands for it in deg."""
+
+    @remark(code, text, kind)
+    def rule(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+        angle = float(parameters[row])
+        return None if angle <= largest else {"angle": degrees(angle)}
+
+    return rule
+
+
 @remark(
     "start-uncertain",
     "the start attitude is uncertain by {tilt:.2g} deg of level and {heading:.3g} deg of heading: this linearised filter "
@@ -67,19 +78,15 @@ def linear_start(parameters: Mapping[str, Any], duration_s: float, advice: str =
     return {"tilt": degrees(tilt), "heading": degrees(heading), "advice": advice}
 
 
-@remark(
+free_start = above(
     "level-uncertain",
-    "none of the aids holds the horizontal velocity, and the level at the start is uncertain by {tilt:.2g} deg: this "
+    "none of the aids holds the horizontal velocity, and the level at the start is uncertain by {angle:.2g} deg: this "
     f"linearised filter states sigmas of position and velocity that are many times too small from {degrees(FREE_TILT):.2g} deg "
     "on; align first, or add GNSS, an odometer or a Doppler log",
+    "tilt_sigma",
+    1.01 * FREE_TILT,
 )
-def free_start(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
-    """A level that is too uncertain for a linearised filter whose velocity nothing holds.
-
-    parameters: `tilt_sigma`.
-    """
-    tilt = float(parameters["tilt_sigma"])
-    return None if tilt <= 1.01 * FREE_TILT else {"tilt": degrees(tilt)}
+"""A level that is too uncertain for a linearised filter whose velocity nothing holds."""
 
 
 @remark(
@@ -99,19 +106,24 @@ def drifting_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[s
     return {"bias": degrees(bias) * 3600, "turn": degrees(bias * duration_s), "duration": duration_s}
 
 
-@remark(
+unseen_heading = above(
     "heading-unseen",
-    "the start heading is known to {heading:.3g} deg only: until turns or changes of speed have shown it, its stated sigma can "
+    "the start heading is known to {angle:.3g} deg only: until turns or changes of speed have shown it, its stated sigma can "
     "be half of what it should be, and in the first of them that of the velocity a fraction",
+    "heading_sigma",
+    UNSEEN_HEADING,
     Caveat,
 )
-def unseen_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
-    """A heading that only manoeuvres show, for a filter that converges from any heading.
-
-    parameters: `heading_sigma`.
-    """
-    heading = float(parameters["heading_sigma"])
-    return None if heading <= UNSEEN_HEADING else {"heading": degrees(heading)}
+"""A heading that only manoeuvres show, for a filter that converges from any heading."""
+far_heading = above(
+    "heading-far",
+    "the start heading is known to {angle:.3g} deg only: from more than 90 deg off the heading loop turns slowly, and from 180 "
+    "deg not at all, so that its stated sigma can be too small; use q-method",
+    "start_heading_sigma",
+    FAR_HEADING,
+    Caveat,
+)
+"""A heading loop that starts from a heading that may be more than a right angle off."""
 
 
 @remark(
@@ -145,21 +157,6 @@ def noiseless(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any
     if float(parameters["angle_random_walk"]) > NOISELESS[0] or float(parameters["velocity_random_walk"]) > NOISELESS[1]:
         return None
     return {"omitted": degrees(float(parameters["tilt_sigma"]) * float(parameters["heading_sigma"]))}
-
-
-@remark(
-    "heading-far",
-    "the start heading is known to {heading:.3g} deg only: from more than 90 deg off the heading loop turns slowly, and from "
-    "180 deg not at all, so that its stated sigma can be too small; use q-method",
-    Caveat,
-)
-def far_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
-    """A heading loop that starts from a heading that may be more than a right angle off.
-
-    parameters: `start_heading_sigma`.
-    """
-    heading = float(parameters["start_heading_sigma"])
-    return None if heading <= FAR_HEADING else {"heading": degrees(heading)}
 
 
 def printed(fault: str, instead: str) -> Notes:

@@ -99,11 +99,13 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: A
         "seed": np.array([plan.seed_of(run) for run in runs], dtype=np.float64),
         "values": plan.numbers(runs),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
-        "held": np.array([json.dumps([(each.code, each, ratio) for each, ratio in one.items()]) for one in _held(plan, batch)]),
+        "held": np.array(
+            [json.dumps([(each.code, each, ratio) for each, ratio in one.values()]) for one in _held(plan, batch)]
+        ),
     }
 
 
-def _held(plan: Plan, batch: Batch) -> list[dict[Remark, float]]:
+def _held(plan: Plan, batch: Batch) -> list[dict[str, tuple[Remark, float]]]:
     """The findings that hold at the end of each run (`Estimator.held`); of one that has diverged none."""
     estimator = plan.chosen
     if estimator.findings is None:
