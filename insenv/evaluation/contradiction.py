@@ -32,11 +32,11 @@ RATIO = 3.0
 """Median test ratio that contradicts."""
 JUMP = 10.0
 """Jump of a velocity in units of its usual variation from one group of `FIXES` to the next (robust standard deviation)."""
-LEAST_JUMP = 0.3
+SMALLEST_JUMP = 0.3
 """Smaller jumps (m/s) are not reported."""
 COVERED = 4.0
 """A jump of fewer standard deviations of the estimate's velocity is covered by what the filter states."""
-UNKNOWN = 50.0
+UNMEASURED_SIGMA = 50.0
 """Standard deviation of an innovation (m/s) from which the receiver does not measure this component."""
 COMPONENTS = ("north", "east", "down", "vn", "ve", "vd")
 
@@ -141,7 +141,7 @@ def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump
     if len(time) < 4 * FIXES:
         return []
     usual_size, usual_ratio = (np.median(np.abs(values), axis=0) for values in (innovations, ratios))
-    innovations = innovations * (usual_size < UNKNOWN * usual_ratio)
+    innovations = innovations * (usual_size < UNMEASURED_SIGMA * usual_ratio)
     median = _medians(innovations[:, 3:], FIXES)
     step = median[FIXES:] - median[:-FIXES]  # between the fixes FIXES - 1 + k and FIXES + k
     usual = 1.4826 * np.median(np.abs(step), axis=0)
@@ -151,7 +151,7 @@ def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump
     groups = np.lib.stride_tricks.sliding_window_view(innovations[:, 3:], FIXES, axis=0)
     spread = groups.max(axis=-1) - groups.min(axis=-1)
     steady = np.maximum(spread[:-FIXES], spread[FIXES:]) < 0.5 * np.abs(step)
-    large = steady & (np.abs(step) > np.maximum(JUMP * usual, LEAST_JUMP))
+    large = steady & (np.abs(step) > np.maximum(JUMP * usual, SMALLEST_JUMP))
     jumped = []
     for group in _groups(large.any(axis=1) & without_gap, FIXES):
         window, component = np.unravel_index(int(np.argmax(np.abs(step[group] * large[group]))), (len(group), 3))
@@ -188,13 +188,13 @@ def _medians(values: Vector, width: int) -> Vector:
 # GNSS measures the motion of a place.  A filter finds the attitude of the unit from it, however the unit is mounted, so axes
 # that are named wrongly become a wrong heading with a small stated sigma.  Only a vehicle that moves forward contradicts it.
 
-SPEED = 3.0
+TRAVEL_SPEED = 3.0
 """Speed over the ground (m/s) from which the course counts."""
-LONG_S = 10.0
+SHORTEST_TRAVEL_S = 10.0
 """Shortest time (s) at such speeds."""
-KNOWN = np.radians(10.0)
+LARGEST_HEADING_SIGMA = np.radians(10.0)
 """Largest standard deviation (rad) of a heading that counts."""
-STEADY = 0.9
+STEADY_LENGTH = 0.9
 """Length of the mean of the unit vectors of the angle: nearer 0 for a vehicle that moves in any direction."""
 SIDEWAYS = np.radians(30.0)
 """Smallest angle (rad) that is not the drift angle of a ship in a current or of an aircraft in the wind."""
@@ -214,12 +214,12 @@ def sideways_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> 
     velocity = outputs.get("velocity_n")
     if velocity is None or len(time) < 2:
         return None
-    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > SPEED
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > TRAVEL_SPEED
     if (sigma := outputs.get("attitude_sigma")) is not None:
-        moving &= sigma[:, 2] < KNOWN
-    if moving.sum() * float(np.median(np.diff(time))) < LONG_S:
+        moving &= sigma[:, 2] < LARGEST_HEADING_SIGMA
+    if moving.sum() * float(np.median(np.diff(time))) < SHORTEST_TRAVEL_S:
         return None
     heading = attitude.numeric.to_euler(outputs["q_nb"][moving])[2]
     mean = np.mean(np.exp(1j * (heading - np.arctan2(velocity[moving, 1], velocity[moving, 0]))))
     angle = float(np.angle(mean))
-    return None if abs(mean) < STEADY or abs(angle) < SIDEWAYS else {"angle": np.degrees(angle)}
+    return None if abs(mean) < STEADY_LENGTH or abs(angle) < SIDEWAYS else {"angle": np.degrees(angle)}

@@ -53,11 +53,11 @@ APART = 5.0
 
 By default a single ratio of this size is refused.
 """
-LAST = 0.75
+LATE_SHARE = 0.75
 """Diverged is a filter that has parted from its measurements over the whole run, or over those after this share of them."""
-FEWEST = 8
+FEWEST_LATE = 8
 """Measurements below which no filter is called diverged for the last of them."""
-_POSITIVE = 1e-300
+_SMALLEST_DIVISOR = 1e-300
 """Smallest divisor: a value divided by it is not used."""
 
 
@@ -116,7 +116,7 @@ def judged(ends: Any, late: Any, blocks: Any, bounds: Bounds) -> Judgement:
     parted = [used_late[k] > APART**2 * maximum(used_number_late[k], 1.0) for k in groups]
     diverged = _any(
         refused > REFUSED_DIVERGED * count,
-        (count_late >= FEWEST) * _any(refused_late > REFUSED_DIVERGED * count_late, *parted),
+        (count_late >= FEWEST_LATE) * _any(refused_late > REFUSED_DIVERGED * count_late, *parted),
     )
     overconfident = _any(refused > REFUSED_OVERCONFIDENT * count, *(one.above for one in nis))
     tested = _any(*(used_number[k] + left_number[k] > 0 for k in groups))
@@ -139,7 +139,7 @@ def _nis(squares: Any, numbers: Any, blocks: Any, bounds: Bounds) -> Nis:
     mean = square / number
     off = _steps(squares) - mean * _steps(numbers)
     white = 2 * mean**2 * (number / blocks)
-    spread = _total(off**2) / maximum(blocks - 1, 1) / maximum(white, _POSITIVE)
+    spread = _total(off**2) / maximum(blocks - 1, 1) / maximum(white, _SMALLEST_DIVISOR)
     degrees = number / select((blocks > 1) * (mean > 0), maximum(spread, 1.0), 1.0)
     return Nis(mean, *bounds(degrees))
 
@@ -171,7 +171,7 @@ def of_records(sums: Array) -> Judgement:
     edges = np.array([len(count) - 1])
     if count[-1] >= 2 * BLOCKS:  # the first record with each multiple of 1 / `BLOCKS` of the measurements
         edges = np.unique(np.searchsorted(count, np.arange(1, BLOCKS + 1) * (count[-1] / BLOCKS), side="left"))
-    late = int(np.searchsorted(count, LAST * count[-1], side="left"))
+    late = int(np.searchsorted(count, LATE_SHARE * count[-1], side="left"))
     return judged(sums[edges], sums[late], len(edges), _bounds)
 
 

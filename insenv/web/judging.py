@@ -55,7 +55,7 @@ def rule(groups: int) -> dict[str, Any]:
         "steep": STEEP,
         "blocks": nis.BLOCKS,
         "notable": nis.NOTABLE,
-        "last": nis.LAST,
+        "last": nis.LATE_SHARE,
         "verdicts": nis.VERDICTS,
         "wrong": nis.WRONG,
     }
