@@ -3,10 +3,8 @@
 import pickle
 import re
 
-import pytest
-
 import insenv
-from insenv.base.remarks import TEXTS, Caveat, declared
+from insenv.base.remarks import TEXTS, Caveat
 
 
 def test_codes_are_kebab_case_and_stay_with_the_sentence():
@@ -16,5 +14,3 @@ def test_codes_are_kebab_case_and_stay_with_the_sentence():
     assert [each["text"] for each in values["remarks"]] == values["notes"] and values["remarks"][0]["code"] in TEXTS
     said = pickle.loads(pickle.dumps(Caveat("a-code", "{one:.2g} of {other}").filled(one=0.123)))
     assert said == "0.12 of {other}" and said.code == "a-code" and isinstance(said, Caveat)
-    with pytest.raises(ValueError, match="declared twice"):
-        declared("too-sure", "another text")

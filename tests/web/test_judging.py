@@ -7,6 +7,7 @@ from live_pages import answers
 from insenv.estimators import get
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health
 from insenv.evaluation.health import VERDICTS, health
+from insenv.evaluation.nis import sums_of
 from insenv.scenario import build, load
 from insenv.web.judging import findings, rule
 
@@ -33,16 +34,10 @@ def test_verdicts_and_sentences_are_those_of_a_run(tmp_path):
     random, given, expected = np.random.default_rng(17), [], []
     for case in range(CASES):
         fixes = measured(random, FIX_HEALTH.names, 2) if case % 4 else None
-        aids = [measured(random, aid_health(id), 3) if case % many == 0 else None for id, many in (("dvl", 3), ("odometer", 5))]
+        aids = [measured(random, aid_health(id), 2) if case % many == 0 else None for id, many in (("dvl", 3), ("odometer", 5))]
         found = health({name: values for one in (fixes, *aids) for name, values in (one or {}).items()})
         expected.append(None if found is None else [found.verdict, *found.lines, *found.notes(case % 2 == 1, CAUSES)])
-        rows = [one and [np.reshape(values, (len(values), -1)) for values in one.values()] for one in (fixes, *aids)]
-        given.append(
-            [
-                one and np.hstack([np.pad(row, ((0, 0), (0, (3 - row.shape[1]) * (row.shape[1] > 1)))) for row in one]).tolist()
-                for one in rows
-            ]
-        )
+        given.append([one and sums_of(one, tuple(one)).tolist() for one in (fixes, *aids)])
     code = """(() => {
       const bytes = Buffer.from(given[0].wasm, "base64");
       module_health.useRule(new WebAssembly.Instance(new WebAssembly.Module(bytes)));
@@ -54,7 +49,7 @@ def test_verdicts_and_sentences_are_those_of_a_run(tmp_path):
         return found && [found.verdict, ...found.lines, ...notes];
       });
     })()"""
-    assert answers("health.js", code, [rule(3), given, CAUSES], tmp_path) == expected
+    assert answers("health.js", code, [rule(2), given, CAUSES], tmp_path) == expected
     verdicts = [one and one[0] for one in expected]
     assert all(verdicts.count(verdict) > CASES // 20 for verdict in (*VERDICTS, None) if verdict) and None in verdicts
 
