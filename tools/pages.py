@@ -6,6 +6,7 @@ stands between ``<!-- begin NAME (python tools/pages.py) -->`` and ``<!-- end NA
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import json
 from collections.abc import Callable, Iterable
@@ -20,6 +21,7 @@ from pydantic_core import PydanticUndefined
 
 import insenv
 from insenv import estimators
+from insenv.base.remarks import TEXTS
 from insenv.base.toml import plain, sections_in
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import shown_name
@@ -309,6 +311,14 @@ def estimators_table() -> str:
     return markdown(("estimator", "kind", "takes", "what it is"), rows)
 
 
+def remarks_table() -> str:
+    """The codes of remarks with their texts, of all modules that declare some."""
+    estimators.registered()
+    for module in ("insenv.runs.replayed", "insenv.studies.campaign.plan"):
+        importlib.import_module(module)
+    return markdown(("code", "text"), [[f"`{code}`", text] for code, text in sorted(TEXTS.items())])
+
+
 # --- pages -------------------------------------------------------------------------------------------
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
@@ -316,6 +326,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "docs/logs.md": {"keys": lambda: key_tables(LOG_SECTIONS, LOG_TYPES)},
     "docs/flight-logs.md": {"keys": lambda: key_tables(FLIGHT_SECTIONS)},
     "docs/api.md": {"names": public_names},
+    "docs/json.md": {"remarks": remarks_table},
     "docs/estimators/index.md": {"table": estimators_table},
     "docs/write-your-own.md": {
         name: code_of(f"tests/outside/rail/{path}", language)

@@ -14,17 +14,16 @@ import { filled } from "./words.js";
 export function healthNow(live, estimator, at, history) {
   if (!estimator.health) return null;
   const { prefix, health } = estimator;
-  const counts = (/** @type {string[]} */ names) => {
-    const [count, refused, ...sums] = names.map((name) => at(prefix + name));
-    const column = (/** @type {any} */ row, k = 0) => (/** @type {number} */ record) => history.value(row.at + k, record);
-    const groups = Array.from({ length: sums[0].size }, (_, k) => {
-      const [used, usedNumber, left, leftNumber] = sums.map((row) => column(row, k));
-      return { used, usedNumber, left, leftNumber };
+  const sums = (/** @type {string[]} */ names) => {
+    const columns = names.flatMap((name, place) => {
+      const row = at(prefix + name);
+      return Array.from({ length: place < 2 ? 1 : live.rule.groups }, (_, k) =>
+        (/** @type {number} */ record) => (k < row.size ? history.value(row.at + k, record) : 0));
     });
-    return { records: history.count(), count: column(count), refused: column(refused), groups };
+    return { records: history.count(), columns };
   };
-  const aids = Object.fromEntries(Object.entries(health.aids).map(([id, names]) => [id, counts(names)]));
-  return healthOf(live.rule, health.fixes && counts(health.fixes), aids);
+  const aids = Object.fromEntries(Object.entries(health.aids).map(([id, names]) => [id, sums(names)]));
+  return healthOf(live.rule, health.fixes && sums(health.fixes), aids);
 }
 
 /**
@@ -39,16 +38,16 @@ export function notesAtEnd(live, estimator, at, history, known) {
   const { sentences } = live.rule;
   const notes = known ? foundOf(estimator, at, history) : [];
   const health = healthNow(live, estimator, at, history);
-  if (estimator.health?.fixes && !health?.own) notes.push(health ? sentences.no_fix_but_aids : sentences.no_fix);
+  if (estimator.health?.fixes && !health?.own) notes.push(sentences[health ? "no-fix-but-aids" : "no-fix"]);
   if (health) notes.push(...healthNotes(live.rule, health, !known || estimator.health.slow, estimator.health.causes));
   const left = unjudged(live, estimator, at, history);
-  if (left.channels.length) notes.push(filled(sentences.steep, { pitch: significant(left.pitch, 3) }));
+  if (left.channels.length) notes.push(filled(sentences["steep-pitch"], { pitch: left.pitch }));
   if (!estimator.settled) return notes;
   const ratios = statisticsOf(estimator, at, history)
     .filter(({ channel }) => !left.channels.includes(channel))
     .filter(({ rms, stated }) => stated && rms > live.rule.too_sure * stated)
     .map(({ channel, rms, stated }) => `${channel.replace(/_.*/, "")} ${significant(rms / (stated ?? NaN), 3)}`);
-  if (ratios.length) notes.push(filled(sentences.too_sure, { ratios: ratios.join(", ") }));
+  if (ratios.length) notes.push(filled(sentences["too-sure"], { ratios: ratios.join(", ") }));
   return notes;
 }
 

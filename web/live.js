@@ -6,6 +6,7 @@ import { controlPanel } from "./controls.js";
 import { button, h } from "./dom.js";
 import { driver } from "./drive.js";
 import { showEnd } from "./ending.js";
+import { loadRule } from "./health.js";
 import { makeHistory } from "./history.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
@@ -225,7 +226,7 @@ export function livePage(live) {
   };
   requestAnimationFrame(paint);
   controls.show(state.seed, state.values);
-  session.send({ do: "load", live });
+  loadRule(live.rule).finally(() => session.send({ do: "load", live }));
 
   const hide = (/** @type {number} */ group, /** @type {boolean} */ shown) => {
     panels.show(group, shown);

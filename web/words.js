@@ -1,11 +1,16 @@
 /** Sentences about what is not allowed: the thing, its value, and what is allowed; and sentences of the document, filled in. */
 
-/** A sentence with values for the names in braces.
+import { significant } from "./numbers.js";
+
+/** A sentence with values for the names in braces; behind a name may be a number of digits, as in Python: "{mean:.2g}".
  * @param {string} sentence
  * @param {Record<string, unknown>} values  strings and numbers; others that no name in braces asks for may be among them
  * @returns {string} */
 export function filled(sentence, values) {
-  return sentence.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
+  return sentence.replace(/\{(\w+)(?::\.(\d)g)?\}/g, (whole, name, digits) => {
+    const value = values[name] ?? whole;
+    return digits && typeof value === "number" ? significant(value, Number(digits)) : String(value);
+  });
 }
 
 /** Texts one after the other, "or" before the last.

@@ -22,18 +22,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.installing import need
 from insenv.base.output import LockedError, exclusive
 from insenv.core.cache import cache_folder, is_lasting, is_private, process_folder
-from insenv.core.codegen import WRITER, batch_source, module_source, native_source
+from insenv.core.codegen import WRITER, batch_source, function_text, module_source, native_source, prelude
 from insenv.core.model import Model
 from insenv.core.tables import Vector
+from insenv.core.traces import Kernel
 
 # compilers for other processors may not support it, and gain little from it
 _OWN = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
@@ -318,12 +320,14 @@ def pointer(array: Vector) -> int:
 _WASM_FLAGS = ("-target", "wasm32-wasi", "-std=gnu99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-w", "-c")
 _LINK = ("--no-entry", "--strip-all", "-z", "stack-size=262144", "--export=__heap_base")
 
-_EXPORTS = """
+_EXPORTED = """
 #define EXPORTED(name) __attribute__((export_name(#name)))
-EXPORTED(run) void exported_run(const double *p, double *x, const double *u, double *y, int every, int n) {
+"""
+_EXPORTS = f"""{_EXPORTED}
+EXPORTED(run) void exported_run(const double *p, double *x, const double *u, double *y, int every, int n) {{
   insenv_run(1, p, x, u, 0, 0, y, 0, every, n);
-}
-EXPORTED(output) void exported_output(const double *p, const double *x, double *y) { insenv_output(1, p, x, y); }
+}}
+EXPORTED(output) void exported_output(const double *p, const double *x, double *y) {{ insenv_output(1, p, x, y); }}
 """
 
 
@@ -342,6 +346,20 @@ def wasm_source(model: Model, further: str = "") -> str:
     bytes; vectors are float64 in the order of the model's tables.
     """
     return module_source(model) + _EXPORTS + further
+
+
+def wasm_functions(functions: Mapping[str, Any], arguments: str) -> str:
+    """C source of a module of functions of flat columns without a model; arguments: a letter each, of all of them.
+
+    Exports: ``NAME(..., y)``, ``memory`` and ``__heap_base``.
+    """
+    signature = ", ".join(f"const real *{letter}" for letter in arguments)
+    exports = [
+        f"EXPORTED({name}) void exported_{name}({signature}, real *y) {{ {name}({', '.join(arguments)}, y); }}"
+        for name in functions
+    ]
+    sources = [function_text("", name, Kernel(function, ()), arguments) for name, function in functions.items()]
+    return "\n".join([prelude("scalar.h"), *sources, _EXPORTED, *exports])
 
 
 def wasm(source: str) -> bytes:

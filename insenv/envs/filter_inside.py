@@ -24,7 +24,7 @@ from insenv.core.tables import Row, Table
 from insenv.envs.knowledge import KNOWN
 from insenv.envs.task import DECISION_LIMIT
 from insenv.estimators import Estimator
-from insenv.evaluation.consistency import nees
+from insenv.evaluation.errors import nees
 from insenv.scenario.loop import PREFIX, loop_model
 from insenv.scenario.scaled import SCALE, scaled_model
 

@@ -354,7 +354,7 @@ def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, A
     return ca.vertcat(velocity, offset, turn - theta), selected @ P @ selected.T
 
 
-def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None, caveats: Notes) -> Estimator:
+def _estimator(id: str, title: str, spread: Spread, applicability: Notes) -> Estimator:
     model = Model(
         id=id,
         title=title,
@@ -377,19 +377,17 @@ def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None,
         sensors=("gnss",),
         error=consistency_error,
         applicability=applicability,
-        caveats=caveats,
         oldest_s=gnss_fix.OLDEST,
     )
 
 
 _TITLE = "large misalignment: additive quaternion error"
 ESTIMATORS = (
-    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, linear_start, unmodelled_motion),
+    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, together(linear_start, unmodelled_motion)),
     _estimator(
         "aqe-sukf",
         f"{_TITLE}, simplified unscented Kalman filter",
         unscented,
-        None,
         together(unseen_heading, unmodelled_motion),
     ),
 )

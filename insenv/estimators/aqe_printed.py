@@ -30,7 +30,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators import aqe
 from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import gnss_fix, lever_arm, rows, strapdown
-from insenv.estimators.parts.applicability import together, unmodelled_motion, unseen_heading
+from insenv.estimators.parts.applicability import printed, together, unmodelled_motion, unseen_heading
 from insenv.estimators.parts.quaternion_error import (
     DQ,
     VELOCITY,
@@ -99,14 +99,6 @@ def fused(p: Any, x: Any, innovation: Any, H: Any, variance: Any, present: Any) 
     return aqe.fed_back(x, P, correction, q_wb, step), ratios
 
 
-def for_comparison(parameters: Any, duration_s: float) -> tuple[str, ...]:
-    """A sentence about what the printed form is for."""
-    return (
-        "the paper's filter as printed, for comparison with it: from a large misalignment its stated sigma can be too small; "
-        "use aqe-sukf",
-    )
-
-
 MODEL = Model(
     id="aqe-sukf-printed",
     title="large misalignment: simplified unscented Kalman filter with the points and weights of its paper",
@@ -128,7 +120,8 @@ ESTIMATOR = Estimator(
     kind="navigation",
     sensors=("gnss",),
     error=aqe.consistency_error,
-    applicability=for_comparison,
-    caveats=together(unseen_heading, unmodelled_motion),
+    applicability=together(
+        printed("from a large misalignment its stated sigma can be too small", "aqe-sukf"), unseen_heading, unmodelled_motion
+    ),
     oldest_s=gnss_fix.OLDEST,
 )

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.plugins import check_id
+from insenv.base.remarks import Caveat, Remark, coded, remark
 from insenv.core.model import Model, Values
 from insenv.core.tables import Table, Vector, check_rows, naming
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import understated as motion_errors_understated
-from insenv.estimators.parts.finding import RATIO, Finding, Reached
+from insenv.estimators.parts.finding import Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.sensors import registry as sensor_registry
 from insenv.sensors.data_sheet import ImuDataSheet
@@ -123,7 +124,8 @@ TURNTABLE = "turntable"
 Choices = Mapping[str, tuple[str, ...]]
 """Names by key, such as the states and the aids of a fusion filter."""
 Notes = Callable[[Mapping[str, Any], float], tuple[str, ...]]
-"""Of parameters by row name and a duration (s): sentences about where an estimate may not be trusted."""
+"""Of parameters by row name and a duration (s): sentences about where an estimate may not be trusted "
+"(`insenv.base.remarks`)."""
 Kind = Literal["alignment", "navigation"]
 Motion = Literal["in place", "moving", "any"]
 
@@ -147,9 +149,8 @@ class Estimator:
     needs: ``(parameters by row name) -> s`` of data before which its errors have not settled and are not compared with a
         limit.  None: 0.
     applicability: ``(parameters by row name, duration in s) -> sentences`` about where its estimate may not be trusted.
-        While there is one, the estimate does not count as aligned.
-    caveats: the same about what its stated standard deviations do not cover.
-    on_turntable: a caveat where a turntable turns the unit, or empty.
+        While there is one that is not a `Caveat`, the estimate does not count as aligned.
+    on_turntable: a sentence of `applicability` where a turntable turns the unit, or empty.
     error: ``(state, outputs, truth) -> (error, covariance)``, symbols: what its consistency (NEES) is measured on.  None:
         the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
     smooths: id of the filter over whose whole run this one goes back, or empty.  It starts and is tuned as that filter is,
@@ -160,9 +161,8 @@ class Estimator:
     settable: the parameter rows that its section may set, or what gives them.  None: those of the model.
     adapt: ``(known, drive, names by those keys) -> Estimator`` of the same id: the one that runs there (`adapted`).  None: it
         is the same everywhere.
-    findings: ``(parameters by row name) -> Finding, ...``: what the outputs at the end of a run may show; of those
-        about one row, the first that holds counts.
-    reaches: ``(parameters by row name) -> Reached, ...``: standard deviations of which a run says when they became small.
+    findings: ``(parameters by row name) -> Finding or Reached, ...``: what the outputs at the end of a run may show, and when
+        standard deviations became small; of those about one row, the first that holds counts.
     oldest_s: the largest age (s) of measurements with which its estimate and its standard deviations are right.
     lacks: of one that `adapt` gave, what it needs of the drive and does not find there, for the refusal; or empty.
     finds_attitude: of a navigation, whether its start attitude may be unknown: it finds level and heading.
@@ -178,7 +178,6 @@ class Estimator:
     prepare: Callable[[Knowledge], Mapping[str, Any]] | None = None
     needs: Callable[[Mapping[str, Any]], float] | None = None
     applicability: Notes | None = None
-    caveats: Notes | None = None
     on_turntable: str = ""
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
@@ -188,8 +187,7 @@ class Estimator:
     settable: Table | Callable[[], Table] | None = None
     adapt: Callable[[Knowledge, Drive, Choices], Estimator] | None = None
     causes: Mapping[str, str] = field(default_factory=dict, hash=False)
-    findings: Callable[[Mapping[str, Any]], tuple[Finding, ...]] | None = None
-    reaches: Callable[[Mapping[str, Any]], tuple[Reached, ...]] | None = None
+    findings: Callable[[Mapping[str, Any]], tuple[Finding | Reached, ...]] | None = None
     finds_attitude: bool = False
     oldest_s: float = math.inf
     lacks: str = ""
@@ -276,11 +274,11 @@ class Estimator:
 
         Raises `InputError` if there is none.
         """
-        found = self if self.adapt is None else self.adapt(known, drive, choices or {})
-        if not found.on_turntable or drive.vehicle != TURNTABLE:
-            return found
-        caveats = found.caveats or (lambda parameters, duration_s: ())
-        return replace(found, caveats=lambda rows, duration_s: (*caveats(rows, duration_s), found.on_turntable))
+        member = self if self.adapt is None else self.adapt(known, drive, choices or {})
+        if not member.on_turntable or drive.vehicle != TURNTABLE:
+            return member
+        notes = member.applicability or (lambda rows, duration_s: ())
+        return replace(member, applicability=lambda rows, duration_s: (*notes(rows, duration_s), member.on_turntable))
 
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
@@ -325,14 +323,15 @@ class Estimator:
 
     def understated(
         self, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]] | None = None, rows: Mapping[str, Any] | None = None
-    ) -> tuple[str, ...]:
+    ) -> tuple[Remark, ...]:
         """What must be said of parameters that are set smaller than the unit's data sheet; arguments as for `parameters`."""
         return motion_errors_understated(self._from(known), self._given(tunings, rows))
 
-    def without_effect(self, tunings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-        """What must be said of parameters in `tunings` (rows by estimator id) of states and aids that were not chosen."""
+    @remark("set-without-effect", "{rows}: set without effect, because this filter does not have the state or aid")
+    def without_effect(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
+        """Parameters in `tunings` (rows by estimator id) of states and aids that were not chosen."""
         idle = [name for name in self._of_drive(tunings) if self._unchosen(name)]
-        return (f"{', '.join(idle)}: set without effect, because this filter does not have the state or aid",) if idle else ()
+        return {"rows": ", ".join(idle)} if idle else None
 
     def tuned(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         """Its rows in `tunings` (by estimator id), without those of states and aids that were not chosen."""
@@ -346,11 +345,11 @@ class Estimator:
 
     def _given(self, tunings: Mapping[str, Mapping[str, Any]] | None, rows: Mapping[str, Any] | None) -> dict[str, Any]:
         """The parameter rows that are set, by name."""
-        given = {**self.tuned(tunings or {}), **(rows or {})}
-        for name in given:
+        set_rows = {**self.tuned(tunings or {}), **(rows or {})}
+        for name in set_rows:
             if name not in self.model.parameters:
                 raise InputError(f"estimator {self.id!r}: {name} is set, and it has no such parameter ({self.title})")
-        return given
+        return set_rows
 
     def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:
         """The fields of `Knowledge` and `ImuDataSheet` that `parameters` copies, by row name; None if `prepare` computes.
@@ -400,69 +399,63 @@ class Estimator:
             raise InputError(f"estimator {self.id!r}, needs: {needed!r} s: allowed is a finite number of seconds, not negative")
         return needed
 
-    def too_short(self, parameters: Mapping[str, Any], duration_s: float) -> str:
-        """The sentence that `duration_s` of data are too few with these parameters (by row name); empty if they suffice."""
+    @remark(
+        "too-short",
+        "too short: {duration:g} s of data, {id} needs {needed:.3g} s to converge; its errors before that time do not show its "
+        "accuracy",
+    )
+    def too_short(self, parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+        """`duration_s` of data are too few with these parameters (by row name)."""
         needed = self.needed_s(parameters)
         if self.needs is None or duration_s > needed * (1 - 1e-9):
-            return ""
-        return (
-            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s to converge; its errors before that time do "
-            "not show its accuracy"
-        )
+            return None
+        return {"duration": duration_s, "id": self.id, "needed": needed}
 
-    def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
         """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""
-        short = self.too_short(parameters, duration_s)
-        said = (*self.objections(parameters, duration_s), *self._said("caveats", parameters, duration_s))
-        return (short, *said) if short else said
+        said = self._applicability(parameters, duration_s)
+        return (*self.too_short(parameters, duration_s), *sorted(said, key=lambda each: isinstance(each, Caveat)))
 
-    def objections(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    def objections(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
         """Those of `notes` with which its estimate does not count as aligned."""
-        return self._said("applicability", parameters, duration_s)
+        return tuple(each for each in self._applicability(parameters, duration_s) if not isinstance(each, Caveat))
 
-    def found(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
-        """What must be said of a run with these parameters and outputs (by row name): see `findings`."""
-        held = self.held(parameters, outputs)
-        return tuple(sentence.replace(RATIO, f"{ratio:.3g}") for sentence, ratio in held.items())
+    def _applicability(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
+        if self.applicability is None:
+            return ()
+        with naming(f"estimator {self.id!r}, applicability"):
+            return coded(self.applicability(parameters, duration_s), "applicability")
 
-    def reached(
+    def shown(
         self, parameters: Mapping[str, Any], time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]
-    ) -> tuple[str, ...]:
-        """When what `reaches` names was reached in such a run, unless a finding says that it does not hold at the end.
+    ) -> tuple[Remark, ...]:
+        """What must be said of a run with these parameters and outputs (by row name): see `findings`.
 
         time (k,): of its records since its start, s.
         """
-        if self.reaches is None:
-            return ()
-        lost = {finding.row for finding in self.to_find(parameters) if finding.ratio(outputs) >= finding.limit}
-        with naming(f"estimator {self.id!r}, reaches"):
-            named = [each for each in self.reaches(parameters) if each.row not in lost]
-            return tuple(said for each in named if (said := each.said(time, outputs)))
-
-    def held(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
-        """The findings that hold of such a run: sentence and ratio (`Finding`)."""
-        held: dict[str, tuple[str, float]] = {}
-        findings = self.to_find(parameters)
+        held = self.held(parameters, outputs)
         with naming(f"estimator {self.id!r}, findings"):
-            for finding in findings:
-                ratio = finding.ratio(outputs)
-                if ratio >= finding.limit:
-                    held.setdefault(finding.row, (finding.sentence, ratio))
-        return dict(held.values())
+            reaches = [each for each in self.to_find(parameters) if isinstance(each, Reached) and each.row not in held]
+            when = [said for each in reaches for said in each.said(time, outputs)]
+        return (*(sentence.filled(ratio=f"{ratio:.3g}") for sentence, ratio in held.values()), *when)
 
-    def to_find(self, parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    def held(
+        self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]
+    ) -> dict[str, tuple[Remark, float]]:
+        """The findings that hold at the end of such a run, with their ratios (`Finding`): the first of each row, by row."""
+        held: dict[str, tuple[Remark, float]] = {}
+        with naming(f"estimator {self.id!r}, findings"):
+            for finding in self.to_find(parameters):
+                if isinstance(finding, Finding) and (ratio := finding.ratio(outputs)) >= finding.limit:
+                    held.setdefault(finding.row, (finding.remark, ratio))
+        return held
+
+    def to_find(self, parameters: Mapping[str, Any]) -> tuple[Finding | Reached, ...]:
         """Its findings with these parameters (by row name)."""
         if self.findings is None:
             return ()
         with naming(f"estimator {self.id!r}, findings"):
             return self.findings(parameters)
-
-    def _said(self, kind: str, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-        of_kind: Notes | None = getattr(self, kind)
-        if of_kind is None:
-            return ()
-        with naming(f"estimator {self.id!r}, {kind}"):
-            return of_kind(parameters, duration_s)
 
 
 _OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}

@@ -156,13 +156,6 @@ MODEL = Model(
 )
 
 
-def for_comparison(parameters: Any, duration_s: float) -> tuple[str, ...]:
-    """A sentence about what the printed form is for."""
-    return (
-        "the paper's filter as printed, for comparison with it: a sway of the base is taken for tilt, and no stated sigma "
-        "covers that; use ecef-kf or q-method",
-    )
-
-
-NOTES: Notes = applicability.together(applicability.notes, applicability.linear_start, for_comparison)
+PRINTED = applicability.printed("a sway of the base is taken for tilt, and no stated sigma covers that", "ecef-kf or q-method")
+NOTES: Notes = applicability.together(applicability.notes, applicability.linear_start, PRINTED)
 ESTIMATOR = Estimator(MODEL, kind="alignment", applicability=NOTES)

@@ -149,7 +149,6 @@ ESTIMATOR = Estimator(
     kind="alignment",
     prepare=prepare,
     needs=needs,
-    applicability=applicability.notes,
-    caveats=applicability.far_heading,
+    applicability=applicability.together(applicability.notes, applicability.far_heading),
     on_turntable=applicability.TURNED,
 )

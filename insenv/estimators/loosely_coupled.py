@@ -35,8 +35,7 @@ ESTIMATOR = Estimator(
     kind="navigation",
     sensors=("gnss",),
     error=FILTER.consistency_error,
-    applicability=applicability.linear_start,
-    caveats=applicability.together(applicability.unmodelled_motion, applicability.noiseless),
+    applicability=applicability.together(applicability.linear_start, applicability.unmodelled_motion, applicability.noiseless),
     causes=FILTER.causes,
     oldest_s=history.OLDEST,
 )

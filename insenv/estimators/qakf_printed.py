@@ -34,7 +34,7 @@ the residual that a wrong heading leaves for noise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -160,12 +160,7 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     return known.rows_of(PARAMETERS)
 
 
-def for_comparison(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """A sentence about what the printed form is for."""
-    return (
-        "the paper's filter as printed, for comparison with it: with noise or motion it converges slowly, and its stated sigma "
-        "can be too small; use q-method",
-    )
+PRINTED = applicability.printed("with noise or motion it converges slowly, and its stated sigma can be too small", "q-method")
 
 
 def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, Any]], further: Table) -> Estimator:
@@ -185,7 +180,7 @@ def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, An
         kind="alignment",
         prepare=prepare,
         needs=lambda parameters: SETTLING_S,
-        applicability=applicability.together(applicability.notes, for_comparison),
+        applicability=applicability.together(applicability.notes, PRINTED),
     )
 
 

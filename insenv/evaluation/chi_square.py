@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-LEAST_DEGREES = 0.5
+POLYNOMIAL_FROM = 0.5
 """Degrees of freedom from which `bound_polynomial` holds."""
 _DEGREE = 20
 _STIRLING = (1 / 12, -1 / 360, 1 / 1260, -1 / 1680, 1 / 1188, -691 / 360360, 1 / 156)
@@ -23,8 +23,8 @@ def quantile(probability: ArrayLike, degrees: float) -> Any:
 
     Abramowitz and Stegun 1964, eq. 26.4.19: P(chi^2 | n) is the regularised incomplete gamma function P(n/2, chi^2/2).
     """
-    found = [2.0 * _inverse(float(one), degrees / 2.0) for one in np.ravel(probability)]
-    return np.reshape(found, np.shape(probability))[()]
+    values = [2.0 * _inverse(float(each), degrees / 2.0) for each in np.ravel(probability)]
+    return np.reshape(values, np.shape(probability))[()]
 
 
 def _inverse(probability: float, a: float) -> float:
@@ -82,7 +82,7 @@ def _power(a: float, x: float) -> float:
 
 @lru_cache
 def bound_polynomial(probability: float) -> tuple[float, ...]:
-    """Coefficients c of sum c[k] n^(-k/2), the cube root of the quantile over the degrees of freedom n >= `LEAST_DEGREES`.
+    """Coefficients c of sum c[k] n^(-k/2), the cube root of the quantile over the degrees of freedom n >= `POLYNOMIAL_FROM`.
 
     For those who have no incomplete gamma function (a live page): good to 3e-7 of the quantile, 1e-8 from n = 2 on.  The cube
     root is nearly normal (Wilson and Hilferty: Abramowitz and Stegun 1964, eq. 26.4.17), so it is smooth in n^(-1/2).
@@ -92,5 +92,5 @@ def bound_polynomial(probability: float) -> tuple[float, ...]:
     def root(inverse: Any) -> Any:
         return [np.cbrt(quantile(probability, one**-2) * one**2) for one in inverse]
 
-    made = Chebyshev.interpolate(root, _DEGREE, domain=[0.0, LEAST_DEGREES**-0.5])
+    made = Chebyshev.interpolate(root, _DEGREE, domain=[0.0, POLYNOMIAL_FROM**-0.5])
     return tuple(made.convert(kind=Polynomial).coef.tolist())

@@ -13,13 +13,15 @@ A verdict over a whole run sees neither.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.base.remarks import Remark, remark
 from insenv.core.tables import Vector
 
 FIXES = 5
@@ -30,11 +32,11 @@ RATIO = 3.0
 """Median test ratio that contradicts."""
 JUMP = 10.0
 """Jump of a velocity in units of its usual variation from one group of `FIXES` to the next (robust standard deviation)."""
-LEAST_JUMP = 0.3
+SMALLEST_JUMP = 0.3
 """Smaller jumps (m/s) are not reported."""
 COVERED = 4.0
 """A jump of fewer standard deviations of the estimate's velocity is covered by what the filter states."""
-UNKNOWN = 50.0
+UNMEASURED_SIGMA = 50.0
 """Standard deviation of an innovation (m/s) from which the receiver does not measure this component."""
 COMPONENTS = ("north", "east", "down", "vn", "ve", "vd")
 
@@ -52,15 +54,6 @@ class Contradiction:
     ratio: float
     innovation: float
 
-    def note(self) -> str:
-        """One sentence for the user."""
-        unit = "m/s" if self.component.startswith("v") else "m"
-        return (
-            f"the fixes contradict the estimate from {self.begin:.1f} to {self.end:.1f} s: {self.component} is off by"
-            f" {self.innovation:+.2g} {unit}, {self.ratio:.1f} times what estimate and fix state together: the"
-            " stated sigmas are too small there"
-        )
-
 
 @dataclass(frozen=True)
 class Jump:
@@ -71,29 +64,44 @@ class Jump:
     component: str
     size: float
 
-    def note(self) -> str:
-        """One sentence for the user."""
-        return (
-            f"between {self.before:.2f} and {self.after:.2f} s the receiver's {self.component} changes by {-self.size:+.2g} m/s"
-            " more than the inertial unit measures: the unit misses an impact, such as a touch-down, or the receiver jumps;"
-            " the stated sigmas do not hold for some time after it"
-        )
 
-
-def contradiction_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
+def contradiction_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> tuple[Remark, ...]:
     """The worst contradiction and the largest jump, a sentence each.
 
     time (n,) s; outputs: `innovation` (n, 6) and `test_ratio` (n, 6), position and velocity in n, of the last fix; there are
     none for an estimator without them. `velocity_sigma` (n, 3) m/s, where there is one.
     """
-    parted, jumped = contradictions(time, outputs), jumps(time, outputs)
-    jumped = [one for one in jumped if not any(other.begin <= one.before for other in parted)]
-    notes = []
-    if parted:
-        notes.append(max(parted, key=lambda one: one.ratio).note() + _more(len(parted) - 1, "time"))
-    if jumped:
-        notes.append(max(jumped, key=lambda one: abs(one.size)).note() + _more(len(jumped) - 1, "jump"))
-    return tuple(notes)
+    intervals, jumped = contradictions(time, outputs), jumps(time, outputs)
+    jumped = [jump for jump in jumped if not any(interval.begin <= jump.before for interval in intervals)]
+    return (*contradicted(intervals), *velocity_jump(jumped))
+
+
+@remark(
+    "fixes-contradict",
+    "the fixes contradict the estimate from {begin:.1f} to {end:.1f} s: {component} is off by {innovation:+.2g} {unit}, "
+    "{ratio:.1f} times what estimate and fix state together: the stated sigmas are too small there{more}",
+)
+def contradicted(intervals: Sequence[Contradiction]) -> dict[str, Any] | None:
+    """The worst of the intervals in which fixes contradict the estimate."""
+    if not intervals:
+        return None
+    worst = max(intervals, key=lambda each: each.ratio)
+    unit = "m/s" if worst.component.startswith("v") else "m"
+    return {**vars(worst), "unit": unit, "more": _more(len(intervals) - 1, "time")}
+
+
+@remark(
+    "velocity-jump",
+    "between {before:.2f} and {after:.2f} s the receiver's {component} changes by {change:+.2g} m/s more than the inertial "
+    "unit measures: the unit misses an impact, such as a touch-down, or the receiver jumps; the stated sigmas do not hold for "
+    "some time after it{more}",
+)
+def velocity_jump(jumps: Sequence[Jump]) -> dict[str, Any] | None:
+    """The largest jump of the velocity."""
+    if not jumps:
+        return None
+    largest = max(jumps, key=lambda each: abs(each.size))
+    return {**vars(largest), "change": -largest.size, "more": _more(len(jumps) - 1, "jump")}
 
 
 def _more(count: int, what: str) -> str:
@@ -110,12 +118,11 @@ def contradictions(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> 
         return []
     median = _medians(ratios, width)
     size = np.abs(median)
-    at = np.flatnonzero(size.max(axis=1) > RATIO)
-    found = []
-    for group in np.split(at, np.flatnonzero(np.diff(at) > width) + 1) if at.size else []:
+    intervals = []
+    for group in _groups(size.max(axis=1) > RATIO, width):
         window, component = np.unravel_index(int(np.argmax(size[group])), (len(group), 6))
         first = int(group[window])
-        found.append(
+        intervals.append(
             Contradiction(
                 begin=float(time[group[0]]),
                 end=float(time[group[-1] + width - 1]),
@@ -124,7 +131,7 @@ def contradictions(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> 
                 innovation=float(np.median(innovations[first : first + width, component])),
             )
         )
-    return found
+    return intervals
 
 
 def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump]:
@@ -134,7 +141,7 @@ def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump
     if len(time) < 4 * FIXES:
         return []
     usual_size, usual_ratio = (np.median(np.abs(values), axis=0) for values in (innovations, ratios))
-    innovations = innovations * (usual_size < UNKNOWN * usual_ratio)
+    innovations = innovations * (usual_size < UNMEASURED_SIGMA * usual_ratio)
     median = _medians(innovations[:, 3:], FIXES)
     step = median[FIXES:] - median[:-FIXES]  # between the fixes FIXES - 1 + k and FIXES + k
     usual = 1.4826 * np.median(np.abs(step), axis=0)
@@ -144,18 +151,22 @@ def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump
     groups = np.lib.stride_tricks.sliding_window_view(innovations[:, 3:], FIXES, axis=0)
     spread = groups.max(axis=-1) - groups.min(axis=-1)
     steady = np.maximum(spread[:-FIXES], spread[FIXES:]) < 0.5 * np.abs(step)
-    large = steady & (np.abs(step) > np.maximum(JUMP * usual, LEAST_JUMP))
-    at = np.flatnonzero(large.any(axis=1) & without_gap)
-    found = []
-    for group in np.split(at, np.flatnonzero(np.diff(at) > FIXES) + 1) if at.size else []:
+    large = steady & (np.abs(step) > np.maximum(JUMP * usual, SMALLEST_JUMP))
+    jumped = []
+    for group in _groups(large.any(axis=1) & without_gap, FIXES):
         window, component = np.unravel_index(int(np.argmax(np.abs(step[group] * large[group]))), (len(group), 3))
         first = int(group[window]) + FIXES - 1
         size = float(step[group[window], component])
-        own = 0.0 if stated is None else float(stated[np.searchsorted(records, time[first + 1]) - 1, component])
-        if abs(size) < COVERED * own:
-            continue
-        found.append(Jump(float(time[first]), float(time[first + 1]), COMPONENTS[3 + component], size))
-    return found
+        sigma = 0.0 if stated is None else float(stated[np.searchsorted(records, time[first + 1]) - 1, component])
+        if abs(size) >= COVERED * sigma:
+            jumped.append(Jump(float(time[first]), float(time[first + 1]), COMPONENTS[3 + component], size))
+    return jumped
+
+
+def _groups(holds: NDArray[np.bool_], apart: int) -> list[NDArray[np.intp]]:
+    """Places at which a condition holds, in groups that are more than `apart` places from each other."""
+    at = np.flatnonzero(holds)
+    return np.split(at, np.flatnonzero(np.diff(at) > apart) + 1) if at.size else []
 
 
 def _fixes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> tuple[Vector, Vector, Vector]:
@@ -177,38 +188,38 @@ def _medians(values: Vector, width: int) -> Vector:
 # GNSS measures the motion of a place.  A filter finds the attitude of the unit from it, however the unit is mounted, so axes
 # that are named wrongly become a wrong heading with a small stated sigma.  Only a vehicle that moves forward contradicts it.
 
-SPEED = 3.0
+TRAVEL_SPEED = 3.0
 """Speed over the ground (m/s) from which the course counts."""
-LONG_S = 10.0
+SHORTEST_TRAVEL_S = 10.0
 """Shortest time (s) at such speeds."""
-KNOWN = np.radians(10.0)
+LARGEST_HEADING_SIGMA = np.radians(10.0)
 """Largest standard deviation (rad) of a heading that counts."""
-STEADY = 0.9
+STEADY_LENGTH = 0.9
 """Length of the mean of the unit vectors of the angle: nearer 0 for a vehicle that moves in any direction."""
 SIDEWAYS = np.radians(30.0)
 """Smallest angle (rad) that is not the drift angle of a ship in a current or of an aircraft in the wind."""
 
 
-def sideways_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
-    """A sentence if heading less course is steadily far from 0.
+@remark(
+    "moves-sideways",
+    "the heading is {angle:+.0f} deg from the direction of travel: if this vehicle moves forward, the unit is turned about the "
+    "vertical by that; look at `axes` and `mounting_angles_deg`, which fixes of GNSS do not show",
+)
+def sideways_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> dict[str, Any] | None:
+    """Heading less course is steadily far from 0.
 
     time (n,) s; outputs by row name: `q_nb` (n, 4), `velocity_n` (n, 3) m/s, none of an alignment, and `attitude_sigma` (n, 3)
     rad, where there is one.
     """
     velocity = outputs.get("velocity_n")
     if velocity is None or len(time) < 2:
-        return ()
-    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > SPEED
+        return None
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > TRAVEL_SPEED
     if (sigma := outputs.get("attitude_sigma")) is not None:
-        moving &= sigma[:, 2] < KNOWN
-    if moving.sum() * float(np.median(np.diff(time))) < LONG_S:
-        return ()
+        moving &= sigma[:, 2] < LARGEST_HEADING_SIGMA
+    if moving.sum() * float(np.median(np.diff(time))) < SHORTEST_TRAVEL_S:
+        return None
     heading = attitude.numeric.to_euler(outputs["q_nb"][moving])[2]
     mean = np.mean(np.exp(1j * (heading - np.arctan2(velocity[moving, 1], velocity[moving, 0]))))
     angle = float(np.angle(mean))
-    if abs(mean) < STEADY or abs(angle) < SIDEWAYS:
-        return ()
-    return (
-        f"the heading is {np.degrees(angle):+.0f} deg from the direction of travel: if this vehicle moves forward, the unit is"
-        " turned about the vertical by that; look at `axes` and `mounting_angles_deg`, which fixes of GNSS do not show",
-    )
+    return None if abs(mean) < STEADY_LENGTH or abs(angle) < SIDEWAYS else {"angle": np.degrees(angle)}

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import Remark, declared, remark
 from insenv.core.elementary import sin_cos, wrap_angle
 from insenv.core.model import Values
 from insenv.core.tables import Table
+from insenv.estimators import Estimator
 from insenv.estimators.contract import TURNTABLE
-from insenv.evaluation import sentences
 from insenv.evaluation.health import Health
 from insenv.geodesy import STANDARD_GRAVITY
 
@@ -63,15 +64,7 @@ class UnitError:
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
-        return {
-            "name": self.name,
-            "component": self.component,
-            "unit": self.unit,
-            "estimate": self.estimate,
-            "sigma": self.sigma,
-            "true": self.true,
-            "error": self.error,
-        }
+        return {**vars(self), "error": self.error}
 
 
 def unit_errors(vehicle: str, outputs: Mapping[str, Array], true: Mapping[str, Array] | None = None) -> tuple[UnitError, ...]:
@@ -79,17 +72,17 @@ def unit_errors(vehicle: str, outputs: Mapping[str, Array], true: Mapping[str, A
 
     vehicle: its kind.  true: `insenv.sensors.imu.true_unit_errors` (k,) by the same names, or None.
     """
-    found: list[UnitError] = []
-    if vehicle != TURNTABLE:
-        return ()
-    for name, (unit, factor) in UNITS.items():
-        if f"{name}_estimate_sigma" not in outputs:
-            continue
+    estimated = [name for name in UNITS if vehicle == TURNTABLE and f"{name}_estimate_sigma" in outputs]
+    unit: list[UnitError] = []
+    for name in estimated:
+        unit_name, factor = UNITS[name]
         estimates, sigmas = (factor * outputs[row][-1] for row in (name, f"{name}_estimate_sigma"))
         actual = [None] * len(estimates) if true is None else [float(factor * value) for value in true[name]]
         columns = zip(_COMPONENTS[len(estimates)], estimates, sigmas, actual, strict=True)
-        found += [UnitError(name, axis, unit, float(estimate), float(sigma), known) for axis, estimate, sigma, known in columns]
-    return tuple(found)
+        unit += [
+            UnitError(name, axis, unit_name, float(estimate), float(sigma), known) for axis, estimate, sigma, known in columns
+        ]
+    return tuple(unit)
 
 
 Array = NDArray[np.float64]
@@ -102,6 +95,10 @@ STEEP = 80.0
 """Pitch (deg) from which roll and heading do not show an error of the attitude."""
 TOO_SURE = 3.0
 """Ratio of an rms error to its stated standard deviation beyond which a run says so."""
+STEEP_LIMIT = declared(
+    "steep-no-limit",
+    "no limit of roll and heading: the pitch comes near 90 deg, where their errors are large without an error of the attitude",
+)
 
 
 def statistics_from(navigates: bool, end_s: float) -> float:
@@ -166,7 +163,7 @@ class Result:
     limit: dict[str, float]
     from_s: float
     us_per_sample: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     health: Health | None = None
     settled: bool = True
     limit_sigma: dict[str, Array] = field(default_factory=dict)
@@ -195,27 +192,28 @@ class Result:
         """Errors that are none of the attitude: roll and heading, where the pitch comes near 90 deg."""
         return ("roll_deg", "heading_deg") if self.steep() else ()
 
-    def steep(self) -> tuple[str, ...]:
-        """A sentence if the pitch comes near 90 deg, where a small turn changes roll and heading by any angle."""
+    @remark(
+        "steep-pitch",
+        "the pitch comes to {pitch:.3g} deg: errors of roll and heading are differences of Euler angles, which near 90 deg are "
+        "large without an error of the attitude, and are not judged here",
+    )
+    def steep(self) -> dict[str, Any] | None:
+        """The pitch comes near 90 deg, where a small turn changes roll and heading by any angle."""
         if "pitch_deg" not in self.errors or "q_nb" not in self.outputs:
-            return ()
+            return None
         true_deg = np.degrees(attitude.numeric.to_euler(self.outputs["q_nb"])[1]) - self.errors["pitch_deg"]
         pitch = np.abs(true_deg[self._late])
-        if not np.any(pitch > STEEP):
-            return ()
-        return (sentences.STEEP.format(pitch=f"{pitch.max():.3g}"),)
+        return {"pitch": pitch.max()} if np.any(pitch > STEEP) else None
 
-    def too_sure(self) -> tuple[str, ...]:
-        """A sentence if an rms error is more than `TOO_SURE` times its stated sigma; none for a run that is too short."""
-        if not self.settled:
-            return ()
-        found, stated = self.statistics()["rms"], self.stated()
-        judged = {name: own for name, own in stated.items() if name not in self.unjudged}
-        worst = {name: found[name] / own for name, own in judged.items() if 0.0 < own * TOO_SURE < found[name]}
-        if not worst:
-            return ()
-        listed = ", ".join(f"{name.rpartition('_')[0]} {ratio:.3g}" for name, ratio in worst.items())
-        return (sentences.TOO_SURE.format(ratios=listed),)
+    @remark("too-sure", "the errors are larger than this estimator states, rms over stated sigma: {ratios}")
+    def too_sure(self) -> dict[str, Any] | None:
+        """An rms error is more than `TOO_SURE` times its stated sigma; not said of a run that is too short."""
+        rms, unjudged = self.statistics()["rms"], self.unjudged
+        stated = {name: sigma for name, sigma in self.stated().items() if name not in unjudged}
+        worst = {name: rms[name] / sigma for name, sigma in stated.items() if 0.0 < sigma * TOO_SURE < rms[name]}
+        if not worst or not self.settled:
+            return None
+        return {"ratios": ", ".join(f"{name.rpartition('_')[0]} {ratio:.3g}" for name, ratio in worst.items())}
 
     @property
     def _late(self) -> Any:
@@ -242,15 +240,15 @@ def track_of(times: Array, rows: dict[str, Array]) -> Track:
 
 def errors(estimate: Track, truth: Track) -> dict[str, Array]:
     """Errors (estimate minus truth) by channel, for the quantities of both tracks, which have the same times."""
-    found: dict[str, Array] = {}
+    by_channel: dict[str, Array] = {}
     if estimate.q_nb is not None and truth.q_nb is not None:
-        found.update(zip(ATTITUDE, wrapped_deg(estimate.euler_deg() - truth.euler_deg()).T, strict=True))
+        by_channel.update(zip(ATTITUDE, wrapped_deg(estimate.euler_deg() - truth.euler_deg()).T, strict=True))
     if estimate.latitude is not None and truth.latitude is not None:
         places = [(t.latitude, t.longitude, t.height) for t in (estimate, truth)]
-        found.update(zip(POSITION, geodesy.numeric.position_error(*places[0], *places[1]).T, strict=True))
+        by_channel.update(zip(POSITION, geodesy.numeric.position_error(*places[0], *places[1]).T, strict=True))
     if estimate.velocity_n is not None and truth.velocity_n is not None:
-        found.update(zip(VELOCITY, (estimate.velocity_n - truth.velocity_n).T, strict=True))
-    return found
+        by_channel.update(zip(VELOCITY, (estimate.velocity_n - truth.velocity_n).T, strict=True))
+    return by_channel
 
 
 def stated_sigma(outputs: dict[str, Array]) -> dict[str, Array]:
@@ -260,18 +258,18 @@ def stated_sigma(outputs: dict[str, Array]) -> dict[str, Array]:
     The heading converts misalignments about north and east to roll and pitch; this does not hold near 90 deg of
     pitch.
     """
-    found: dict[str, Array] = {}
+    sigma: dict[str, Array] = {}
     if "attitude_sigma" in outputs:
         heading = attitude.numeric.to_euler(outputs["q_nb"])[2]
         north, east, down = np.degrees(outputs["attitude_sigma"]).T
         c, s = np.cos(heading) ** 2, np.sin(heading) ** 2
-        found.update(
+        sigma.update(
             zip(ATTITUDE, (np.sqrt(north**2 * c + east**2 * s), np.sqrt(north**2 * s + east**2 * c), down), strict=True)
         )
     for names, row in ((POSITION, "position_sigma"), (VELOCITY, "velocity_sigma")):
         if row in outputs:
-            found.update(zip(names, outputs[row].T, strict=True))
-    return found
+            sigma.update(zip(names, outputs[row].T, strict=True))
+    return sigma
 
 
 def wrapped_deg(angle_deg: Array) -> Array:
@@ -301,34 +299,64 @@ def stated_of(outputs: Table) -> tuple[str, ...]:
     return tuple(name for names, row, sigma in _GROUPS if row in outputs and sigma in outputs for name in names)
 
 
-def error_of(channels: Sequence[str], found: Values, truth: Values) -> Any:
-    """Estimate minus truth by channel (deg, m, m/s); found, truth: outputs by row name."""
+def error_of(channels: Sequence[str], estimate: Values, truth: Values) -> Any:
+    """Estimate minus truth by channel (deg, m, m/s); estimate, truth: outputs by row name."""
     parts = []
     if "roll_deg" in channels:
-        angles = zip(attitude.to_euler(found.q_nb), attitude.to_euler(truth.q_nb), strict=True)
-        parts += [DEGREES * wrap_angle(estimate - true) for estimate, true in angles]
+        angles = zip(attitude.to_euler(estimate.q_nb), attitude.to_euler(truth.q_nb), strict=True)
+        parts += [DEGREES * wrap_angle(angle - true) for angle, true in angles]
     if "north_m" in channels:
-        places = [(v.latitude, v.longitude, v.height) for v in (found, truth)]
+        places = [(v.latitude, v.longitude, v.height) for v in (estimate, truth)]
         parts.append(geodesy.position_error(*places[0], *places[1]))
     if "vn_mps" in channels:
-        parts.append(found.velocity_n - truth.velocity_n)
+        parts.append(estimate.velocity_n - truth.velocity_n)
     return ca.vertcat(*parts)
 
 
-def sigma_of(stated: Sequence[str], found: Values) -> Any:
-    """The standard deviation that an estimator states, by channel (deg, m, m/s); found: its outputs by row name."""
+def sigma_of(stated: Sequence[str], estimate: Values) -> Any:
+    """The standard deviation that an estimator states, by channel (deg, m, m/s); estimate: its outputs by row name."""
     parts = []
     for names, _, row in _GROUPS:
         if names[0] not in stated:
             continue
-        sigma = getattr(found, row)
+        sigma = getattr(estimate, row)
         if names is ATTITUDE:
-            s, c = sin_cos(attitude.to_euler(found.q_nb)[2])
+            s, c = sin_cos(attitude.to_euler(estimate.q_nb)[2])
             north, east = sigma[0] * sigma[0], sigma[1] * sigma[1]
             level = (north * c * c + east * s * s, north * s * s + east * c * c)
             sigma = DEGREES * ca.vertcat(*(ca.sqrt(square) for square in level), sigma[2])
         parts.append(sigma)
     return ca.vertcat(*parts)
+
+
+# Normalised estimation error squared (NEES), e^T P^-1 e, of estimators with a covariance, as a symbolic expression.
+#
+# The NEES of a consistent filter has a mean equal to the number of states compared.
+
+
+def normalised(error: Any, P: Any) -> Any:
+    """e^T P^-1 e of a column (k,) and a symmetric positive definite matrix (k, k), by elimination (P = L D L^T)."""
+    total = error[0] * error[0] / P[0, 0]
+    while error.shape[0] > 1:
+        column = P[1:, 0] / P[0, 0]
+        error, P = error[1:] - column * error[0], P[1:, 1:] - P[0, 0] * (column @ column.T)
+        total = total + error[0] * error[0] / P[0, 0]
+    return total
+
+
+def nees(estimator: Estimator, x: Values, outputs: Values, truth: Values) -> tuple[Any, int]:
+    """NEES of an estimator and its degrees of freedom; (None, 0) if it has no covariance.
+
+    x, outputs: the estimator's state and outputs by row name.  truth: the plant's rows.  The error is
+    `Estimator.error`, or, for an estimator without it, that of the attitude.
+    """
+    if estimator.error is not None:
+        error, P = estimator.error(x, outputs, truth)
+    elif hasattr(outputs, "attitude_covariance"):
+        error, P = attitude.error_rotation_vector(outputs.q_nb, truth.q_nb), outputs.attitude_covariance
+    else:
+        return None, 0
+    return normalised(error, ca.densify(P)), error.shape[0]
 
 
 # An estimate that comes from outside insenv: what may be in it, and its checks.
@@ -373,10 +401,10 @@ def checked_estimate(given: Any) -> dict[str, Array]:
         raise InputError(
             f"{', '.join(some)} without {', '.join(n for n in _POSITION if n not in some)}: a position has all three"
         )
-    found = {name: _quaternion(value) if name == "q_nb" else _row(name, value) for name, value in values.items()}
-    if not found:
+    estimate = {name: _quaternion(value) if name == "q_nb" else _row(name, value) for name, value in values.items()}
+    if not estimate:
         raise InputError("the estimate is empty: allowed is an attitude, or a dict with it")
-    return found
+    return estimate
 
 
 def _row(name: str, value: Any) -> Array:

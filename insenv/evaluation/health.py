@@ -5,7 +5,7 @@ A filter that reports its health sums the squared test ratios over every measure
 be sparse.  `insenv.evaluation.nis` judges each instrument; the filter has the worst of these verdicts.
 
 What it cannot see: an innovation is the difference of estimate and measurement.  An error of the fixes that is slow enough for
-the estimate to follow is in neither, and makes the NIS smaller than 1 (`Health.notes`).
+the estimate to follow is in neither, and makes the NIS smaller than 1 (`slow_errors`).
 """
 
 from __future__ import annotations
@@ -16,28 +16,61 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.remarks import Remark, declared, remark
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
-from insenv.evaluation import sentences
 from insenv.evaluation.nis import APART as APART
 from insenv.evaluation.nis import BLOCKS as BLOCKS
+from insenv.evaluation.nis import NO_NIS, NOTABLE, Array, Nis, of_records, sums_of
 from insenv.evaluation.nis import VERDICTS as VERDICTS
 from insenv.evaluation.nis import WRONG as WRONG
-from insenv.evaluation.nis import Array, Counts, Nis, figure
 from insenv.evaluation.nis import Verdict as Verdict
 
 GROUPS = ("position", "velocity")
-_NONE = Nis(float("nan"), float("nan"), float("nan"))
+LINES = {
+    "called": "{verdict}, factor {factor}",
+    "summary": "{called}: {share} % of {count} {what} refused, {nis}",
+    "whole-and-gnss": "{called}; gnss: {of_gnss}",
+    "nis": "NIS {mean} ({low:.3g} to {high:.3g})",
+    "none-used": "none used",
+    "untested": "untested: none of {count} {what} was compared with an estimate",
+    "smaller": ", innovations smaller than stated",
+    "within": f" within {100 * (NOTABLE - 1):.0f} % of sigma",
+}
+"""What the line of an instrument is made of."""
 
 
 @dataclass(frozen=True)
 class AidHealth:
-    """The health of a filter by the measurements of one aid other than GNSS: fields as those of `Health`."""
+    """The health of a filter by the measurements of one aid.
+
+    measurements, refused: their number, and of those of which the gate refused a component.  nis: of all components used;
+    groups: of each group of components.
+    verdict: "diverged": over the run, or over the last quarter of the measurements, most are refused, or over that quarter the
+            innovations used are `insenv.evaluation.nis.APART` times as large as stated;
+        "overconfident": a NIS above its bounds and a factor of at least `insenv.evaluation.nis.NOTABLE`, or a share above
+            `insenv.evaluation.nis.REFUSED_OVERCONFIDENT` refused;
+        "untested": no measurement was compared with an estimate: each started the filter anew; else
+        "consistent".
+    factor: by which the stated standard deviations of innovations must be multiplied; 1 if consistent or untested: the largest
+        root mean square of the test ratios of a group, refused components included.
+    """
 
     measurements: int
     refused: int
     nis: Nis
+    groups: tuple[Nis, ...]
     verdict: Verdict
     factor: float
+
+    @classmethod
+    def of(cls, sums: Array) -> AidHealth | None:
+        """From the sums at the records of a run (`insenv.evaluation.nis`); None if nothing was measured."""
+        count, refused = map(int, sums[-1, :2])
+        if not count:
+            return None
+        place, factor, (nis, *groups) = of_records(sums)
+        verdict = VERDICTS[place]
+        return cls(count, refused, nis, tuple(groups), verdict, factor if verdict in WRONG else 1.0)
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
@@ -49,41 +82,48 @@ class AidHealth:
             "factor": self.factor,
         }
 
-    @property
-    def summary(self) -> str:
-        """One line: verdict, share refused, NIS with bounds."""
-        return _summary(self.verdict, self.factor, self.refused, self.measurements, "measurements", self.nis)
+    def summary(self, what: str = "measurements") -> str:
+        """One line: verdict, share refused, NIS with bounds; what: its measurements."""
+        if self.verdict == "untested":
+            return LINES["untested"].format(count=self.measurements, what=what)
+        nis, share = self.nis, 100 * self.refused / self.measurements
+        outside = "smaller" if nis.mean < nis.low else "within" if nis.mean > nis.high else ""
+        qualified = LINES[outside] if outside and self.verdict == "consistent" else ""
+        return LINES["summary"].format(
+            called=_called(self.verdict, self.factor) + qualified,
+            share=f"{share:.2g}" if share < 99.5 else "100",
+            count=self.measurements,
+            what=what,
+            nis=LINES["nis"].format(mean=figure(nis.mean), low=nis.low, high=nis.high) if nis.mean >= 0 else LINES["none-used"],
+        )
+
+
+NO_FIXES = AidHealth(0, 0, NO_NIS, (NO_NIS, NO_NIS), "untested", 1.0)
 
 
 @dataclass(frozen=True)
 class Health:
-    """The health of a filter over a run.
+    """The health of a filter over a run: by GNSS (`NO_FIXES`: none came), and by every other aid that measured, by id.
 
-    fixes, refused: number of fixes, and of those of which the gate refused a component; 0 of a filter without GNSS.
-    nis: of all components of the fixes used.  groups: of position and of velocity ("position", "velocity").
-    verdict: the worst of those of GNSS and of `aids`, each of which is
-        "diverged": over the run, or over the last quarter of its measurements, most are refused, or over that quarter the
-            innovations used are `APART` times as large as stated;
-        "overconfident": a NIS above its bounds and a factor of at least `insenv.evaluation.nis.NOTABLE`, or a share above
-            `insenv.evaluation.nis.MANY` refused;
-        "untested": no measurement was compared with an estimate: each started the filter anew; else
-        "consistent".
-    factor: by which the stated standard deviations of innovations must be multiplied; 1 if consistent or untested.  Of the
-        root mean squares of the test ratios of position, velocity and aids, refused components included, it is the largest of
-        those that are overconfident or diverged.
-    aids: of every other aid that measured, by id.
-    fix_verdict, fix_factor: of GNSS alone.
+    fixes, refused, nis: of GNSS.  groups: NIS of position and of velocity ("position", "velocity").  verdict, factor: the worst
+    of those of GNSS and of `aids`.
     """
 
-    fixes: int
-    refused: int
-    nis: Nis
-    groups: Mapping[str, Nis]
-    verdict: Verdict
-    factor: float
+    gnss: AidHealth
     aids: Mapping[str, AidHealth] = field(default_factory=dict)
-    fix_verdict: Verdict = "untested"
-    fix_factor: float = 1.0
+
+    fixes = property(lambda self: self.gnss.measurements)
+    refused = property(lambda self: self.gnss.refused)
+    nis = property(lambda self: self.gnss.nis)
+    groups = property(lambda self: dict(zip(GROUPS, self.gnss.groups, strict=True)))
+
+    @property
+    def verdict(self) -> Verdict:
+        return max((self.gnss.verdict, *(aid.verdict for aid in self.aids.values())), key=VERDICTS.index)
+
+    @property
+    def factor(self) -> float:
+        return max(self.gnss.factor, *(aid.factor for aid in self.aids.values()), 1.0)
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
@@ -105,13 +145,14 @@ class Health:
     @property
     def lines(self) -> tuple[str, ...]:
         """The lines of `summary`."""
-        named = tuple(f"{id}: {aid.summary}" for id, aid in self.aids.items())
+        called = _called(self.verdict, self.factor)
+        named = tuple(f"{id}: {aid.summary()}" for id, aid in self.aids.items())
         if not self.fixes:
-            return (_called(self.verdict, self.factor), *named)
-        own = _summary(self.fix_verdict, self.fix_factor, self.refused, self.fixes, "fixes", self.nis)
-        if self.verdict != self.fix_verdict:
-            own = sentences.WHOLE_AND_GNSS.format(called=_called(self.verdict, self.factor), own=own)
-        return (own, *named)
+            return (called, *named)
+        of_gnss = self.gnss.summary("fixes")
+        if self.verdict != self.gnss.verdict:
+            of_gnss = LINES["whole-and-gnss"].format(called=called, of_gnss=of_gnss)
+        return (of_gnss, *named)
 
     @property
     def apart(self) -> tuple[str, ...]:
@@ -120,36 +161,76 @@ class Health:
 
     def judged(self, verdict: Verdict) -> tuple[str, ...]:
         """The measurements that got this verdict: "its fixes", ids of aids."""
-        fixes = ("its fixes",) if self.fixes and self.fix_verdict == verdict else ()
+        fixes = ("its fixes",) if self.fixes and self.gnss.verdict == verdict else ()
         return (*fixes, *(id for id, aid in self.aids.items() if aid.verdict == verdict))
 
-    @property
-    def _or_aids(self) -> str:
-        return sentences.OR_AIDS.format(aids=", ".join(self.aids)) if self.aids else ""
-
-    def notes(self, models_slow_errors: bool = False, causes: Mapping[str, str] | None = None) -> tuple[str, ...]:
+    def notes(self, models_slow_errors: bool = False, causes: Mapping[str, str] | None = None) -> tuple[Remark, ...]:
         """Sentences for the reader; none for a filter whose innovations are as stated.
 
         models_slow_errors: whether the filter models slow errors of the fixes, which then cause no note.
         causes: by id of an aid, what to look at where its measurements do not fit.
         """
         wrong = sorted((aid.factor, id) for id, aid in self.aids.items() if aid.verdict in WRONG)
-        of_aids = tuple(_aid_note(id, self.aids[id], (causes or {}).get(id, "")) for _, id in reversed(wrong))
-        if self.fix_verdict in WRONG:
-            told = sentences.FIXES_DIVERGED if self.fix_verdict == "diverged" else sentences.FIXES_OVERCONFIDENT
-            factor = figure(self.fix_factor)
-            return (told.format(factor=factor, refused=self.refused, count=self.fixes, or_aids=self._or_aids), *of_aids)
-        position = self.groups["position"]
-        if position.below and not models_slow_errors:
-            return (sentences.SLOW.format(mean=f"{position.mean:.2g}"), *of_aids)
-        return of_aids
+        of_aids = [aid_misfit(id, self.aids[id], (causes or {}).get(id, "")) for _, id in reversed(wrong)]
+        of_fixes = (*fixes_misfit(self), *(() if models_slow_errors else slow_errors(self)))
+        return (*of_fixes, *(said for one in of_aids for said in one))
 
 
-def _aid_note(id: str, aid: AidHealth, causes: str) -> str:
-    told = sentences.AID.format(
-        id=id, verdict=aid.verdict, factor=figure(aid.factor), refused=aid.refused, count=aid.measurements
-    )
-    return told + (sentences.CAUSES.format(causes=causes) if causes else "")
+_LOOK = (
+    "its innovations are {factor} times as large as stated, and it refused {refused} of {count} fixes. The errors may exceed "
+    "the stated sigmas by more than that. Look at the grade of the inertial unit, the lever arm of the antenna, the time "
+    "offset of the fixes, their stated sigmas and the start{or_aids}"
+)
+_FIXES = {
+    "diverged": declared("fixes-diverged", f"the filter has diverged from its fixes: {_LOOK}"),
+    "overconfident": declared("fixes-overconfident", f"the filter is overconfident: {_LOOK}"),
+}
+OR_AIDS, CAUSES = ", and at the other aids, which may be stated too surely: {aids}", ". Look at {causes}"
+
+
+def fixes_misfit(health: Health) -> tuple[Remark, ...]:
+    """Fixes of GNSS that do not fit the filter."""
+    gnss = health.gnss
+    if gnss.verdict not in WRONG:
+        return ()
+    or_aids = OR_AIDS.format(aids=", ".join(health.aids)) if health.aids else ""
+    values = {"factor": figure(gnss.factor), "refused": gnss.refused, "count": gnss.measurements, "or_aids": or_aids}
+    return (_FIXES[gnss.verdict].filled(**values),)
+
+
+@remark(
+    "aid-misfit",
+    "{id} does not fit the filter ({verdict}): its innovations are {factor} times as large as stated, and {refused} of its "
+    "{count} measurements were refused. The errors may exceed the stated sigmas{look}",
+)
+def aid_misfit(id: str, aid: AidHealth, causes: str) -> dict[str, Any] | None:
+    """Measurements of an aid other than GNSS that do not fit; causes: what to look at."""
+    look = CAUSES.format(causes=causes) if causes else ""
+    factor = figure(aid.factor)
+    return {"id": id, "verdict": aid.verdict, "factor": factor, "refused": aid.refused, "count": aid.measurements, "look": look}
+
+
+@remark(
+    "fixes-slow-errors",
+    "positions scatter less than their sigmas say (mean NIS {mean:.2g}): their sigmas are too large, or part of their error is "
+    "slow. A slow error does not average out: the position may then be wrong by the whole sigma of a fix, whatever the filter "
+    "states",
+)
+def slow_errors(health: Health) -> dict[str, Any] | None:
+    """Positions whose innovations are smaller than stated, of a filter that fits its fixes."""
+    position = health.groups["position"]
+    return {"mean": position.mean} if health.gnss.verdict not in WRONG and position.below else None
+
+
+NO_FIX = declared("no-fix", "no fix came: the estimate is that of the inertial unit alone")
+NO_FIX_BUT_AIDS = declared("no-fix-but-aids", "no fix came: the estimate is that of the inertial unit and the other aids")
+
+
+def no_fix(health: Health | None) -> tuple[Remark, ...]:
+    """A filter with GNSS and this health to which no fix came."""
+    if health is None:
+        return (NO_FIX,)
+    return () if health.fixes else (NO_FIX_BUT_AIDS,)
 
 
 def models_slow_errors(parameters: Mapping[str, Any]) -> bool:
@@ -162,40 +243,11 @@ def health(outputs: Mapping[str, Array]) -> Health | None:
 
     None if nothing was measured.
     """
-    fixes = Counts.of(outputs, FIX_HEALTH.names) if all(name in outputs for name in FIX_HEALTH.names) else None
-    counted = fixes is not None and fixes.count[-1] > 0
-    aids = {
-        id: _of_aid(counts) for id in reported_aids(outputs) if (counts := Counts.of(outputs, aid_health(id))).count[-1] > 0
-    }
-    if not counted and not aids:
-        return None
-    fix_verdict: Verdict = fixes.verdict if fixes is not None and counted else "untested"
-    fix_factor = fixes.factor if fixes is not None and fix_verdict in WRONG else 1.0
-    verdicts = (fix_verdict, *(aid.verdict for aid in aids.values()))
-    return Health(
-        fixes=int(fixes.count[-1]) if fixes is not None else 0,
-        refused=int(fixes.refused[-1]) if fixes is not None else 0,
-        nis=fixes.nis() if fixes is not None and counted else _NONE,
-        groups={name: fixes.nis(group) if fixes is not None and counted else _NONE for group, name in enumerate(GROUPS)},
-        verdict=max(verdicts, key=VERDICTS.index),
-        factor=max(fix_factor, *(aid.factor for aid in aids.values()), 1.0),
-        aids=aids,
-        fix_verdict=fix_verdict,
-        fix_factor=fix_factor,
-    )
-
-
-def _of_aid(counts: Counts) -> AidHealth:
-    verdict = counts.verdict
-    factor = counts.factor if verdict in WRONG else 1.0
-    return AidHealth(int(counts.count[-1]), int(counts.refused[-1]), counts.nis(), verdict, factor)
-
-
-def no_fix(found: Health | None) -> str:
-    """The sentence about a filter with GNSS and this health to which no fix came; empty if one did."""
-    if found is None:
-        return sentences.NO_FIX
-    return "" if found.fixes else sentences.NO_FIX_BUT_AIDS
+    fixes = all(name in outputs for name in FIX_HEALTH.names)
+    gnss = AidHealth.of(sums_of(outputs, FIX_HEALTH.names)) if fixes else None
+    aids = {id: AidHealth.of(sums_of(outputs, aid_health(id))) for id in reported_aids(outputs)}
+    measured = {id: one for id, one in aids.items() if one is not None}
+    return Health(gnss or NO_FIXES, measured) if gnss or measured else None
 
 
 def course(outputs: Mapping[str, Array]) -> tuple[Array, Array]:
@@ -210,14 +262,10 @@ def course(outputs: Mapping[str, Array]) -> tuple[Array, Array]:
         return np.where(numbers > 0, np.sqrt(squares / numbers), np.nan), np.nan_to_num(refused)
 
 
+def figure(value: float) -> str:
+    """Three digits, and no exponent of a large value."""
+    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+
+
 def _called(verdict: Verdict, factor: float) -> str:
-    return sentences.CALLED.format(verdict=verdict, factor=figure(factor)) if verdict in WRONG else verdict
-
-
-def _summary(verdict: Verdict, factor: float, refused: int, count: int, what: str, nis: Nis) -> str:
-    if verdict == "untested":
-        return sentences.UNTESTED.format(count=count, what=what)
-    called = f"{_called(verdict, factor)}{nis.qualified if verdict == 'consistent' else ''}"
-    share = 100 * refused / count
-    shown = f"{share:.2g}" if share < 99.5 else "100"
-    return sentences.SUMMARY.format(called=called, share=shown, count=count, what=what, nis=nis.text)
+    return LINES["called"].format(verdict=verdict, factor=figure(factor)) if verdict in WRONG else verdict

@@ -84,8 +84,8 @@ class LiveHealth:
         if time - self._judged_at < SHORTEST_S * (1.0 - 1e-6):
             return
         self._judged_at = time
-        found = health(self._rows.unpack(np.array([*self._records, self._latest])))
-        self.verdict = "untested" if found is None else found.verdict
+        judged = health(self._rows.unpack(np.array([*self._records, self._latest])))
+        self.verdict = "untested" if judged is None else judged.verdict
         if self.verdict in WRONG:
             self._unwell_at = time
 

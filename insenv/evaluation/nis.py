@@ -12,22 +12,25 @@ that of independent components:
 
 This needs no model of the dependence.  It does not see one that is longer than a block.
 
+The rule, `judged`, takes numbers or symbols: Python evaluates it after a run, and a live page runs it compiled (`equation`).
+
 Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001), section 5.4.2;
 blocks: batch means, Law and Kelton, "Simulation Modeling and Analysis", section 9.5.3.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import sqrt
+from functools import lru_cache, reduce
 from typing import Any, Literal, get_args
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.evaluation import sentences
-from insenv.evaluation.chi_square import quantile
+from insenv.core.elementary import maximum, polynomial, select
+from insenv.evaluation.chi_square import bound_polynomial, quantile
 
 Array = NDArray[np.float64]
 Verdict = Literal["untested", "consistent", "overconfident", "diverged"]
@@ -41,132 +44,158 @@ BLOCKS = 20
 """Blocks of a run; fewer than two measurements a block leave D = 1."""
 NOTABLE = 1.1
 """A factor below it is not called overconfident: data sheets and receivers do not give a sigma to 10 %."""
-MANY = 0.1
+REFUSED_OVERCONFIDENT = 0.1
 """Share of refused measurements that is not explained by occasional outliers."""
-MOST = 0.5
+REFUSED_DIVERGED = 0.5
 """Share of refused measurements from which filter and instrument have parted."""
 APART = 5.0
 """RMS of the test ratios used, of a group of components, from which filter and instrument have parted.
 
 By default a single ratio of this size is refused.
 """
-LAST = 0.75
+LATE_SHARE = 0.75
 """Diverged is a filter that has parted from its measurements over the whole run, or over those after this share of them."""
-FEWEST = 8
+FEWEST_LATE = 8
 """Measurements below which no filter is called diverged for the last of them."""
+_SMALLEST_DIVISOR = 1e-300
+"""Smallest divisor: a value divided by it is not used."""
 
 
 @dataclass(frozen=True)
 class Nis:
     """Mean NIS of the components used, and its 95 % bounds for a consistent filter; NaN where there is none."""
 
-    mean: float
-    low: float
-    high: float
+    mean: Any
+    low: Any
+    high: Any
 
     @property
-    def above(self) -> bool:
+    def above(self) -> Any:
         """Whether it shows innovations that are notably larger than stated."""
-        return self.mean > max(self.high, NOTABLE**2)
+        return self.mean > maximum(self.high, NOTABLE**2)
 
     @property
     def below(self) -> bool:
         """Whether it shows innovations that are notably smaller than stated."""
-        return self.mean < min(self.low, NOTABLE**-2)
+        return bool(self.mean < min(self.low, NOTABLE**-2))
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
         return {"nis": self.mean, "nis_bounds": [self.low, self.high]}
 
-    @property
-    def text(self) -> str:
-        """The mean with its bounds."""
-        if not self.mean >= 0:
-            return sentences.NONE_USED
-        return sentences.NIS.format(mean=figure(self.mean), low=f"{self.low:.3g}", high=f"{self.high:.3g}")
 
-    @property
-    def qualified(self) -> str:
-        """What the verdict "consistent" means where the mean is outside the bounds; empty inside."""
-        if self.mean < self.low:
-            return sentences.SMALLER
-        return sentences.WITHIN.format(percent=f"{100 * (NOTABLE - 1):.0f}") if self.mean > self.high else ""
+NO_NIS = Nis(float("nan"), float("nan"), float("nan"))
+Judgement = tuple[Any, Any, list[Nis]]
+"""Place of the verdict in `VERDICTS`; RMS of the test ratios, refused components included, of the group with the largest; NIS
+of all components used and of each group."""
+Bounds = Callable[[Any], tuple[Any, Any]]
+"""Of degrees of freedom, the bounds of the mean NIS."""
+
+# Sums of an instrument, a row for each record: number of measurements so far, of those of which the gate refused a component;
+# then, each with a column for every group of components, squared test ratios of the components used, their number, and the same
+# two of those refused.
 
 
-@dataclass(frozen=True)
-class Counts:
-    """What a filter reports of one instrument: sums over all measurements so far, at each record.
+def sums_of(rows: Mapping[str, Array], names: tuple[str, ...]) -> Array:
+    """Sums (records, 2 + 4 groups) from recorded rows by name; names: ordered as `insenv.estimators.parts.rows.COUNTED`."""
+    return np.hstack([np.asarray(rows[name], dtype=np.float64).reshape(len(rows[name]), -1) for name in names])
 
-    count, refused (records,): measurements, and those of which the gate refused a component.
-    used, used_number, left, left_number (records, groups): squared test ratios of the components used and of those refused, and
-    the numbers of these components.
+
+def judged(ends: Any, late: Any, blocks: Any, bounds: Bounds) -> Judgement:
+    """The judgement from sums at the ends of the blocks, the last of which is the end of the run, and at one record before.
+
+    late: at the record after which the last part of the measurements comes.  blocks: number of blocks that hold measurements.
     """
-
-    count: Array
-    refused: Array
-    used: Array
-    used_number: Array
-    left: Array
-    left_number: Array
-
-    @classmethod
-    def of(cls, rows: Mapping[str, Array], names: tuple[str, ...]) -> Counts:
-        """From recorded rows by name; names: in the order of the fields."""
-        count, refused, *sums = (np.asarray(rows[name], dtype=np.float64) for name in names)
-        return cls(np.ravel(count), np.ravel(refused), *(one.reshape(len(one), -1) for one in sums))
-
-    def nis(self, group: int | None = None) -> Nis:
-        """Of one group of components; None: of all."""
-        group_of = slice(None) if group is None else slice(group, group + 1)
-        return _nis(self.used[:, group_of].sum(axis=-1), self.used_number[:, group_of].sum(axis=-1), _edges(self.count))
-
-    @property
-    def verdict(self) -> Verdict:
-        """How filter and instrument agree (`insenv.evaluation.health.Health`)."""
-        if not np.any(self.used_number[-1] + self.left_number[-1]):
-            return "untested"
-        count, refused = self.count[-1], self.refused[-1]
-        late = int(np.searchsorted(self.count, LAST * count, side="left"))
-        of_late, refused_late, square, number = (
-            values[-1] - values[late] for values in (self.count, self.refused, self.used, self.used_number)
-        )
-        if refused > MOST * count:
-            return "diverged"
-        if of_late >= FEWEST and (refused_late > MOST * of_late or np.any(square > APART**2 * np.maximum(number, 1.0))):
-            return "diverged"
-        nis = (self.nis(), *(self.nis(group) for group in range(self.used.shape[1])))
-        return "overconfident" if refused > MANY * count or any(one.above for one in nis) else "consistent"
-
-    @property
-    def factor(self) -> float:
-        """RMS of the test ratios, refused components included, of the group with the largest."""
-        square, number = self.used[-1] + self.left[-1], self.used_number[-1] + self.left_number[-1]
-        return sqrt(float(np.max(square / np.maximum(number, 1.0))))
+    width = (ends.shape[1] - 2) // 4
+    groups, last = range(width), [_number(ends[-1, k]) for k in range(ends.shape[1])]
+    squares, numbers = ends[:, 2 : 2 + width], ends[:, 2 + width : 2 + 2 * width]
+    nis = [_nis(_sum(squares), _sum(numbers), blocks, bounds)]
+    nis += [_nis(squares[:, k], numbers[:, k], blocks, bounds) for k in groups]
+    count, refused, used, used_number, left, left_number = _parts(last)
+    count_late, refused_late, used_late, used_number_late, *_ = _parts([sum - late[k] for k, sum in enumerate(last)])
+    parted = [used_late[k] > APART**2 * maximum(used_number_late[k], 1.0) for k in groups]
+    diverged = _any(
+        refused > REFUSED_DIVERGED * count,
+        (count_late >= FEWEST_LATE) * _any(refused_late > REFUSED_DIVERGED * count_late, *parted),
+    )
+    overconfident = _any(refused > REFUSED_OVERCONFIDENT * count, *(one.above for one in nis))
+    tested = _any(*(used_number[k] + left_number[k] > 0 for k in groups))
+    mean_squares = [(used[k] + left[k]) / maximum(used_number[k] + left_number[k], 1.0) for k in groups]
+    verdict = select(tested, select(diverged, 3, select(overconfident, 2, 1)), 0)
+    return verdict, ca.sqrt(reduce(maximum, mean_squares)), nis
 
 
-def figure(value: float) -> str:
-    """Three digits, and no exponent of a large value."""
-    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+def _parts(sums: list[Any]) -> list[Any]:
+    """The sums of one row: two numbers, and four lists of a number for each group."""
+    width = (len(sums) - 2) // 4
+    return [*sums[:2], *(sums[2 + k * width : 2 + (k + 1) * width] for k in range(4))]
 
 
-def _edges(count: Array) -> NDArray[np.intp]:
-    """Records that end the blocks: the first with each multiple of 1 / `BLOCKS` of the measurements; one block for few."""
-    if count[-1] < 2 * BLOCKS:
-        return np.array([len(count) - 1])
-    return np.unique(np.searchsorted(count, np.arange(1, BLOCKS + 1) * (count[-1] / BLOCKS), side="left"))
+def _nis(squares: Any, numbers: Any, blocks: Any, bounds: Bounds) -> Nis:
+    """Of the sums of squared test ratios and of components (blocks,) up to the end of each block."""
+    square, number = _number(squares[-1]), _number(numbers[-1])
+    if isinstance(number, float) and number == 0.0:
+        return NO_NIS
+    mean = square / number
+    off = _steps(squares) - mean * _steps(numbers)
+    white = 2 * mean**2 * (number / blocks)
+    spread = _total(off**2) / maximum(blocks - 1, 1) / maximum(white, _SMALLEST_DIVISOR)
+    degrees = number / select((blocks > 1) * (mean > 0), maximum(spread, 1.0), 1.0)
+    return Nis(mean, *bounds(degrees))
 
 
-def _nis(square: Array, number: Array, edges: NDArray[np.intp]) -> Nis:
-    """Mean NIS and bounds from the recorded sums of squares and components (records,)."""
-    total = float(number[-1])
-    if not total:
-        return Nis(float("nan"), float("nan"), float("nan"))
-    mean = float(square[-1]) / total
-    squares, numbers = (np.diff(values[edges], prepend=0.0) for values in (square, number))
-    dependence = 1.0
-    if len(edges) > 1 and mean > 0:
-        white = 2 * mean**2 * float(numbers.mean())
-        dependence = max(1.0, float(np.sum((squares - mean * numbers) ** 2)) / (len(edges) - 1) / white)
-    degrees = total / dependence
+def _number(value: Any) -> Any:
+    return value if isinstance(value, ca.SX) else float(value)
+
+
+def _sum(values: Any) -> Any:
+    """Over the groups."""
+    return ca.sum2(values) if isinstance(values, ca.SX) else values.sum(axis=-1)
+
+
+def _steps(sums: Any) -> Any:
+    return sums - ca.vertcat(0.0, sums[:-1]) if isinstance(sums, ca.SX) else np.diff(sums, prepend=0.0)
+
+
+def _total(values: Any) -> Any:
+    return ca.sum1(values) if isinstance(values, ca.SX) else float(np.sum(values))
+
+
+def _any(*conditions: Any) -> Any:
+    return sum(conditions) > 0
+
+
+def of_records(sums: Array) -> Judgement:
+    """The judgement of a run, from its records."""
+    count = sums[:, 0]
+    edges = np.array([len(count) - 1])
+    if count[-1] >= 2 * BLOCKS:  # the first record with each multiple of 1 / `BLOCKS` of the measurements
+        edges = np.unique(np.searchsorted(count, np.arange(1, BLOCKS + 1) * (count[-1] / BLOCKS), side="left"))
+    late = int(np.searchsorted(count, LATE_SHARE * count[-1], side="left"))
+    return judged(sums[edges], sums[late], len(edges), _bounds)
+
+
+def _bounds(degrees: float) -> tuple[float, float]:
     low, high = (float(bound) / degrees for bound in quantile(PROBABILITIES, degrees))
-    return Nis(mean, low, high)
+    return low, high
+
+
+@lru_cache
+def equation(groups: int) -> ca.Function:
+    """`judged` for a live page: (sums at the ends of `BLOCKS` blocks, sums late), one row after another -> numbers.
+
+    A run with fewer blocks repeats its last row.  Numbers: verdict, factor, then mean, low and high of each NIS.
+    """
+    width = 2 + 4 * groups
+    flat, late = ca.SX.sym("e", BLOCKS * width), ca.SX.sym("l", width)
+    ends = ca.reshape(flat, width, BLOCKS).T
+    blocks = ca.sum1(_steps(ends[:, 0]) > 0)
+    polynomials = [bound_polynomial(probability) for probability in PROBABILITIES]
+
+    def bounds(degrees: Any) -> tuple[Any, Any]:
+        low, high = (polynomial(1.0 / ca.sqrt(degrees), one) ** 3 for one in polynomials)
+        return low, high
+
+    verdict, factor, nis = judged(ends, late, blocks, bounds)
+    numbers = [number for one in nis for number in (one.mean, one.low, one.high)]
+    return ca.Function("judge", [flat, late], [ca.vertcat(verdict, factor, *numbers)], {"cse": True})

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.remarks import as_json
 from insenv.evaluation.errors import Result, Track
 from insenv.evaluation.limits import ratio_bounds
 
@@ -50,10 +51,12 @@ class RunData:
                     "us_per_sample": r.us_per_sample,
                     "statistics_from_s": r.from_s,
                     "notes": list(r.notes),
+                    "remarks": as_json(r.notes),
                 }
                 for r in self.results
             ],
             "notes": list(self.notes),
+            "remarks": as_json(self.notes),
         }
 
 

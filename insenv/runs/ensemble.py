@@ -41,8 +41,10 @@ class Ensemble:
 
     def attitude_errors_deg(self, id: str) -> Array:
         """Errors of roll, pitch and heading (estimate minus truth), (seeds, records, 3), degrees."""
-        found, true = (np.stack(attitude.numeric.to_euler(q), axis=-1) for q in (self.outputs[id]["q_nb"], self.truth["q_nb"]))
-        return wrapped_deg(np.degrees(found - true))
+        estimated, true = (
+            np.stack(attitude.numeric.to_euler(q), axis=-1) for q in (self.outputs[id]["q_nb"], self.truth["q_nb"])
+        )
+        return wrapped_deg(np.degrees(estimated - true))
 
 
 def ensemble(
@@ -71,15 +73,15 @@ def ensemble(
     plant = _batch(model, [p.parameters for p in plants], threads)
     batches = {}
     for e in chosen:
-        own = (tuning or {}).get(e.id, {})
-        batches[e.id] = _batch(e.model, [p.parameters_of(e, own, whole=False) for p in plants], threads)
+        rows_of_tuning = (tuning or {}).get(e.id, {})
+        batches[e.id] = _batch(e.model, [p.parameters_of(e, rows_of_tuning, whole=False) for p in plants], threads)
 
-    kept: list[Array] = []
-    found: dict[str, list[Array]] = {e.id: [] for e in chosen}
+    truths: list[Array] = []
+    estimates: dict[str, list[Array]] = {e.id: [] for e in chosen}
     sensor_error_n = np.zeros((len(plants), 6))
     for begin, count in chunks(total, every, SAMPLES_AT_ONCE // len(plants)):
-        shown = plant.run(count, every=1)
-        columns = model.outputs.unpack(shown)
+        outputs_of_plant = plant.run(count, every=1)
+        columns = model.outputs.unpack(outputs_of_plant)
         columns["dt"] = np.full((len(plants), count), interval)
         sensor_error_n += _sensor_error_sum_n(columns)
         for estimator in chosen:
@@ -87,13 +89,13 @@ def ensemble(
             outputs = batches[estimator.id].run(count, rows, every=every)
             if not np.isfinite(outputs).all():
                 raise InsenvError(f"estimator {estimator.id!r} diverged: its outputs are no longer finite numbers")
-            found[estimator.id].append(outputs)
-        kept.append(shown[:, every - 1 :: every])
+            estimates[estimator.id].append(outputs)
+        truths.append(outputs_of_plant[:, every - 1 :: every])
         if progress is not None:
             progress(begin + count, total)
 
-    truth = model.outputs.unpack(np.concatenate(kept, axis=1))
-    estimated = {e.id: e.model.outputs.unpack(np.concatenate(found[e.id], axis=1)) for e in chosen}
+    truth = model.outputs.unpack(np.concatenate(truths, axis=1))
+    estimated = {e.id: e.model.outputs.unpack(np.concatenate(estimates[e.id], axis=1)) for e in chosen}
     return Ensemble(truth["time"][0], truth, estimated, plants, sensor_error_n / (total * interval))
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError, InsenvError
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import make_runner
 from insenv.estimators import ImuDataSheet, get
 from insenv.logs import GnssFixes, RecordedLog
@@ -69,6 +70,20 @@ def heading_by_force(
     return heading, float(np.hypot(error / speed, LEAST_MATCHED))
 
 
+_CONFLICT = (
+    "the given heading, {heading:.4g} deg, and the course of the first motion, which means {course:.4g} deg, are {apart:.3g} "
+    "deg apart: "
+)
+_WIDENED = declared(
+    "heading-sigma-widened", f"{_CONFLICT}its standard deviation is taken as {{wide:.3g}} deg, not {{narrow:.2g}} deg"
+)
+_REPLACED = declared(
+    "heading-replaced",
+    f"{_CONFLICT}navigation starts with {{force:.4g}} deg (1 sigma {{sigma:.2g}} deg), with which the specific force agrees "
+    "with the change of velocity",
+)
+
+
 def checked_by_motion(
     log: RecordedLog,
     first: int,
@@ -76,9 +91,8 @@ def checked_by_motion(
     rest_rate: Array,
     sigma: float,
     tilt_sigma: float,
-    notes: list[str],
-) -> tuple[float, float]:
-    """The given heading and its standard deviation (rad), or others where the first motion contradicts it, with a note.
+) -> tuple[float, float, tuple[Remark, ...]]:
+    """The given heading and its standard deviation (rad), or others where the first motion contradicts it, with a remark.
 
     angles: roll, pitch and the given heading (rad).  The course alone does not decide, because a vehicle may move sideways.
     The specific force does, and is taken unless it agrees with the given heading alone.  Where the accelerometers are too poor
@@ -88,30 +102,23 @@ def checked_by_motion(
     try:
         course = heading_by_course(log, first, (roll, pitch), rest_rate)
     except InsenvError:
-        return heading, sigma
+        return heading, sigma, ()
     apart = _apart(heading, course)
     if apart <= CONFLICT * np.hypot(sigma, COURSE_SIGMA):
-        return heading, sigma
-    conflict = (
-        f"the given heading, {np.degrees(heading):.4g} deg, and the course of the first motion, which means "
-        f"{np.degrees(course) % 360:.4g} deg, are {np.degrees(apart):.3g} deg apart: "
-    )
+        return heading, sigma, ()
+    conflict = {"heading": np.degrees(heading), "course": np.degrees(course) % 360, "apart": np.degrees(apart)}
     force, force_sigma = heading_by_force(log, first, (roll, pitch), rest_rate, log.sensors(in_place=True), tilt_sigma)
     if force_sigma > MATCHED:
         widened = max(sigma, min(apart, LARGEST_SIGMA))
-        wide, narrow = np.degrees(widened), np.degrees(sigma)
-        notes.append(f"{conflict}its standard deviation is taken as {wide:.3g} deg, not {narrow:.2g} deg")
-        return heading, widened
+        said = _WIDENED.filled(**conflict, wide=np.degrees(widened), narrow=np.degrees(sigma))
+        return heading, widened, (said,)
     of_given, of_course = (
         _apart(angle, force) / np.hypot(own, force_sigma) for angle, own in ((heading, sigma), (course, COURSE_SIGMA))
     )
     if of_given <= CONFLICT < of_course:
-        return heading, sigma
-    notes.append(
-        f"{conflict}navigation starts with {np.degrees(force) % 360:.4g} deg (1 sigma {np.degrees(force_sigma):.2g} deg), with "
-        "which the specific force agrees with the change of velocity"
-    )
-    return force, force_sigma
+        return heading, sigma, ()
+    said = _REPLACED.filled(**conflict, force=np.degrees(force) % 360, sigma=np.degrees(force_sigma))
+    return force, force_sigma, (said,)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InsenvError
+from insenv.base.remarks import Remark
 from insenv.core.runner import Runner, make_runner
 from insenv.estimators import Estimator
 from insenv.evaluation.health import Health, health, models_slow_errors, no_fix
@@ -79,22 +80,21 @@ class Follower:
         """Its health, from what `named` returned; None if it does not report it, or if nothing was measured."""
         return health(outputs) if self.estimator.reports_health else None
 
-    def too_short(self, duration_s: float) -> str:
-        """The sentence that `duration_s` of data are too few for the estimator; empty if they suffice."""
-        return self.estimator.too_short(self._parameters, duration_s)
+    def settled(self, duration_s: float) -> bool:
+        """Whether `duration_s` of data are enough for the estimator."""
+        return not self.estimator.too_short(self._parameters, duration_s)
 
-    def notes(self, time: Array, duration_s: float, found: Health | None, outputs: Mapping[str, Array]) -> tuple[str, ...]:
+    def notes(self, time: Array, duration_s: float, health: Health | None, outputs: Mapping[str, Array]) -> tuple[Remark, ...]:
         """Remarks on the estimate after `duration_s` of data, on its health and on what `named` returned.
 
         time (records,): of these outputs, s since the start.
         """
         parameters, estimator = self._parameters, self.estimator
-        told = (*estimator.notes(parameters, duration_s), *estimator.found(parameters, outputs))
-        told = (*told, *estimator.reached(parameters, time, outputs))
-        if not self.estimator.reports_health:
-            return told
-        if self.estimator.reports_fixes and (said := no_fix(found)):
-            told = (*told, said)
-        if found is None:
-            return told
-        return (*told, *found.notes(models_slow_errors(parameters), self.estimator.causes))
+        of_fixes = no_fix(health) if estimator.reports_fixes else ()
+        of_health = health.notes(models_slow_errors(parameters), estimator.causes) if health else ()
+        return (
+            *estimator.notes(parameters, duration_s),
+            *estimator.shown(parameters, time, outputs),
+            *of_fixes,
+            *of_health,
+        )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, InsenvError, nearest
+from insenv.base.remarks import remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.errors import checked_estimate
 from insenv.evaluation.health import Health
@@ -50,8 +51,8 @@ class Sample:
 
 def sample_names(sensors: Iterable[Sensor]) -> tuple[str, ...]:
     """The columns of a plant that a `Sample` has: what sensors show, and nothing of the truth."""
-    shown = [name for sensor in sensors for name in sensor.outputs if not name.endswith("_true")]
-    return ("time", "dt", *shown)
+    measured = [name for sensor in sensors for name in sensor.outputs if not name.endswith("_true")]
+    return ("time", "dt", *measured)
 
 
 @dataclass(frozen=True)
@@ -95,21 +96,21 @@ class FunctionFollower:
 
         Raises `InputError` for a wrong estimate, `InsenvError` if the function raises an error.
         """
-        shown = {name: columns[name].view() for name in self.names if name in columns}
-        for column in shown.values():
+        visible = {name: columns[name].view() for name in self.names if name in columns}
+        for column in visible.values():
             column.flags.writeable = False
         latest = self._latest
         for row in range(count):
-            sample = Sample(shown, row, self.known)
+            sample = Sample(visible, row, self.known)
             begin = time.process_time()
             try:
-                given = self.function(sample)
+                estimate = self.function(sample)
             except Exception as error:
                 text = f"{type(error).__name__}: {error}"
                 raise InsenvError(f"estimator {self.id!r} failed at {float(sample.time):g} s: {text}") from error
             self.seconds += time.process_time() - begin
-            if given is not None:
-                latest = self._checked(given, latest, float(sample.time))
+            if estimate is not None:
+                latest = self._checked(estimate, latest, float(sample.time))
             if (row + 1) % self.every == 0:
                 self.estimates.append(latest)
         self.calls += count
@@ -118,15 +119,17 @@ class FunctionFollower:
     def _checked(self, given: Any, before: dict[str, Array] | None, at: float) -> dict[str, Array]:
         where = f"estimator {self.id!r} at {at:g} s"
         try:
-            found = checked_estimate(given)
+            estimate = checked_estimate(given)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-        if "q_nb" not in found:
-            raise InputError(f"{where}: the estimate has {', '.join(found)}: allowed is one with q_nb")
-        if before is not None and before.keys() != found.keys():
+        if "q_nb" not in estimate:
+            raise InputError(f"{where}: the estimate has {', '.join(estimate)}: allowed is one with q_nb")
+        if before is not None and before.keys() != estimate.keys():
             rows = ", ".join(before)
-            raise InputError(f"{where}: the estimate has {', '.join(found)}, the one before {rows}: allowed are the same rows")
-        return found
+            raise InputError(
+                f"{where}: the estimate has {', '.join(estimate)}, the one before {rows}: allowed are the same rows"
+            )
+        return estimate
 
     @property
     def first(self) -> int:
@@ -146,16 +149,17 @@ class FunctionFollower:
         """None: a function does not report it."""
         return None
 
-    def too_short(self, duration_s: float) -> str:
-        """Empty: how long a function needs is not known."""
-        return ""
+    def settled(self, duration_s: float) -> bool:
+        """True: how long a function needs is not known."""
+        return True
 
-    def notes(self, time: Array, duration_s: float, found: Health | None, outputs: Mapping[str, Any]) -> tuple[str, ...]:
+    @remark(
+        "python-function", "a Python function, called {calls} times, {us:.3g} us a call: {pace:.3g} times as fast as real time"
+    )
+    def notes(self, time: Array, duration_s: float, health: Health | None, outputs: Mapping[str, Any]) -> dict[str, Any]:
         """How slow the function is."""
-        each, pace = self.seconds / max(self.calls, 1), self.covered_s / max(self.seconds, 1e-9)
-        return (
-            f"a Python function, called {self.calls} times, {each * 1e6:.3g} us a call: {pace:.3g} times as fast as real time",
-        )
+        pace = self.covered_s / max(self.seconds, 1e-9)
+        return {"calls": self.calls, "us": self.seconds / max(self.calls, 1) * 1e6, "pace": pace}
 
 
 def function_id(function: EstimateFunction) -> str:

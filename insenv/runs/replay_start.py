@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared, remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
-from insenv.logs.description import InitialSection
 from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
+from insenv.runs.log_remarks import latitude_text
 from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
-from insenv.runs.told_latitude import named
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,8 @@ ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives withou
 ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
 SURE_SPEED = 3.0  # m/s: of a fix, above which a vehicle does not stand whatever its inertial unit shows
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
-FAR = 4.0  # standard deviations by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
+PLACE_SIGMAS = 4.0  # by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
+PLACE = ("latitude", "longitude", "height")
 WITH_FIXES = "the start is that of the fixes"
 EARLY = 0.1  # s: a stated time this much before the first sample is that of the sample, rounded
 REFERENCE_SIGMAS = {
@@ -62,26 +63,42 @@ def start_time(log: RecordedLog, start: str) -> float:
     return max(first, float(log.reference.time[0]))
 
 
-_STATE = (
-    "latitude_deg",
-    "longitude_deg",
-    "height_m",
-    "velocity_mps",
-    "roll_deg",
-    "pitch_deg",
-    "heading_deg",
-    "position_sigma_m",
-    "velocity_sigma_mps",
-    "tilt_sigma_deg",
-    "heading_sigma_deg",
-)
-"""Keys of [initial] that a start "stated" needs."""
+KEYS = {
+    "latitude": "latitude_deg",
+    "longitude": "longitude_deg",
+    "height": "height_m",
+    "velocity_n": "velocity_mps",
+    "roll": "roll_deg",
+    "pitch": "pitch_deg",
+    "heading": "heading_deg",
+    "position_sigma": "position_sigma_m",
+    "velocity_sigma": "velocity_sigma_mps",
+    "tilt_sigma": "tilt_sigma_deg",
+    "heading_sigma": "heading_sigma_deg",
+}
+"""Keys of [initial] by the fields of `Knowledge`; a start "stated" needs all of them."""
+
+
+def _stated(log: RecordedLog) -> dict[str, Any]:
+    """What [initial] gives, by the fields of `Knowledge`, SI."""
+    stated: dict[str, Any] = {}
+    for name, key in KEYS.items():
+        value = getattr(log.description.initial, key)
+        if value is not None:
+            value = np.array(value) if isinstance(value, tuple) else value
+            stated[name] = float(np.radians(value)) if key.endswith("_deg") else value
+    return stated
+
+
+def _begin(log: RecordedLog, first: int) -> float:
+    """Time (s) at which sample `first` begins."""
+    return float(log.imu_time[first] - log.dt[first])
 
 
 def _check_time_of_state(log: RecordedLog, first: float) -> None:
     """Raise `InputError` unless the state in [initial] is of the time at which the used part begins (`first`, s), or later."""
     initial, cut = log.description.initial, log.description.start_s
-    given = [name for name in _STATE[: _STATE.index("position_sigma_m")] if getattr(initial, name) is not None]
+    given = [KEYS[name] for name in _stated(log) if not name.endswith("_sigma")]
     if not given or log.description.in_place:
         return
     state = f"the state in [initial] ({', '.join(given)})"
@@ -105,7 +122,7 @@ class Start:
     """
 
     knowledge: Knowledge
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     refusal: str = ""
 
 
@@ -123,45 +140,41 @@ def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first:
     return _from_log(log, first) if _stands(log, first) else _under_way(log, first)
 
 
-def _sigmas(initial: InitialSection, **otherwise: Any) -> dict[str, Any]:
-    """The standard deviations of [initial] as fields of `Knowledge`, or else those given by name (m, m/s, rad)."""
-    given: dict[str, Any] = {
-        "position_sigma": initial.position_sigma_m,
-        "velocity_sigma": initial.velocity_sigma_mps,
-        "tilt_sigma": None if initial.tilt_sigma_deg is None else float(np.radians(initial.tilt_sigma_deg)),
-        "heading_sigma": None if initial.heading_sigma_deg is None else float(np.radians(initial.heading_sigma_deg)),
-    }
-    chosen = {name: value if given[name] is None else given[name] for name, value in otherwise.items()}
-    return {name: np.array(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
-
-
-def _place(log: RecordedLog, in_place: bool, first: int) -> Start:
-    """The place, which is all that an alignment needs of the start, and the heading if the log's [initial] gives one."""
-    initial, gnss = log.description.initial, log.gnss
-    far = _far_from_fix(log, first, WITH_FIXES)
-    if initial.latitude_deg is not None and initial.longitude_deg is not None and not far:
-        height = initial.height_m if initial.height_m is not None else 0.0
-        place = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), height
-    elif gnss is not None:
-        at = _fix_at(gnss, float(log.imu_time[first] - log.dt[first]))
-        place = float(gnss.latitude[at]), float(gnss.longitude[at]), float(gnss.height[at])
-    else:
-        raise InputError("alignment needs the place: [initial] latitude_deg, longitude_deg and height_m, or [gnss]")
-    latitude, longitude, height = place
-    heading = initial.heading_deg
-    known = Knowledge(
-        latitude=latitude,
-        longitude=longitude,
-        height=height,
+def _known(log: RecordedLog, in_place: bool, **state: Any) -> Knowledge:
+    """The state, by the fields of `Knowledge`, with what the log says of its unit and its instruments."""
+    return Knowledge(
         sample_interval=float(np.median(log.dt)),
-        heading=0.0 if heading is None else float(np.radians(heading)),
-        **({} if in_place else _bias_at_rest(log, first, latitude)),
-        **_sigmas(initial, heading_sigma=np.pi if heading is None else COURSE_SIGMA, tilt_sigma=np.pi),
+        **state,
         **log.motion_errors(),
         **log.fix_wander(),
         antenna_lever_arm=log.lever_arm_b,
         instruments=log.told,
         sensors=log.sensors(in_place=in_place),
+    )
+
+
+def _sigmas(stated: dict[str, Any], **otherwise: Any) -> dict[str, Any]:
+    """The standard deviations that [initial] states, or else those given by name (m, m/s, rad)."""
+    return {name: stated.get(name, value) for name, value in otherwise.items()}
+
+
+def _place(log: RecordedLog, in_place: bool, first: int) -> Start:
+    """The place, which is all that an alignment needs of the start, and the heading if the log's [initial] gives one."""
+    stated, gnss = _stated(log), log.gnss
+    far = _far_from_fix(log, first, WITH_FIXES)
+    if "latitude" in stated and "longitude" in stated and not far:
+        place = {"height": 0.0, **{name: stated[name] for name in PLACE if name in stated}}
+    elif gnss is not None:
+        place = dict(zip(PLACE, _fix_place(gnss, _fix_at(gnss, _begin(log, first))), strict=True))
+    else:
+        raise InputError("alignment needs the place: [initial] latitude_deg, longitude_deg and height_m, or [gnss]")
+    known = _known(
+        log,
+        in_place,
+        **place,
+        heading=stated.get("heading", 0.0),
+        **({} if in_place else _bias_at_rest(log, first, place["latitude"])),
+        **_sigmas(stated, heading_sigma=COURSE_SIGMA if "heading" in stated else np.pi, tilt_sigma=np.pi),
     )
     return Start(known, far)
 
@@ -177,12 +190,12 @@ def _bias_at_rest(log: RecordedLog, first: int, latitude: float) -> dict[str, An
         return {}
     rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
     tilt_sigma, earth = rest.tilt_sigma(sensors), geodesy.numeric.earth_rate_n(latitude)
-    found = start_at_rest(rest, rest.level, latitude, 0.0, np.pi, sensors, tilt_sigma)
-    by_attitude = found.rest_share * np.hypot(found.heading_sigma * earth[0], tilt_sigma * geodesy.OMEGA_IE)
+    start = start_at_rest(rest, rest.level, latitude, 0.0, np.pi, sensors, tilt_sigma)
+    by_attitude = start.rest_share * np.hypot(start.heading_sigma * earth[0], tilt_sigma * geodesy.OMEGA_IE)
     left = float(log.imu_time[-1] - log.imu_time[first])
     drift = sensors.gyro_bias_sigma * np.sqrt(2 * left / sensors.gyro_correlation_time)
-    error = float(np.linalg.norm([found.gyro_bias_error, by_attitude, drift]))
-    return {} if error >= sensors.gyro_bias_sigma else {"gyro_bias": found.gyro_bias, "gyro_bias_error": error}
+    error = float(np.linalg.norm([start.gyro_bias_error, by_attitude, drift]))
+    return {} if error >= sensors.gyro_bias_sigma else {"gyro_bias": start.gyro_bias, "gyro_bias_error": error}
 
 
 def _fix_at(gnss: GnssFixes, time: float) -> int:
@@ -190,47 +203,32 @@ def _fix_at(gnss: GnssFixes, time: float) -> int:
     return int(np.argmin(np.abs(gnss.time - time)))
 
 
-def _far_from_fix(log: RecordedLog, first: int, then: str) -> tuple[str, ...]:
-    """A sentence if [initial] gives a place that contradicts the fix nearest to where sample `first` begins."""
+def _fix_place(gnss: GnssFixes, at: int) -> tuple[float, float, float]:
+    """Latitude, longitude (rad) and height (m) of a fix."""
+    return float(gnss.latitude[at]), float(gnss.longitude[at]), float(gnss.height[at])
+
+
+def _far_from_fix(log: RecordedLog, first: int, then: str) -> tuple[Remark, ...]:
+    """[initial] gives a place that contradicts the fix nearest to where sample `first` begins."""
     gnss = log.gnss
     if gnss is None:
         return ()
-    begin = float(log.imu_time[first] - log.dt[first])
+    begin = _begin(log, first)
     at = _fix_at(gnss, begin)
     speed = 0.0 if gnss.velocity_n is None else float(np.hypot(*gnss.velocity_n[at, :2]))
-    fixed = float(gnss.latitude[at]), float(gnss.longitude[at]), float(gnss.height[at])
     moved = speed * abs(float(gnss.time[at]) - begin)
-    return _far_note(log, fixed, gnss.position_sigma[at], "the fix at the start", then, moved)
+    return _far_note(log, _fix_place(gnss, at), gnss.position_sigma[at], "the fix at the start", then, moved)
 
 
 def _as_stated(log: RecordedLog) -> Knowledge:
     """The state that [initial] gives, with its standard deviations.  Raises `InputError` if one is missing."""
-    initial = log.description.initial
-    missing = [name for name in _STATE if getattr(initial, name) is None]
+    stated = _stated(log)
+    missing = [key for name, key in KEYS.items() if name not in stated]
     if missing:
         raise InputError(f"start 'stated': [initial] lacks {', '.join(missing)}")
-    given: Any = initial
     span = float(log.imu_time[0]), float(log.imu_time[-1])
     in_place = travel(log, *span) is None and (log.description.in_place or False)
-    return Knowledge(
-        latitude=float(np.radians(given.latitude_deg)),
-        longitude=float(np.radians(given.longitude_deg)),
-        height=given.height_m,
-        sample_interval=float(np.median(log.dt)),
-        velocity_n=np.array(given.velocity_mps),
-        roll=float(np.radians(given.roll_deg)),
-        pitch=float(np.radians(given.pitch_deg)),
-        heading=float(np.radians(given.heading_deg)),
-        position_sigma=np.array(given.position_sigma_m),
-        velocity_sigma=np.array(given.velocity_sigma_mps),
-        tilt_sigma=float(np.radians(given.tilt_sigma_deg)),
-        heading_sigma=float(np.radians(given.heading_sigma_deg)),
-        **log.motion_errors(),
-        **log.fix_wander(),
-        antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
-        sensors=log.sensors(in_place=in_place),
-    )
+    return _known(log, in_place, **stated)
 
 
 def _from_reference(log: RecordedLog, first: int) -> Knowledge:
@@ -238,7 +236,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
     reference = log.reference
     if reference is None or reference.roll is None or reference.velocity_n is None or reference.latitude is None:
         raise InputError("start 'reference': the log's [reference] must give position, velocity and attitude")
-    time = float(log.imu_time[first] - log.dt[first])
+    time = _begin(log, first)
     if not reference.time[0] <= time <= reference.time[-1]:
         raise InputError(
             f"start 'reference' at {time:.3f} s: the reference covers {reference.time[0]:.3f} to {reference.time[-1]:.3f} s"
@@ -246,27 +244,23 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
     row = int(np.argmin(np.abs(reference.time - time)))
     assert reference.pitch is not None and reference.heading is not None
     assert reference.longitude is not None and reference.height is not None
-    return Knowledge(
+    return _known(
+        log,
+        False,
         latitude=float(reference.latitude[row]),
         longitude=float(reference.longitude[row]),
         height=float(reference.height[row]),
-        sample_interval=float(np.median(log.dt)),
         velocity_n=reference.velocity_n[row],
         roll=float(reference.roll[row]),
         pitch=float(reference.pitch[row]),
         heading=float(reference.heading[row]),
-        **_sigmas(log.description.initial, **REFERENCE_SIGMAS),
-        **log.motion_errors(),
-        **log.fix_wander(),
-        antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
-        sensors=log.sensors(in_place=False),
+        **_sigmas(_stated(log), **REFERENCE_SIGMAS),
     )
 
 
 def _stands(log: RecordedLog, first: int) -> bool:
     """Whether the vehicle stands where sample `first` begins, by the rest of the log or by the fix there."""
-    gnss, begin = log.gnss, float(log.imu_time[first] - log.dt[first])
+    gnss, begin = log.gnss, _begin(log, first)
     if log.rest is None:
         return False
     inside = log.rest[0] - REST_WINDOW_S <= begin <= log.rest[1] + REST_WINDOW_S
@@ -276,12 +270,15 @@ def _stands(log: RecordedLog, first: int) -> bool:
     return speed <= (SURE_SPEED if inside else REST_SPEED)  # a steady drive on a straight road looks like a rest
 
 
+_UNDER_WAY = declared("start-under-way", "{where}: the start has {source}; its level is {level}, its heading is {heading}")
+
+
 def _under_way(log: RecordedLog, first: int) -> Start:
     """Position and velocity of the fix next to where sample `first` begins, and of the attitude what [initial] gives.
 
     Without fixes the position is that of [initial], for a log that has a Doppler log.  Raises `InputError` without both.
     """
-    initial, gnss, begin = log.description.initial, log.gnss, float(log.imu_time[first] - log.dt[first])
+    stated, gnss, begin = _stated(log), log.gnss, _begin(log, first)
     where, rest = f"the vehicle moves at {begin:g} s, where navigation starts", ""
     if log.rest is None:
         where = "the log does not begin at rest"
@@ -289,12 +286,13 @@ def _under_way(log: RecordedLog, first: int) -> Start:
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
         "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, "
-        f"pitch_deg and heading_deg in [initial]{_hint(initial)}"
+        f"pitch_deg and heading_deg in [initial]{_hint(stated)}"
     )
     if gnss is None and all(each.id != "dvl" for each in log.instruments):
         raise InputError(refusal)
     place, velocity, velocity_sigma = _place(log, False, first), np.zeros(3), np.full(3, ANY_SPEED)
-    source, position_sigma = f"the position of [initial], latitude {named(place.knowledge.latitude)}", np.full(3, ROUNDED_PLACE)
+    source = f"the position of [initial], latitude {latitude_text(place.knowledge.latitude)}"
+    position_sigma = np.full(3, ROUNDED_PLACE)
     if gnss is not None:
         at = _fix_at(gnss, begin)
         gap = abs(float(gnss.time[at]) - begin)
@@ -304,14 +302,14 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         way = gap * float(max(np.hypot(*velocity[:2]), velocity_sigma[:2].max())) + float(np.linalg.norm(log.lever_arm_b))
         position_sigma = gnss.position_sigma[at] + way
         source = f"position{' and velocity' * (gnss.velocity_n is not None)} of the fix at {gnss.time[at]:.6g} s"
-    levelled = initial.roll_deg is not None and initial.pitch_deg is not None
+    levelled = "roll" in stated and "pitch" in stated
     known = replace(
         place.knowledge,
-        velocity_n=velocity if initial.velocity_mps is None else np.array(initial.velocity_mps),
-        roll=float(np.radians(initial.roll_deg or 0.0)),
-        pitch=float(np.radians(initial.pitch_deg or 0.0)),
+        velocity_n=stated.get("velocity_n", velocity),
+        roll=stated.get("roll", 0.0),
+        pitch=stated.get("pitch", 0.0),
         **_sigmas(
-            initial,
+            stated,
             position_sigma=position_sigma,
             velocity_sigma=velocity_sigma,
             tilt_sigma=LEVEL_SIGMA if levelled else np.pi,
@@ -321,27 +319,24 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         "unknown" if sigma >= np.pi else f"known to {np.degrees(sigma):.3g} deg"
         for sigma in (known.tilt_sigma, known.heading_sigma)
     )
-    note = f"{where}: the start has {source}; its level is {level}, its heading is {heading}"
-    return Start(known, (*place.notes, note), "" if levelled and initial.heading_deg is not None else refusal)
+    note = _UNDER_WAY.filled(where=where, source=source, level=level, heading=heading)
+    return Start(known, (*place.notes, note), "" if levelled and "heading" in stated else refusal)
 
 
 def _from_log(log: RecordedLog, first: int) -> Start:
     """Attitude and gyro bias from the log alone, for a start at rest where sample `first` begins."""
-    initial, rows = log.description.initial, _rest(log, first)
+    stated, rows = _stated(log), _rest(log, first)
     rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
     latitude, longitude, height, position_sigma, far = _rest_position(log, rows)
-    roll, pitch = (
-        found if given is None else float(np.radians(given))
-        for found, given in zip(rest.level, (initial.roll_deg, initial.pitch_deg), strict=True)
-    )
-    levelled = initial.roll_deg is None and initial.pitch_deg is None
-    if initial.roll_deg is None and rest.force[2] > ON_ITS_BACK * np.linalg.norm(rest.force):
+    roll, pitch = (stated.get(name, measured) for name, measured in zip(("roll", "pitch"), rest.level, strict=True))
+    levelled = "roll" not in stated and "pitch" not in stated
+    if "roll" not in stated and rest.force[2] > ON_ITS_BACK * np.linalg.norm(rest.force):
         raise InputError(
             f"start 'coarse': at rest the specific force points down ({rest.force[2]:+.3g} m/s2 on the down axis; upright it "
             "is -9.8): axes or accel_axes of [imu] are wrong; if the vehicle lies on its back, [initial] roll_deg = 180 says so"
         )
     sigmas = _sigmas(
-        initial,
+        stated,
         position_sigma=position_sigma,
         velocity_sigma=np.full(3, REST_VELOCITY_SIGMA),
         tilt_sigma=rest.tilt_sigma(sensors) if levelled else LEVEL_SIGMA,
@@ -350,51 +345,49 @@ def _from_log(log: RecordedLog, first: int) -> Start:
     if far:
         sigmas["position_sigma"] = position_sigma  # the given one is that of the given place
     tilt_sigma, heading = sigmas["tilt_sigma"], 0.0
-    notes = [*far]
-    if initial.heading_deg is not None:
-        heading = float(np.radians(initial.heading_deg))
-        heading, sigmas["heading_sigma"] = checked_by_motion(
-            log, first, (roll, pitch, heading), rest.rate, sigmas["heading_sigma"], tilt_sigma, notes
+    of_motion: tuple[Remark, ...] = ()
+    if "heading" in stated:
+        angles = roll, pitch, stated["heading"]
+        heading, sigmas["heading_sigma"], of_motion = checked_by_motion(
+            log, first, angles, rest.rate, sigmas["heading_sigma"], tilt_sigma
         )
     elif gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < COURSE_SIGMA:
         sigmas["heading_sigma"] = np.pi
     elif sigmas["heading_sigma"] < np.pi:
         heading = heading_by_course(log, first, (roll, pitch), rest.rate)
-    found = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
+    start = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
 
-    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, found.heading))
+    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, start.heading))
     place = geodesy.numeric.geodetic_from_ned_offset(-(C_nb @ log.lever_arm_b), latitude, longitude, height)
-    known = Knowledge(
-        latitude=float(place[0]),
-        longitude=float(place[1]),
-        height=float(place[2]),
-        sample_interval=float(np.median(log.dt)),
-        velocity_n=np.zeros(3) if initial.velocity_mps is None else np.array(initial.velocity_mps),
+    known = _known(
+        log,
+        False,
+        **dict(zip(PLACE, map(float, place), strict=True)),
+        velocity_n=stated.get("velocity_n", np.zeros(3)),
         roll=roll,
         pitch=pitch,
-        heading=found.heading,
-        **{**sigmas, "heading_sigma": found.heading_sigma},
-        gyro_bias=found.gyro_bias,
-        gyro_bias_error=found.gyro_bias_error,
-        rest_share=found.rest_share,
-        **log.motion_errors(),
-        **log.fix_wander(),
-        antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
-        sensors=log.sensors(in_place=False),
+        heading=start.heading,
+        **{**sigmas, "heading_sigma": start.heading_sigma},
+        gyro_bias=start.gyro_bias,
+        gyro_bias_error=start.gyro_bias_error,
+        rest_share=start.rest_share,
     )
-    return Start(known, (*notes, *_conflict_note(found, heading)))
+    return Start(known, (*far, *of_motion, *_heading_conflict(start, heading)))
 
 
-def _conflict_note(found: RestStart, heading: float) -> tuple[str, ...]:
-    if not found.conflict:
-        return ()
-    given, apart = np.degrees(heading), np.degrees(abs(found.conflict))
-    return (
-        f"the heading {given:.4g} deg differs by {apart:.3g} deg from that of the gyros at rest, more than both allow: "
-        f"navigation starts with {np.degrees(found.heading):.4g} deg, 1 sigma {np.degrees(found.heading_sigma):.2g} deg; the "
-        "heading is wrong, or the vehicle does not stand still, or the unit is worse than its grade",
-    )
+@remark(
+    "heading-contradicted",
+    "the heading {stated:.4g} deg differs by {apart:.3g} deg from that of the gyros at rest, more than both allow: navigation "
+    "starts with {heading:.4g} deg, 1 sigma {sigma:.2g} deg; the heading is wrong, or the vehicle does not stand still, or the "
+    "unit is worse than its grade",
+)
+def _heading_conflict(start: RestStart, heading: float) -> dict[str, Any] | None:
+    """A given heading (rad) that the gyros at rest contradict."""
+    if not start.conflict:
+        return None
+    stated, apart = np.degrees(heading), np.degrees(abs(start.conflict))
+    sigma = np.degrees(start.heading_sigma)
+    return {"stated": stated, "apart": apart, "heading": np.degrees(start.heading), "sigma": sigma}
 
 
 def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
@@ -416,15 +409,14 @@ def _rest_rows(log: RecordedLog, first: int) -> NDArray[np.intp]:
     return before if len(before) >= LEAST_REST else rest
 
 
-def _hint(initial: InitialSection) -> str:
+def _hint(stated: dict[str, Any]) -> str:
     """End of a message to who has stated the whole initial state."""
-    stated = all(getattr(initial, name) is not None for name in _STATE)
-    return "; start 'stated' starts from the state in [initial]" if stated else ""
+    return "; start 'stated' starts from the state in [initial]" if stated.keys() == KEYS.keys() else ""
 
 
-def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array, tuple[str, ...]]:
+def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array, tuple[Remark, ...]]:
     """Position of the antenna at rest (rad, rad, m), its sigma (3, m), and notes: the mean of the fixes, or [initial]."""
-    gnss, initial = log.gnss, log.description.initial
+    gnss, stated = log.gnss, _stated(log)
     if gnss is not None:
         still = (gnss.time >= log.imu_time[rest[0]]) & (gnss.time <= log.imu_time[rest[-1]])
         if still.any():
@@ -432,30 +424,33 @@ def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, flo
             sigma = gnss.position_sigma[still].mean(axis=0)
             far = _far_note(log, (latitude, longitude, height), sigma, "the fixes at rest", WITH_FIXES)
             return latitude, longitude, height, sigma, far
-    if initial.latitude_deg is None or initial.longitude_deg is None or initial.height_m is None:
+    if not stated.keys() >= set(PLACE):
         raise InputError("no fix while the vehicle stands: [initial] must give latitude_deg, longitude_deg and height_m")
-    return float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), initial.height_m, np.ones(3), ()
+    return stated["latitude"], stated["longitude"], stated["height"], np.ones(3), ()
 
 
+@remark(
+    "place-contradicted",
+    "the place in [initial], latitude_deg = {latitude:g} and longitude_deg = {longitude:g}, is {size} ({sigmas:.3g} sigma) "
+    "from {of_fixes}: {then}",
+)
 def _far_note(
     log: RecordedLog, fixed: tuple[float, float, float], sigma: Array, of_fixes: str, then: str, moved: float = 0.0
-) -> tuple[str, ...]:
-    """A sentence if [initial] gives a place that contradicts `of_fixes`, `fixed` (rad, rad, m) with `sigma` (3, m).
+) -> dict[str, Any] | None:
+    """[initial] gives a place that contradicts `of_fixes`, `fixed` (rad, rad, m) with `sigma` (3, m).
 
     then: what is done about it.  moved: way between the two (m), of a vehicle that travels.
     """
     initial = log.description.initial
     if initial.latitude_deg is None or initial.longitude_deg is None:
-        return ()
+        return None
     given = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
     north, east, _ = geodesy.numeric.ned_offset(*given, *fixed)
     stated = (ROUNDED_PLACE, ROUNDED_PLACE) if initial.position_sigma_m is None else initial.position_sigma_m[:2]
     both = float(np.hypot(max(stated), max(sigma[:2])))
     apart = max(float(np.hypot(north, east)) - float(np.linalg.norm(log.lever_arm_b)) - moved, 0.0)
-    if apart <= FAR * both:
-        return ()
+    if apart <= PLACE_SIGMAS * both:
+        return None
     size = f"{apart / 1000:.3g} km" if apart >= 1000 else f"{apart:.3g} m"
-    return (
-        f"the place in [initial], latitude_deg = {initial.latitude_deg:g} and longitude_deg = {initial.longitude_deg:g}, is "
-        f"{size} ({apart / both:.3g} sigma) from {of_fixes}: {then}",
-    )
+    place = {"latitude": initial.latitude_deg, "longitude": initial.longitude_deg}
+    return {**place, "size": size, "sigmas": apart / both, "of_fixes": of_fixes, "then": then}

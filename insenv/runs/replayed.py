@@ -13,21 +13,21 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
+from insenv.base.remarks import Remark, coded, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
-from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of, unit_errors
+from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
 from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
 from insenv.logs.description import EvaluationSection
 from insenv.logs.recorded import delivered
-from insenv.logs.rest import REST_WINDOW_S, rest_until, shows_travel, travel
+from insenv.logs.rest import travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
+from insenv.runs.log_remarks import latitude_at_rest, standstill_missed, unseen
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
-from insenv.runs.rest import lost_rest
-from insenv.runs.simulated import follower_of, members
-from insenv.runs.told_latitude import OtherHemisphere, at_rest, named
+from insenv.runs.simulated import follower_of, members, result_of
 from insenv.scenario.chunks import RECORDS, chunks, recording_interval
 
 Array = NDArray[np.float64]
@@ -70,14 +70,11 @@ def replay(
     followers = [
         follower_of(e, e.parameters(s.knowledge, rows=given[e.id]), every) for e, s in zip(chosen, starts, strict=True)
     ]
-    others = [OtherHemisphere.started(log, e, s.knowledge, given[e.id], every) for e, s in zip(chosen, starts, strict=True)]
     columns = {**columns, "time": log.imu_time[first:]}  # for messages
     for begin, size in chunks(total, every):
         part = {name: column[begin : begin + size] for name, column in columns.items()}
         for follower in followers:
             follower.follow(part, size)
-        for other in others:
-            other.follow(part, size)
         if progress is not None:
             progress(begin + size, total)
 
@@ -85,32 +82,18 @@ def replay(
     evaluation = description.evaluation
     reference = _reference_track(log.reference, times)
     duration = float(log.dt[first : first + total].sum())
-    results = tuple(
-        _result(
-            f,
-            reference,
-            times,
-            _evaluated(f.estimator, evaluation, ready.begin_s, times),
-            (
-                *begun.notes,
-                *f.estimator.without_effect(ready.tunings),
-                *_understated(f.estimator, begun, given),
-                *_unseen(log, f.estimator, ready.begin_s, begun.knowledge.latitude),
-                *other.contradiction(f),
-                *lost_rest(log, f, times),
-            ),
-            duration,
-            description.vehicle_kind,
-        )
-        for f, begun, other in zip(followers, starts, others, strict=True)
-    )
-    notes = [*log.notes, *members(ready.families, chosen), *at_rest(log, first, starts[0].knowledge.latitude)]
+    results = tuple(_result(f, begun, ready, reference, times, duration) for f, begun in zip(followers, starts, strict=True))
+    notes = [
+        *coded(log.notes, "log"),
+        *members(ready.families, chosen),
+        *latitude_at_rest(log, first, starts[0].knowledge.latitude),
+    ]
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
-        notes.append(log.assumed.sentence)
+        notes.append(Remark("unit-assumed", log.assumed.sentence))
     if log.gaps.count:
-        notes.append(f"gaps bridged by interpolation: {log.gaps.count} ({log.gaps.samples} samples in all)")
+        notes.append(_BRIDGED.filled(count=log.gaps.count, samples=log.gaps.samples))
     if dropped:
-        notes.append(f"fixes not used, because a later one is in the same sample: {dropped}")
+        notes.append(_DROPPED.filled(count=dropped))
     return Report(
         scenario=name,
         title=description.title,
@@ -122,6 +105,10 @@ def replay(
         notes=tuple(notes),
         published=tuple((p.name, dict(p.rms)) for p in evaluation.published),
     )
+
+
+_BRIDGED = declared("gaps-bridged", "gaps bridged by interpolation: {count} ({samples} samples in all)")
+_DROPPED = declared("fixes-dropped", "fixes not used, because a later one is in the same sample: {count}")
 
 
 @dataclass(frozen=True)
@@ -187,17 +174,17 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
     Raises `InputError` where the description says that a vehicle stays in place which travels.
     """
     end_s = float(log.imu_time[-1])
-    found = travel(log, begin_s, end_s)
+    way = travel(log, begin_s, end_s)
     motion = ""
-    if found is not None and log.description.in_place:
+    if way is not None and log.description.in_place:
         raise InputError(
-            f"in_place = true, and the log shows that the vehicle moves, at {found.speed:.3g} m/s about {found.time:.0f} s: "
+            f"in_place = true, and the log shows that the vehicle moves, at {way.speed:.3g} m/s about {way.time:.0f} s: "
             "allowed is in_place = false, or a part of the log in which it stays, by start_s and stop_s"
         )
-    if found is not None:
-        motion = f"at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays"
+    if way is not None:
+        motion = f"at {way.speed:.3g} m/s about {way.time:.0f} s; start_s and stop_s select the part in which it stays"
     sensors = {each.id for each in log.instruments} | (set() if log.gnss is None else {"gnss"})
-    in_place = log.description.in_place if found is None else False
+    in_place = log.description.in_place if way is None else False
     measured = log.gnss is None or log.gnss.velocity_n is not None
     kind = log.description.vehicle_kind
     timed = {each.id: (each.arrival, each.age) for each in log.instruments}
@@ -274,31 +261,6 @@ def _whole_unit(estimator: Estimator, given: dict[str, Any]) -> dict[str, Any]:
     return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **given}
 
 
-def _understated(estimator: Estimator, begun: Start, given: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """The remark that scale factors are set smaller than the unit's, unless the parameters `given` describe the whole unit."""
-    rows = given[estimator.id]
-    return estimator.understated(begun.knowledge, rows=rows) if _takes_sensors(estimator, rows) else ()
-
-
-def _unseen(log: RecordedLog, estimator: Estimator, begin_s: float, latitude: float) -> tuple[str, ...]:
-    """The remark that nothing shows whether the vehicle of an alignment is at that latitude (rad), and stays in place."""
-    end_s = float(log.imu_time[-1])
-    if estimator.motion == "moving" and log.gnss is None:
-        return (
-            f"nothing in the log shows whether the vehicle is at latitude {named(latitude)}; elsewhere the heading is wrong",
-        )
-    if estimator.motion != "in place" or shows_travel(log, begin_s, end_s):
-        return ()
-    dt = log.dt[:, None]
-    until = rest_until(log.imu_time, log.delta_angle / dt, log.delta_velocity / dt, log.gnss, begin_s)
-    if until is not None and end_s - until < 2 * REST_WINDOW_S:
-        return ()
-    return (
-        "an alignment in place on a log without fixes: nothing in it shows whether the vehicle stays where it is, at "
-        f"latitude {named(latitude)}, and the estimate is wrong if it moves or is elsewhere",
-    )
-
-
 def _reference_track(reference: Reference | None, times: Array) -> Track:
     """The reference interpolated at `times`; an empty track if the log has none."""
     if reference is None:
@@ -331,45 +293,30 @@ def _evaluated(estimator: Estimator, evaluation: EvaluationSection, begin_s: flo
     return from_s if evaluation.from_s is None else evaluation.from_s, to_s
 
 
-def _result(
-    follower: Follower,
-    reference: Track,
-    times: Array,
-    evaluated_s: tuple[float, float],
-    of_start: tuple[str, ...],
-    duration_s: float,
-    vehicle: str,
-) -> Result:
-    from_s, to_s = evaluated_s
-    outputs = follower.named()
-    health = follower.health(outputs)
-    found = errors(track_of(times, outputs), reference)
-    # only where the reference exists, and up to the end of the evaluation
-    inside = (times <= to_s) & np.all([np.isfinite(e) for e in found.values()] or [np.ones(len(times), bool)], axis=0)
-    sigma = stated_sigma(outputs)
-    late = inside & (times >= from_s)
-    if found and not late.any():
-        raise InputError(
-            f"nothing to compare: the replay covers {times[0]:.3f} to {times[-1]:.3f} s, [evaluation] asks for {from_s:g} to "
-            f"{to_s:g} s, and the reference must cover some of that"
-        )
-    result = Result(
-        estimator=follower.estimator.id,
-        time=times[inside],
-        outputs={name: value[inside] for name, value in outputs.items()},
-        errors={name: value[inside] for name, value in found.items()},
-        sigma={name: value[inside] for name, value in sigma.items()},
-        limit={},
-        from_s=from_s,
+def _result(follower: Follower, begun: Start, ready: Prepared, reference: Track, times: Array, duration_s: float) -> Result:
+    """times: of the records.  reference: at these times; empty if the log has none."""
+    log, estimator, outputs = ready.log, follower.estimator, follower.named()
+    rows, health = ready.given[estimator.id], follower.health(outputs)
+    # parameters that describe the whole unit are not compared with its data sheet
+    understated = estimator.understated(begun.knowledge, rows=rows) if _takes_sensors(estimator, rows) else ()
+    return result_of(
+        estimator,
+        outputs,
+        reference,
+        None,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
         notes=(
-            *of_start,
+            *begun.notes,
+            *estimator.without_effect(ready.tunings),
+            *understated,
+            *unseen(log, estimator, ready.begin_s, begun.knowledge.latitude),
+            *standstill_missed(log, follower, times),
             *follower.notes(times - (times[-1] - duration_s), duration_s, health, outputs),
             *contradiction_notes(times, outputs),
             *sideways_notes(times, outputs),
         ),
         health=health,
-        settled=not follower.too_short(duration_s),
-        unit=unit_errors(vehicle, outputs),
+        settled=follower.settled(duration_s),
+        unit=unit_errors(log.description.vehicle_kind, outputs),
+        evaluated_s=_evaluated(estimator, log.description.evaluation, ready.begin_s, times),
     )
-    return result.judged()

@@ -13,11 +13,8 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.estimators import ImuDataSheet
-from insenv.estimators.fusion.family import PARKED, held
-from insenv.estimators.parts.rows import aid_health, reported_aids
-from insenv.logs import RecordedLog
-from insenv.logs.rest import Rest, rest_rows
-from insenv.runs.follower import Array, Follower
+from insenv.logs.rest import Rest
+from insenv.logs.units import Array
 
 CONFLICT = 3.0
 """Standard deviations by which a given heading may differ from that of the gyros."""
@@ -76,19 +73,19 @@ def start_at_rest(
         slope = -weight * np.sin(heading + turn - compass) - given * turn
         curvature = weight * np.cos(heading + turn - compass) + given
         turn += float(slope / curvature) if curvature > 0 else 0.0
-    found = _wrapped(heading + turn)
-    left = min(float((weight * np.cos(found - compass) + given) ** -0.5), sigma, np.pi)
+    best = _wrapped(heading + turn)
+    left = min(float((weight * np.cos(best - compass) + given) ** -0.5), sigma, np.pi)
 
     bias, mean = sensors.gyro_bias_sigma, _drifted(rest, sensors)
     share = bias**2 / (bias**2 + mean**2)
-    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(*level, found))
+    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(*level, best))
     # over a wide heading the Earth's rate goes round a circle: what a straight line along the heading leaves of it
     slope = float(np.exp(-(left**2) / 2))
     sine = max((1 - np.exp(-2 * left**2)) / 2 - (slope * left) ** 2, 0.0)
     cosine = max((1 + np.exp(-2 * left**2)) / 2 - 2 * slope + 1, 0.0)
     curved = earth[0] * share * float(np.sqrt(sine + cosine))
     return RestStart(
-        heading=found,
+        heading=best,
         heading_sigma=left,
         gyro_bias=share * (rest.rate - C_nb.T @ earth),
         gyro_bias_error=float(np.hypot(np.sqrt(share) * mean, curved)),
@@ -111,37 +108,3 @@ def _drifted(rest: Rest, sensors: ImuDataSheet) -> float:
 
 def _wrapped(angle: float) -> float:
     return float(np.angle(np.exp(1j * angle)))
-
-
-# Whether a filter that finds rest by itself has taken a vehicle for a moving one that its log began at rest.
-#
-# Detection of rest asks whether the estimate agrees (`insenv.estimators.parts.standing`).  Once the estimate is a few standard
-# deviations off it does not, and from then on nothing holds it.  A log that says that the vehicle stays in place needs none.
-
-AID = "zero_velocity"
-LATEST_S = 30.0
-"""Time without rest that is not noted: a vehicle moves for a while."""
-
-
-def lost_rest(log: RecordedLog, follower: Follower, times: Array) -> tuple[str, ...]:
-    """A sentence if of all aids only zero velocity would hold the velocity of an estimate, and is no longer used.
-
-    times (records,): of the outputs, s of the log.
-    """
-    if log.gnss is not None or log.description.in_place is False or not len(rest_rows(log)):
-        return ()
-    outputs = follower.health_rows() if follower.estimator.reports_health else {}
-    aids = reported_aids(outputs)
-    if AID not in aids or held(aids):
-        return ()
-    count = np.ravel(outputs[aid_health(AID)[0]])
-    last = float(times[np.argmax(count == count[-1])])
-    if times[-1] - last < LATEST_S:
-        return ()
-    used = f"zero velocity is all that holds this velocity, and was last used at {last:.4g} s" if count[-1] else (
-        "zero velocity is all that would hold this velocity, and was never used"
-    )  # fmt: skip
-    return (
-        f"{used}: the filter takes the vehicle to move. If it is parked, say so: in_place = true, and vehicle_kind = "
-        f"{' or '.join(map(repr, PARKED))}",
-    )

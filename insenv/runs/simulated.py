@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, coded, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, setting_rows
@@ -80,22 +81,22 @@ def run(
             raise InputError(f"two estimators have the id {id!r}: results are kept by id, so a function needs another name")
         followers.append(FunctionFollower(function, id, every, plant.knowledge, visible))
 
-    kept: list[Array] = []
+    truths: list[Array] = []
     bridged = 0
     total = plant.samples // every * every
     for begin, count in chunks(total, every):
-        shown = runner.run(count, plant.inputs(begin, count))
-        columns = plant.model.outputs.unpack(shown)
+        outputs = runner.run(count, plant.inputs(begin, count))
+        columns = plant.model.outputs.unpack(outputs)
         columns = {name: np.array(column) for name, column in columns.items()}
         columns["dt"] = np.full(count, plant.sample_interval)
         bridged += bridge_lost(columns)
         for follower in followers:
             follower.follow(columns, count)
-        kept.append(shown[every - 1 :: every])
+        truths.append(outputs[every - 1 :: every])
         if progress is not None:
             progress(begin + count, total)
 
-    truth = plant.model.outputs.unpack(np.concatenate(kept))
+    truth = plant.model.outputs.unpack(np.concatenate(truths))
     track = track_of(truth["time"], truth)
     refusal = no_limit(plant)
     limit = limit_of(plant, progress) if followers and not refusal else None
@@ -104,15 +105,23 @@ def run(
     }
     true = true_unit_errors(runner.state, plant.model.parameters.unpack(runner.p))
     results = tuple(_result(f, plant, track, limit, true, of_tuning.get(f.estimator.id, ())) for f in followers)
-    notes = [*scenario.notes, *members(families, chosen)]
-    notes += [f"{bridged} lost inertial samples bridged by interpolation"] if bridged else []
-    notes += [refusal] if refusal else []
-    return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, tuple(notes))
+    notes = (
+        *coded(scenario.notes, "scenario"),
+        *members(families, chosen),
+        *([_BRIDGED.filled(count=bridged)] if bridged else []),
+        *coded([refusal] if refusal else [], "no-limit"),
+    )
+    return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, notes)
 
 
-def members(families: Sequence[Estimator], chosen: Sequence[Estimator]) -> list[str]:
+_BRIDGED = declared("samples-bridged", "{count} lost inertial samples bridged by interpolation")
+_MEMBER = declared("estimator-composed", "{id}: {title}")
+
+
+def members(families: Sequence[Estimator], chosen: Sequence[Estimator]) -> list[Remark]:
     """What the members of families of estimators are, such as the states and aids of a fusion filter."""
-    return [f"{member.id}: {member.title}" for family, member in zip(families, chosen, strict=True) if member is not family]
+    pairs = zip(families, chosen, strict=True)
+    return [_MEMBER.filled(id=member.id, title=member.title) for family, member in pairs if member is not family]
 
 
 def _result(
@@ -121,19 +130,19 @@ def _result(
     track: Track,
     limit: Limit | None,
     true: Mapping[str, Array],
-    of_tuning: tuple[str, ...],
+    of_tuning: tuple[Remark, ...],
 ) -> Result:
     outputs = follower.named()
-    health, own = follower.health(outputs), track.since(follower.first)
+    health, covered = follower.health(outputs), track.since(follower.first)
     return result_of(
         follower.estimator,
         outputs,
-        own,
+        covered,
         limit,
         us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
-        notes=(*of_tuning, *follower.notes(own.time, plant.duration_s, health, outputs)),
+        notes=(*of_tuning, *follower.notes(covered.time, plant.duration_s, health, outputs)),
         health=health,
-        settled=not follower.too_short(plant.duration_s),
+        settled=follower.settled(plant.duration_s),
         unit=unit_errors(plant.scenario.vehicle.kind, outputs, true),
     )
 
@@ -150,29 +159,46 @@ def result_of(
     settled: bool = True,
     sigma: dict[str, Array] | None = None,
     unit: tuple[UnitError, ...] = (),
+    evaluated_s: tuple[float, float] | None = None,
 ) -> Result:
-    """The result of estimates by row name against the truth at the same times.
+    """The result of estimates by row name against the truth, or a reference, at the same times.
 
     limit: None: there is none.  sigma: stated standard deviations by channel; None: those in the estimates.
-    unit: `Result.unit`.
+    unit: `Result.unit`.  evaluated_s: from and to when the estimate is judged; None: as a run is, to its end.  Of a track that
+    has NaN the times count at which it has none.
+
+    Raises `InputError` if nothing can be compared.
     """
-    found = errors(track_of(track.time, outputs), track)
-    if estimator.smooths:  # the limit is that of what is known by the time; a smoother knows the whole run
-        limit = None
-    from_s = statistics_from(estimator.navigates, float(track.time[-1]))
-    result = Result(
+    time, error = track.time, errors(track_of(track.time, outputs), track)
+    sigma = stated_sigma(outputs) if sigma is None else sigma
+    if evaluated_s is None:
+        evaluated_s = statistics_from(estimator.navigates, float(time[-1])), np.inf
+    from_s, to_s = evaluated_s
+    inside = np.all([time <= to_s, *(np.isfinite(values) for values in error.values())], axis=0)
+    if error and not np.any(inside & (time >= from_s)):
+        raise InputError(
+            f"nothing to compare: the replay covers {time[0]:.3f} to {time[-1]:.3f} s, [evaluation] asks for {from_s:g} to "
+            f"{to_s:g} s, and the reference must cover some of that"
+        )
+
+    def covered(values: Mapping[str, Array]) -> dict[str, Array]:
+        return {name: value[inside] for name, value in values.items()}
+
+    bound, course = {}, {}
+    if limit is not None and not estimator.smooths:  # it is that of what is known by the time; a smoother knows the whole run
+        bound, course = limit.rms(time, from_s), limit.at(time)
+    return Result(
         estimator=estimator.id,
-        time=track.time,
-        outputs=outputs,
-        errors=found,
-        sigma=stated_sigma(outputs) if sigma is None else sigma,
-        limit={} if limit is None else {name: value for name, value in limit.rms(track.time, from_s).items() if name in found},
+        time=time[inside],
+        outputs=covered(outputs),
+        errors=covered(error),
+        sigma=covered(sigma),
+        limit={name: value for name, value in bound.items() if name in error},
         from_s=from_s,
-        limit_sigma={} if limit is None else {name: value for name, value in limit.at(track.time).items() if name in found},
+        limit_sigma={name: value for name, value in course.items() if name in error},
         us_per_sample=us_per_sample,
-        notes=notes,
+        notes=coded(notes, "note"),
         health=health,
         settled=settled,
         unit=unit,
-    )
-    return result.judged()
+    ).judged()

@@ -76,15 +76,15 @@ class Smoother:
 
     def error_states(self) -> tuple[Array, Array, Array]:
         """Smoothed error states (m, n), their covariances (m, n, n), and the filter's states (m, nominal.size)."""
-        found: list[tuple[Array, Array, Array]] = []
+        blocks: list[tuple[Array, Array, Array]] = []
         self._backward.start()
         for inputs, instants, nominal in self.record.backward():
             # the state before the pass goes back into an instant holds the measurements after it
             states = np.concatenate([self._backward.output()[None], self._backward.run(len(inputs), inputs[::-1])])[-2::-1]
             later = self.smoothing.backward.state.unpack(states[instants])
-            found.append((*_smoothed_errors(self.smoothing, nominal, later["adjoint"], later["information"]), nominal))
-        found.reverse()
-        corrections, covariances, nominals = (np.concatenate(part) for part in zip(*found, strict=True))
+            blocks.append((*_smoothed_errors(self.smoothing, nominal, later["adjoint"], later["information"]), nominal))
+        blocks.reverse()
+        corrections, covariances, nominals = (np.concatenate(part) for part in zip(*blocks, strict=True))
         return corrections, covariances, nominals
 
 
@@ -137,16 +137,18 @@ def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, c
 
     Rows by name: q_nb, velocity_n, latitude, longitude, height, the estimated errors, position_sigma, velocity_sigma
     (n), attitude_sigma (rad about n).  Where rounding leaves no positive variance (P - P L P of a filter that has diverged)
-    the filter's own, which is larger, is stated.
+    the filter's variance_of_filter, which is larger, is stated.
     """
     values = smoothing.nominal.unpack(nominal)
     states = [values[name] for name in _state_names(smoothing)]
-    *shown, C_nw = _corrected_outputs(smoothing)(*states, corrections)
-    named = dict(zip((*rows.NAVIGATION.names, *smoothing.estimates), shown, strict=True))
+    *navigation, C_nw = _corrected_outputs(smoothing)(*states, corrections)
+    named = dict(zip((*rows.NAVIGATION.names, *smoothing.estimates), navigation, strict=True))
     filtered = symmetric.full_array(values["covariance"], smoothing.n)
     for name, part in (("position_sigma", POSITION), ("velocity_sigma", VELOCITY), ("attitude_sigma", TILT)):
-        found, own = (np.einsum("nij,njk,nik->ni", C_nw, P[:, part, part], C_nw) for P in (covariances, filtered))
-        named[name] = np.sqrt(np.where(found > 0.0, found, own))
+        variance, variance_of_filter = (
+            np.einsum("nij,njk,nik->ni", C_nw, P[:, part, part], C_nw) for P in (covariances, filtered)
+        )
+        named[name] = np.sqrt(np.where(variance > 0.0, variance, variance_of_filter))
     return named
 
 
@@ -189,9 +191,9 @@ def _corrected_outputs(smoothing: Smoothing) -> Callable[..., tuple[Array, ...]]
         x = SimpleNamespace(**dict(zip(names, states, strict=True)))
         changed = SimpleNamespace(**smoothing.corrected(x, correction))
         outputs = strapdown.navigation_outputs(changed)
-        shown = [outputs[name] for name in rows.NAVIGATION.names]
+        navigation = [outputs[name] for name in rows.NAVIGATION.names]
         estimates = [getattr(changed, name) for name in smoothing.estimates]
-        return (*shown, *estimates, ca.SX(strapdown.C_nw(changed.q_ew)))
+        return (*navigation, *estimates, ca.SX(strapdown.C_nw(changed.q_ew)))
 
     return vectorized(outputs_of, *[smoothing.nominal[name].shape for name in names], smoothing.n)
 

@@ -32,12 +32,12 @@ class Record:
 
     def add(self, outputs: Array, wanted: Array) -> None:
         """Add outputs of the forward pass (one row per sample); `wanted` (bool): the samples to be smoothed."""
-        own = self._smoothing
-        due, *used = (self._rows(outputs, Table((row,)))[:, 0] != 0 for row in own.events)
+        smoothing = self._smoothing
+        due, *used = (self._rows(outputs, Table((row,)))[:, 0] != 0 for row in smoothing.events)
         parts = (
-            np.column_stack([self._rows(outputs[due], own.events + own.interval), wanted[due]]),
-            *(self._rows(outputs[flag], group.rows) for flag, group in zip(used, own.groups, strict=True)),
-            self._rows(outputs[wanted], own.nominal),
+            np.column_stack([self._rows(outputs[due], smoothing.events + smoothing.interval), wanted[due]]),
+            *(self._rows(outputs[flag], group.rows) for flag, group in zip(used, smoothing.groups, strict=True)),
+            self._rows(outputs[wanted], smoothing.nominal),
         )
         self._blocks.append([(len(part), part.shape[1]) for part in parts])
         for part in parts:
@@ -72,24 +72,24 @@ class Record:
         An instant has one row for each scalar measurement, or one if it has none; the transition to it belongs to the first
         row.
         """
-        own = self._smoothing
-        flags = [events[:, 1 + k] != 0 for k in range(len(own.groups))]
-        found = [_scalars(group.rows, rows) for group, rows in zip(own.groups, groups, strict=True)]
+        smoothing = self._smoothing
+        flags = [events[:, 1 + k] != 0 for k in range(len(smoothing.groups))]
+        scalars = [_scalars(group.rows, rows) for group, rows in zip(smoothing.groups, groups, strict=True)]
         count = np.zeros(len(events), dtype=np.int64)
         before = []
-        for flag, group in zip(flags, own.groups, strict=True):
+        for flag, group in zip(flags, smoothing.groups, strict=True):
             before.append(count.copy())
             count += flag * group.count
         length = np.maximum(count, 1)
         first = np.cumsum(length) - length
 
-        inputs = own.backward.inputs
+        inputs = smoothing.backward.inputs
         rows = np.zeros((length.sum(), inputs.size))
         rows[first, inputs.slice("carried").start] = 1
-        interval = events[:, own.events.size : own.events.size + own.interval.size]
+        interval = events[:, smoothing.events.size : smoothing.events.size + smoothing.interval.size]
         rows[:, inputs.slice("carried").stop :] = np.repeat(interval, length, axis=0)
         scalar = slice(inputs.slice("H").start, inputs.slice("left").stop)
-        for k, (flag, earlier, (values, turn)) in enumerate(zip(flags, before, found, strict=True)):
+        for k, (flag, earlier, (values, turn)) in enumerate(zip(flags, before, scalars, strict=True)):
             places = (first + earlier)[flag][:, None] + np.arange(values.shape[1])
             rows[places, scalar] = values
             rows[places, inputs.slice(used_row(k)).start] = 1
@@ -99,8 +99,8 @@ class Record:
 
     def _rows(self, outputs: Array, table: Table) -> Array:
         """The columns of the outputs of the forward pass that `table` names, in its order."""
-        shown = self._smoothing.forward.outputs
-        return np.concatenate([outputs[:, shown.slice(name)] for name in table.names], axis=1)
+        table_of_outputs = self._smoothing.forward.outputs
+        return np.concatenate([outputs[:, table_of_outputs.slice(name)] for name in table.names], axis=1)
 
 
 def _scalars(table: Table, rows: Array) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from insenv.base.remarks import Remark
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.estimators import Estimator, Knowledge, get
@@ -73,7 +74,7 @@ class Plant:
         estimator.check(self.scenario.drive(whole), parameters)
         return parameters
 
-    def notes_of(self, estimator: Estimator, rows: Mapping[str, Any] | None = None) -> tuple[str, ...]:
+    def notes_of(self, estimator: Estimator, rows: Mapping[str, Any] | None = None) -> tuple[Remark, ...]:
         """What must be said, before it runs, of an estimator that may be stopped at any time; `rows`: see `parameters_of`."""
         table = estimator.model.parameters
         parameters = table.unpack(table.pack(self.parameters_of(estimator, rows, whole=False)))

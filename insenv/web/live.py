@@ -34,7 +34,7 @@ from insenv.scenario.files import named_estimators
 from insenv.scenario.tracks.fmu_section import FmuSection
 from insenv.scenario.tracks.section import RecordedSection
 from insenv.web.controls import Control, Option, with_values
-from insenv.web.judging import findings, health_rows, judged, limit_along, limit_document, rule
+from insenv.web.judging import findings, groups_of, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
 from insenv.web.probing import Prober
 from insenv.web.start import known_vector, start_source, told_places
@@ -216,7 +216,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         ],
         "controls": [_control(control, live) for control in live.controls],
         "limit": limit_document(limit, plant.duration_s),
-        "rule": rule(),
+        "rule": rule(max(groups_of(member.estimator) for member in live.page.members)),
         "channels": {name: {"label": label(name), "title": NAMES[name], "unit": unit_of(name)} for name in CHANNELS},
         "biases": {"rows": BIASES, "axes": AXES},
         "marked": MARKED,

@@ -10,7 +10,7 @@ from insenv.core import symmetric
 from insenv.estimators import get
 from insenv.estimators.parts import quaternion_error
 from insenv.estimators.parts.quaternion_error import Y
-from insenv.evaluation.consistency import nees
+from insenv.evaluation.errors import nees
 
 
 def nees_of(id, estimate, truth):

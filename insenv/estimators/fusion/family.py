@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import declared
 from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
@@ -153,6 +154,13 @@ chance in 2 runs of 100 000.
 """
 
 
+_SURPRISING = declared(
+    "estimate-surprising",
+    "the estimate of {state} is {ratio} times the standard deviation told of it ({sigma}): the instrument, its description or "
+    "that sigma is wrong",
+)
+
+
 def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
     """Of each state: its estimate at the end is beyond `SURPRISING` of its standard deviations at the start.
 
@@ -163,10 +171,7 @@ def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> t
     for state in states:
         sigma = _numbers(parameters[state.sigma] if state.time else state.start_sigma(p), state.size)
         begun = np.zeros(state.size) if state.time or state.started is None else _numbers(state.started(p), state.size)
-        sentence = (
-            f"the estimate of {state.name} is {{ratio}} times the standard deviation told of it ({state.sigma}): the "
-            "instrument, its description or that sigma is wrong"
-        )
+        sentence = _SURPRISING.filled(state=state.name, sigma=state.sigma)
         found.append(Finding(state.name, sentence, np.where(sigma > 0.0, sigma, np.inf), begun, SURPRISING))
     return tuple(found)
 
@@ -235,8 +240,7 @@ def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration
             *notes({**parameters, **sure}, duration_s),
             *unknown_start.far_place(way, parameters),
         ),
-        findings=lambda parameters: (*findings(parameters), *unknown_start.finding(way, parameters)),
-        reaches=lambda parameters: unknown_start.reached(way, parameters),
+        findings=lambda parameters: (*findings(parameters), *unknown_start.findings(way, parameters)),
         finds_attitude=True,
         oldest_s=min(estimator.oldest_s, OLDEST),
         settable=filter.parameters,  # not those of the alignment
@@ -277,9 +281,10 @@ UNKNOWN_START = (
     "log), with velocities of GNSS or of a Doppler log, and without the aids magnetometer and heading"
 )
 IN_PLACE = "in_place"
-NO_HEADING = (
+NO_HEADING = declared(
+    "no-heading-aid",
     "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
-    "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable"
+    "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable",
 )
 
 
@@ -296,15 +301,30 @@ def _holds(filter: Composition, what: str) -> bool:
     return any(what in aid.holds for aid in filter.aids)
 
 
-NO_PLACE = (
+NO_PLACE = declared(
+    "no-place-aid",
     "the vehicle is a turntable, and no aid tells that the unit stays in place while it turns: after a turn the sigmas can "
-    "be more than ten times too small; use the aid in_place"
+    "be more than ten times too small; use the aid in_place",
 )
 
 
-NO_MOUNTING = (
+NO_MOUNTING = declared(
+    "mounting-unknown",
     "nothing is told of how the unit is mounted to the wheels, and their constraint takes its axes for theirs: a degree "
-    "between them is a degree of heading error; use the state odometer_mounting_error"
+    "between them is a degree of heading error; use the state odometer_mounting_error",
+)
+_ERRORS_UNCOUNTED = declared(
+    "errors-uncounted",
+    "errors of the instruments that are known to be there and are neither states nor noise of this filter: {states}; its "
+    "sigmas are too small",
+)
+_UNIT_UNCOUNTED = declared(
+    "unit-errors-uncounted",
+    "errors of the unit that a turn shows and that are no states of this filter: {states}; after a turn its sigmas are several "
+    "times too small",
+)
+_IDLE_STATE = declared(
+    "state-without-effect", "the state {state} has no effect: its standard deviation at the start is 0. Set {sigma}"
 )
 
 
@@ -322,19 +342,13 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
     ]
     found = []
     if left_out:
-        found.append(
-            f"errors of the instruments that are known to be there and are neither states nor noise of this filter: "
-            f"{', '.join(dict.fromkeys(left_out))}; its sigmas are too small"
-        )
+        found.append(_ERRORS_UNCOUNTED.filled(states=", ".join(dict.fromkeys(left_out))))
     if NON_HOLONOMIC.id in {aid.id for aid in filter.aids} and MOUNTING.name not in states and untold_mounting(known):
         found.append(NO_MOUNTING)
     if drive.vehicle == TURNTABLE:
         of_unit = [name for name in told_of_unit(known) if name not in states]
         if of_unit:
-            found.append(
-                f"errors of the unit that a turn shows and that are no states of this filter: {', '.join(of_unit)}; after a "
-                "turn its sigmas are several times too small"
-            )
+            found.append(_UNIT_UNCOUNTED.filled(states=", ".join(of_unit)))
         if IN_PLACE not in [aid.id for aid in filter.aids]:
             found.append(NO_PLACE)
     return tuple(found)
@@ -342,9 +356,7 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
 
 def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[str, ...]:
     idle = [state for state in filter.states if not np.any(np.asarray(parameters[state.sigma]) > 0.0)]
-    return tuple(
-        f"the state {state.name} has no effect: its standard deviation at the start is 0. Set {state.sigma}" for state in idle
-    )
+    return tuple(_IDLE_STATE.filled(state=state.name, sigma=state.sigma) for state in idle)
 
 
 def _smoother(filter: Composition, uncounted: tuple[str, ...] = (), way: VelocityIntegration | None = None) -> Estimator:

@@ -26,6 +26,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.attitude import skew
+from insenv.base.remarks import declared, remark
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select
 from insenv.core.model import Model, Step, Values
@@ -39,7 +40,7 @@ from insenv.estimators.fusion.omitted import Omitted
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, bias_sigma
-from insenv.estimators.parts.finding import SIGMA, TIME, Finding, Reached
+from insenv.estimators.parts.finding import Finding, Reached
 from insenv.estimators.parts.kalman import innovation_variance
 from insenv.estimators.velocity_integration import estimator as alignment
 from insenv.estimators.velocity_integration import source, wahba
@@ -98,38 +99,41 @@ def prepared(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
     return {PREFIX + name: value for name, value in alignment.prepare(way, known).items() if name not in SHARED}
 
 
-def far_place(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    """A sentence about a place that is not known well enough for a start by a log, after which nothing shows it."""
+@remark(
+    "place-uncertain",
+    f"the place at the start is uncertain by {{sigma:.3g}} km: from {LARGEST_PLACE / 1000:.3g} km on this start by a Doppler "
+    "log alone states sigmas of place and heading that are several times too small; give the place better, or add GNSS",
+)
+def far_place(way: VelocityIntegration, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """A place that is not known well enough for a start by a log, after which nothing shows it."""
     sigma = float(np.max(parameters["position_sigma"][:2]))
     if way is alignment.BY_FIXES or sigma <= LARGEST_PLACE:
+        return None
+    return {"sigma": sigma / 1000}
+
+
+_NOT_FOUND = declared(
+    "heading-not-found",
+    f"the heading is not found to {degrees(FOUND):.2g} deg (1 sigma): until it is, each measured velocity starts the filter "
+    "anew, and no other aid is used; {shows}",
+)
+_FOUND = declared(
+    "start-found",
+    "heading found after {time} s, to {sigma} deg (1 sigma), {means}; from then on the filter runs with all its aids",
+)
+
+
+def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding | Reached, ...]:
+    """What is said of a run that has not found its heading at its end, and when the filter has its start.
+
+    Nothing where the attitude that is told suffices.
+    """
+    if not _uncertain(Values(**parameters)):
         return ()
     return (
-        f"the place at the start is uncertain by {sigma / 1000:.3g} km: from {LARGEST_PLACE / 1000:.3g} km on this start by a "
-        "Doppler log alone states sigmas of place and heading that are several times too small; give the place better, or add "
-        "GNSS",
+        Finding("attitude_sigma", _NOT_FOUND.filled(shows=_SHOWN[way]), scale=(np.inf, np.inf, FOUND)),
+        Reached("attitude_sigma", _FOUND.filled(means=alignment.MEANS[way]), (LINEAR_TILT, LINEAR_TILT, FOUND)),
     )
-
-
-def finding(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """What is said of a run that has not found its heading at its end; nothing where the attitude that is told suffices."""
-    if not _uncertain(Values(**parameters)):
-        return ()
-    sentence = (
-        f"the heading is not found to {degrees(FOUND):.2g} deg (1 sigma): until it is, each measured velocity starts the "
-        f"filter anew, and no other aid is used; {_SHOWN[way]}"
-    )
-    return (Finding("attitude_sigma", sentence, scale=(np.inf, np.inf, FOUND)),)
-
-
-def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Reached, ...]:
-    """What is said of the time at which the filter has its start; nothing where the attitude that is told suffices."""
-    if not _uncertain(Values(**parameters)):
-        return ()
-    sentence = (
-        f"heading found after {TIME} s, to {SIGMA} deg (1 sigma), {alignment.MEANS[way]}; from then on the filter runs with "
-        "all its aids"
-    )
-    return (Reached("attitude_sigma", sentence, (LINEAR_TILT, LINEAR_TILT, FOUND)),)
 
 
 @lru_cache(maxsize=16)

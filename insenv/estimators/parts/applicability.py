@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from math import cos, degrees, hypot, pi, sqrt, tan
 from typing import Any
 
+from insenv.base.remarks import Caveat, Remark, declared, remark
 from insenv.estimators.contract import Notes
 from insenv.geodesy import NOMINAL_GRAVITY, OMEGA_IE, A
 
@@ -46,148 +47,189 @@ NOISELESS = 1e-8, 1e-6
 
 OTHERS = "use fusion with the velocity of GNSS, or aqe-sukf"
 
+# Rules, of parameters (SI, by row name) and the duration of the data (s).
 
-def linear_start(parameters: Mapping[str, Any], duration_s: float, advice: str = OTHERS) -> tuple[str, ...]:
-    """A sentence about a start attitude that is too uncertain for a linearised filter.
 
-    parameters: SI, by row name: `tilt_sigma`, `heading_sigma`. duration_s: of the data, s. advice: what to do.
+def above(code: str, text: str, row: str, largest: float, kind: type[Remark] = Remark) -> Notes:
+    """The remark that an angle, a parameter row, is larger than this (rad); ``{angle}`` in the text stands for it in deg."""
+
+    @remark(code, text, kind)
+    def rule(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+        angle = float(parameters[row])
+        return None if angle <= largest else {"angle": degrees(angle)}
+
+    return rule
+
+
+@remark(
+    "start-uncertain",
+    "the start attitude is uncertain by {tilt:.2g} deg of level and {heading:.3g} deg of heading: this linearised filter "
+    f"states too small sigmas from {degrees(LINEAR_TILT):.2g} deg of level or {degrees(LINEAR_HEADING):.2g} deg of heading on; "
+    f"{{advice}}",
+)
+def linear_start(parameters: Mapping[str, Any], duration_s: float, advice: str = OTHERS) -> dict[str, Any] | None:
+    """A start attitude that is too uncertain for a linearised filter; advice: what to do.
+
+    parameters: `tilt_sigma`, `heading_sigma`.
     """
     tilt, heading = float(parameters["tilt_sigma"]), float(parameters["heading_sigma"])
     if tilt <= LINEAR_TILT and heading <= LINEAR_HEADING:
-        return ()
-    return (
-        f"the start attitude is uncertain by {degrees(tilt):.2g} deg of level and {degrees(heading):.3g} deg of heading: this "
-        f"linearised filter states too small sigmas from {degrees(LINEAR_TILT):.2g} deg of level or "
-        f"{degrees(LINEAR_HEADING):.2g} deg of heading on; {advice}",
-    )
+        return None
+    return {"tilt": degrees(tilt), "heading": degrees(heading), "advice": advice}
 
 
-def free_start(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """A sentence about a level that is too uncertain for a linearised filter whose velocity nothing holds.
-
-    Arguments as for `linear_start`.
-    """
-    tilt = float(parameters["tilt_sigma"])
-    if tilt <= 1.01 * FREE_TILT:
-        return ()
-    return (
-        f"none of the aids holds the horizontal velocity, and the level at the start is uncertain by {degrees(tilt):.2g} deg: "
-        f"this linearised filter states sigmas of position and velocity that are many times too small from "
-        f"{degrees(FREE_TILT):.2g} deg on; align first, or add GNSS, an odometer or a Doppler log",
-    )
+free_start = above(
+    "level-uncertain",
+    "none of the aids holds the horizontal velocity, and the level at the start is uncertain by {angle:.2g} deg: this "
+    f"linearised filter states sigmas of position and velocity that are many times too small from {degrees(FREE_TILT):.2g} deg "
+    "on; align first, or add GNSS, an odometer or a Doppler log",
+    "tilt_sigma",
+    1.01 * FREE_TILT,
+)
+"""A level that is too uncertain for a linearised filter whose velocity nothing holds."""
 
 
-def drifting_heading(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """A sentence about gyros whose bias turns the heading beyond what a linearised filter takes, until a turn shows the bias.
+@remark(
+    "heading-drifts",
+    "a gyro bias of {bias:.3g} deg/h may turn the heading by {turn:.3g} deg in the {duration:.3g} s of the run: beyond "
+    f"{degrees(LINEAR_HEADING):.2g} deg this linearised filter's sigma of the heading can be half of what it should be; an "
+    "early turn about a level axis shows the bias",
+)
+def drifting_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """Gyros whose bias turns the heading beyond what a linearised filter takes, until a turn shows the bias.
 
-    parameters: SI, by row name: `gyro_bias_sigma`, `start_gyro_bias_error`. duration_s: of the data, s.
+    parameters: `gyro_bias_sigma`, `start_gyro_bias_error`.
     """
     bias = float(parameters["start_gyro_bias_error"]) or float(parameters["gyro_bias_sigma"])
     if bias * duration_s <= LINEAR_HEADING:
-        return ()
-    return (
-        f"a gyro bias of {degrees(bias) * 3600:.3g} deg/h may turn the heading by {degrees(bias * duration_s):.3g} deg in the "
-        f"{duration_s:.3g} s of the run: beyond {degrees(LINEAR_HEADING):.2g} deg this linearised filter's sigma of the "
-        "heading can be half of what it should be; an early turn about a level axis shows the bias",
-    )
+        return None
+    return {"bias": degrees(bias) * 3600, "turn": degrees(bias * duration_s), "duration": duration_s}
 
 
-def unseen_heading(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """A sentence about a heading that only manoeuvres show, for a filter that converges from any heading."""
-    heading = float(parameters["heading_sigma"])
-    if heading <= UNSEEN_HEADING:
-        return ()
-    return (
-        f"the start heading is known to {degrees(heading):.3g} deg only: until turns or changes of speed have shown it, its "
-        "stated sigma can be half of what it should be, and in the first of them that of the velocity a fraction",
-    )
+unseen_heading = above(
+    "heading-unseen",
+    "the start heading is known to {angle:.3g} deg only: until turns or changes of speed have shown it, its stated sigma can "
+    "be half of what it should be, and in the first of them that of the velocity a fraction",
+    "heading_sigma",
+    UNSEEN_HEADING,
+    Caveat,
+)
+"""A heading that only manoeuvres show, for a filter that converges from any heading."""
+far_heading = above(
+    "heading-far",
+    "the start heading is known to {angle:.3g} deg only: from more than 90 deg off the heading loop turns slowly, and from 180 "
+    "deg not at all, so that its stated sigma can be too small; use q-method",
+    "start_heading_sigma",
+    FAR_HEADING,
+    Caveat,
+)
+"""A heading loop that starts from a heading that may be more than a right angle off."""
 
 
-def unmodelled_motion(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """A sentence about scale factors and misalignments that a filter counts as noise and does not estimate.
+@remark(
+    "motion-errors-as-noise",
+    "scale factors and misalignments of the gyros ({error:.2g} mrad) are counted as noise, not estimated: in and after turns "
+    "the attitude can be wrong by more than three stated sigmas",
+    Caveat,
+)
+def unmodelled_motion(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """Scale factors and misalignments that a filter counts as noise and does not estimate.
 
     They matter where half a turn costs more than the accelerometers' bias does at rest.
 
-    parameters: SI, by row name: `rotation_error`, `accel_bias_sigma`.
+    parameters: `rotation_error`, `accel_bias_sigma`.
     """
     error = float(parameters["rotation_error"])
-    if pi * error <= float(parameters["accel_bias_sigma"]) / NOMINAL_GRAVITY:
-        return ()
-    return (
-        f"scale factors and misalignments of the gyros ({1000 * error:.2g} mrad) are counted as noise, not estimated: in and "
-        "after turns the attitude can be wrong by more than three stated sigmas",
-    )
+    return None if pi * error <= float(parameters["accel_bias_sigma"]) / NOMINAL_GRAVITY else {"error": 1000 * error}
 
 
-def noiseless(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """A sentence about a linearised filter that is told of a unit without white noise: it trusts its linearisation.
+@remark(
+    "unit-without-noise",
+    "the inertial unit is told to have no white noise: no stated sigma covers what the linearised filter omits of the start "
+    "attitude, about {omitted:.2g} deg",
+    Caveat,
+)
+def noiseless(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """A unit without white noise: a linearised filter trusts its linearisation.
 
-    parameters: SI, by row name: `angle_random_walk`, `velocity_random_walk`, `tilt_sigma`, `heading_sigma`.
+    parameters: `angle_random_walk`, `velocity_random_walk`, `tilt_sigma`, `heading_sigma`.
     """
     if float(parameters["angle_random_walk"]) > NOISELESS[0] or float(parameters["velocity_random_walk"]) > NOISELESS[1]:
-        return ()
-    omitted = degrees(float(parameters["tilt_sigma"]) * float(parameters["heading_sigma"]))
-    return (
-        f"the inertial unit is told to have no white noise: no stated sigma covers what the linearised filter omits of the "
-        f"start attitude, about {omitted:.2g} deg",
+        return None
+    return {"omitted": degrees(float(parameters["tilt_sigma"]) * float(parameters["heading_sigma"]))}
+
+
+def printed(fault: str, instead: str) -> Notes:
+    """What the printed form of a paper's filter is for: its fault, and the estimators to use instead."""
+    said = declared("printed-form", "the paper's filter as printed, for comparison with it: {fault}; use {instead}").filled(
+        fault=fault, instead=instead
     )
+    return lambda parameters, duration_s: (said,)
 
 
-def far_heading(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """A sentence about a heading loop that starts from a heading that may be more than a right angle off.
-
-    parameters: SI, by row name: `start_heading_sigma`.
-    """
-    heading = float(parameters["start_heading_sigma"])
-    if heading <= FAR_HEADING:
-        return ()
-    return (
-        f"the start heading is known to {degrees(heading):.3g} deg only: from more than 90 deg off the heading loop turns "
-        "slowly, and from 180 deg not at all, so that its stated sigma can be too small; use q-method",
-    )
-
-
-TURNED = (
+TURNED = declared(
+    "turntable",
     "the vehicle is a turntable: the stated sigmas leave out what turns of the unit do with its errors, and can be several "
-    "times too small once it turns; use fusion"
+    "times too small once it turns; use fusion",
+    Caveat,
 )
 """Roll and pitch of `ecef-kf` at the end of `turntable-indexing` (24 seeds from 7000): 0.005 deg rms, 0.0006 stated; heading of
 `gyrocompass` 0.55 and 0.07, of `inertial-fir` 0.22 and 0.06.  Heading of the q-method at 540 s, four minutes after the first
 half turn (64 seeds from 7000): 0.73 and 0.24, of `qakf` at 630 s 0.36 and 0.17, of `qakf-improved` at 1830 s 0.17 and 0.08."""
 
 
-def together(*kinds: Notes) -> Notes:
-    """The sentences of several kinds, one after another."""
-    return lambda parameters, duration_s: tuple(note for kind in kinds for note in kind(parameters, duration_s))
+def together(*rules: Notes) -> Notes:
+    """The sentences of several rules, one after another."""
+    return lambda parameters, duration_s: tuple(note for rule in rules for note in rule(parameters, duration_s))
 
 
-def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """Sentences about the heading of an alignment by the Earth's rotation, after `duration_s` of data.
+# The heading of an alignment by the Earth's rotation, after `duration_s` of data.
+#
+# parameters: `latitude`, `gyro_bias_sigma`, `accel_bias_sigma`, `angle_random_walk`, and `moving` if there is one (1: the
+# vehicle moves and has GNSS velocity, so there is no sentence).
 
-    parameters: SI, by row name: `latitude`, `gyro_bias_sigma`, `accel_bias_sigma`, `angle_random_walk`, and `moving` if
-    there is one (1: the vehicle moves and has GNSS velocity, so there is no sentence).
-    """
-    if float(parameters.get("moving", 0.0)) != 0.0:
-        return ()
-    latitude = float(parameters["latitude"])
+
+@remark(
+    "near-pole",
+    "{angle:.2g} deg ({distance:.3g} km) from a pole: the direction of north changes from place to place, so heading has "
+    "little meaning; use a navigating estimator (wander azimuth) there",
+)
+def near_pole(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """A place at which the direction of north has little meaning."""
+    to_pole = pi / 2 - abs(float(parameters["latitude"]))
+    if _moves(parameters) or to_pole >= NEAR_POLE:
+        return None
+    return {"angle": degrees(to_pole), "distance": A * to_pole / 1000}
+
+
+@remark("heading-not-applicable", "not applicable for heading: {why}")
+def no_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """Instruments that give no heading at all."""
+    error, why = _heading_error(parameters, duration_s)
+    return None if _moves(parameters) or error < HOPELESS else {"why": why}
+
+
+@remark("heading-poor", "heading is good to {error:.2g} deg only: {why}")
+def poor_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """Instruments that give a poor heading."""
+    error, why = _heading_error(parameters, duration_s)
+    return None if _moves(parameters) or not DOUBTFUL < error < HOPELESS else {"error": degrees(error), "why": why}
+
+
+notes = together(near_pole, no_heading, poor_heading)
+
+
+def _moves(parameters: Mapping[str, Any]) -> bool:
+    return float(parameters.get("moving", 0.0)) != 0.0
+
+
+def _heading_error(parameters: Mapping[str, Any], duration_s: float) -> tuple[float, str]:
+    """The error of the heading (rad) by gyros and accelerometers, and which of them makes the larger part."""
+    latitude, hourly = float(parameters["latitude"]), degrees(1) * 3600
     bias, walk = float(parameters["gyro_bias_sigma"]), float(parameters["angle_random_walk"])
-    found = []
-    to_pole = pi / 2 - abs(latitude)
-    if to_pole < NEAR_POLE:
-        found.append(
-            f"{degrees(to_pole):.2g} deg ({A * to_pole / 1000:.3g} km) from a pole: the direction of north changes from "
-            "place to place, so heading has little meaning; use a navigating estimator (wander azimuth) there"
-        )
     horizontal = OMEGA_IE * max(cos(latitude), 1e-9)
     rate = hypot(bias, walk / sqrt(max(duration_s, 1.0)))
     by_gyro, by_tilt = rate / horizontal, float(parameters["accel_bias_sigma"]) / NOMINAL_GRAVITY * abs(tan(latitude))
-    if hypot(by_gyro, by_tilt) > DOUBTFUL:
-        found.append(_doubt(by_gyro, by_tilt, rate, horizontal, latitude))
-    return tuple(found)
-
-
-def _doubt(by_gyro: float, by_tilt: float, rate: float, horizontal: float, latitude: float) -> str:
-    hourly = degrees(1) * 3600
     if by_gyro >= by_tilt:
         why = (
             f"a gyro error of {rate * hourly:.3g} deg/h is {by_gyro:.2g} times the horizontal Earth rate of "
@@ -196,7 +238,4 @@ def _doubt(by_gyro: float, by_tilt: float, rate: float, horizontal: float, latit
     else:
         level = degrees(by_tilt / abs(tan(latitude)))
         why = f"the accelerometers level to {level:.2g} deg, at {degrees(latitude):.4g} deg of latitude"
-    size = hypot(by_gyro, by_tilt)
-    if size >= HOPELESS:
-        return f"not applicable for heading: {why}"
-    return f"heading is good to {degrees(size):.2g} deg only: {why}"
+    return hypot(by_gyro, by_tilt), why

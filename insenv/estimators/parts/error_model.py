@@ -31,6 +31,7 @@ import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.attitude import skew
+from insenv.base.remarks import Remark, declared
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, select, sin_cos
 from insenv.estimators.parts.kalman import Update
@@ -198,14 +199,20 @@ ROUNDED = 0.9
 """Part of the unit's value down to which a value set by hand counts as the same."""
 
 
-def understated(unit: Mapping[str, Any], given: Mapping[str, Any]) -> tuple[str, ...]:
+_UNDERSTATED = declared(
+    "motion-errors-understated",
+    "{name} = {set:.2g} mrad is set, that of the unit is {unit:.2g} mrad: in and after manoeuvres the stated sigmas are too "
+    "small",
+)
+
+
+def understated(unit: Mapping[str, Any], given: Mapping[str, Any]) -> tuple[Remark, ...]:
     """Sentences about errors that are set smaller than the unit's: the filter then states too small sigmas in motion.
 
     unit, given: parameters (by row name) as the data sheet of the unit gives them, and as they are set.
     """
     return tuple(
-        f"{name} = {1000 * float(given[name]):.2g} mrad is set, that of the unit is {1000 * float(unit[name]):.2g} mrad: in "
-        "and after manoeuvres the stated sigmas are too small"
+        _UNDERSTATED.filled(name=name, set=1000 * float(given[name]), unit=1000 * float(unit[name]))
         for name in ("rotation_error", "thrust_error")
         if name in given and name in unit and float(given[name]) < ROUNDED * float(unit[name])
     )

@@ -1,4 +1,4 @@
-"""What a run shows: at its end an output that is far from where it belongs, or the time at which a sigma has become small."""
+"""What the outputs of a run show: an output that is far from where it belongs at the end, or when a sigma became small."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-RATIO, TIME, SIGMA = "{ratio}", "{time}", "{sigma}"
+from insenv.base.remarks import Remark, coded
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,7 +16,7 @@ class Finding:
     """A sentence that holds where an output's last value is at least `limit` of its scales from a value.
 
     row: of the outputs.  about, scale: one number for each element of the row, or one for all, in its unit; an element of
-    infinite scale does not count.  sentence: `RATIO` in it stands for the largest distance over its scale.
+    infinite scale does not count.  sentence: ``{ratio}`` in it stands for the largest distance over its scale.
 
     Data instead of a function, so that whoever has the outputs alone (a live page) can tell it.
     """
@@ -31,25 +31,30 @@ class Finding:
         """The largest distance over its scale of outputs (by row name, time along the first axis) at their end."""
         return float(np.max(np.abs(np.ravel(outputs[self.row][-1]) - self.about) / self.scale))
 
+    @property
+    def remark(self) -> Remark:
+        """The sentence with its code."""
+        return coded([self.sentence], "finding")[0]
+
 
 @dataclass(frozen=True, eq=False)
 class Reached:
     """A sentence about the first time at which standard deviations are small enough.
 
     row: of the outputs, rad.  scale: the largest that is small enough, one number for each element of the row.  sentence:
-    `TIME` in it stands for that time in s, `SIGMA` for the last element of the row then, in deg.
+    ``{time}`` in it stands for that time in s, ``{sigma}`` for the last element of the row then, in deg.
     """
 
     row: str
     sentence: str
     scale: ArrayLike
 
-    def said(self, time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]) -> str:
-        """The sentence about outputs (by row name) at times (k,) s since the start; empty if they never are small enough."""
+    def said(self, time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]) -> tuple[Remark, ...]:
+        """The sentence about outputs (by row name) at times (k,) s since the start; none if they never are small enough."""
         sigma = outputs[self.row]
         small = (sigma <= np.asarray(self.scale)).all(axis=1)
         if not small.any():
-            return ""
+            return ()
         first = int(np.argmax(small))
-        of_heading = f"{np.degrees(sigma[first, -1]):.2g}"
-        return self.sentence.replace(TIME, f"{time[first]:.1f}").replace(SIGMA, of_heading)
+        (sentence,) = coded([self.sentence], "reached")
+        return (sentence.filled(time=f"{time[first]:.1f}", sigma=f"{np.degrees(sigma[first, -1]):.2g}"),)

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from insenv import geodesy
+from insenv.base.remarks import declared
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
-from insenv.estimators.parts.finding import SIGMA, TIME, Finding, Reached
+from insenv.estimators.parts.finding import Finding, Reached
 from insenv.estimators.velocity_integration.log import LOG, finds_north
 from insenv.estimators.velocity_integration.source import FIXES, LARGEST_LINEAR
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
@@ -62,27 +63,20 @@ def prepare(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
     return {**known.rows_of(way.parameters), "memory_time": memory}
 
 
-def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """A sentence where a run has not found the attitude, or its heading, at its end."""
+_NO_ATTITUDE = declared("no-attitude", "no attitude was found: this alignment needs {needs}, at least three of them")
+_NO_HEADING = declared("heading-unknown", "the heading is unknown at the end: {shows}")
+_FOUND = declared("heading-found", "heading found after {time} s, to {sigma} deg (1 sigma), {means}")
+
+
+def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding | Reached, ...]:
+    """What is said of a run that has not found the attitude, or its heading, at its end, and when the heading is known."""
     needs, shows = _SHOWN[way]
+    row, heading = "attitude_sigma", _NO_HEADING.filled(shows=shows(parameters))
     return (
-        Finding(
-            "attitude_sigma",
-            f"no attitude was found: this alignment needs {needs}, at least three of them",
-            scale=(LARGEST_LINEAR, np.inf, np.inf),
-        ),
-        Finding(
-            "attitude_sigma",
-            f"the heading is unknown at the end: {shows(parameters)}",
-            scale=(np.inf, np.inf, LARGEST_LINEAR),
-        ),
+        Finding(row, _NO_ATTITUDE.filled(needs=needs), scale=(LARGEST_LINEAR, np.inf, np.inf)),
+        Finding(row, heading, scale=(np.inf, np.inf, LARGEST_LINEAR)),
+        Reached(row, _FOUND.filled(means=MEANS[way]), np.full(3, LARGEST_LINEAR)),
     )
-
-
-def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Reached, ...]:
-    """What is said of the time at which the heading is known."""
-    sentence = f"heading found after {TIME} s, to {SIGMA} deg (1 sigma), {MEANS[way]}"
-    return (Reached("attitude_sigma", sentence, np.full(3, LARGEST_LINEAR)),)
 
 
 def _bias(parameters: Mapping[str, Any]) -> tuple[str, float]:
@@ -132,7 +126,6 @@ def _estimator(way: VelocityIntegration, sensor: str) -> Estimator:
         fix_velocity=way is BY_FIXES,
         prepare=partial(prepare, way),
         findings=partial(findings, way),
-        reaches=partial(reached, way),
         oldest_s=OLDEST,
         adapt=_adapted,
     )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark
 from insenv.core.batch import Batch, make_batch
 from insenv.core.tables import Table
 from insenv.scenario import Plant
@@ -76,8 +77,8 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: A
 
     part: what an interruption left of the block: the result is the same, to the bit.
     Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `held` (runs,):
-    JSON of `Estimator.held` at the end. Raises `InputError` if the parts of the plant differ between runs, `StoppedError`
-    soon after `stopped` returns true.
+    JSON of `Estimator.held` at the end (code, sentence, ratio). Raises `InputError` if the parts of the plant differ between
+    runs, `StoppedError` soon after `stopped` returns true.
     """
     runs = plan.blocks[number]
     plants = _plants(plan, runs, stopped)
@@ -98,11 +99,13 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: A
         "seed": np.array([plan.seed_of(run) for run in runs], dtype=np.float64),
         "values": plan.numbers(runs),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
-        "held": np.array([json.dumps(held) for held in _held(plan, batch)]),
+        "held": np.array(
+            [json.dumps([(each.code, each, ratio) for each, ratio in one.values()]) for one in _held(plan, batch)]
+        ),
     }
 
 
-def _held(plan: Plan, batch: Batch) -> list[dict[str, float]]:
+def _held(plan: Plan, batch: Batch) -> list[dict[str, tuple[Remark, float]]]:
     """The findings that hold at the end of each run (`Estimator.held`); of one that has diverged none."""
     estimator = plan.chosen
     if estimator.findings is None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.runner import Progress
-from insenv.evaluation.sentences import STEEP_LIMIT
+from insenv.evaluation.errors import STEEP_LIMIT
 from insenv.scenario import limit_of, no_limit
 from insenv.studies.campaign.plan import Plan
 

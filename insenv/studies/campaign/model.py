@@ -19,8 +19,7 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator
-from insenv.evaluation.consistency import nees
-from insenv.evaluation.errors import channels_of, error_of, sigma_of, stated_of
+from insenv.evaluation.errors import channels_of, error_of, nees, sigma_of, stated_of
 from insenv.scenario.loop import PREFIX, loop_model
 
 

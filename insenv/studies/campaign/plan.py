@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from insenv import estimators
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, coded, declared
 from insenv.base.toml import validated
 from insenv.base.version import __version__
 from insenv.estimators import Estimator
@@ -73,6 +74,11 @@ LARGEST_BLOCK, LANES = 1024, 8
 MAX_RUNS = 10_000_000
 COMPARED_RUNS = 8
 """Runs whose parameters the digest contains."""
+
+
+SAMPLES_HELD = declared(
+    "samples-held", "lost inertial samples are replaced by the last one received, not interpolated as in `insenv run`"
+)
 
 
 @dataclass(frozen=True)
@@ -189,9 +195,9 @@ class Plan:
         return run_parameters(plants, self.chosen, evaluation, bool(self.variations))
 
     @property
-    def too_short(self) -> str:
-        """The sentence that the runs are too short for the estimator; empty if they are not (`Estimator.too_short`)."""
-        return self.chosen.too_short(self._parameters, self.duration_s)
+    def too_short(self) -> bool:
+        """Whether the runs are too short for the estimator (`Estimator.too_short`)."""
+        return bool(self.chosen.too_short(self._parameters, self.duration_s))
 
     @property
     def _parameters(self) -> dict[str, Any]:
@@ -200,22 +206,22 @@ class Plan:
         return table.unpack(table.pack(self.plant.parameters_of(self.chosen)))
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """Notes on the scenario, on the estimator in that of the first run (`Estimator.notes`), and on its tuning in all."""
         found = (
-            *self.plant.scenario.notes,
+            *coded(self.plant.scenario.notes, "scenario"),
             *self.chosen.notes(self._parameters, self.duration_s),
             *self.chosen.without_effect(self.plant.tunings),
             *self._understated,
         )
         note = design_note(self.design, self.runs)
-        found += (note,) if note else ()
+        found += coded([note] if note else [], "design")
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
-            found += ("lost inertial samples are replaced by the last one received, not interpolated as in `insenv run`",)
+            found += (SAMPLES_HELD,)
         return found
 
     @property
-    def _understated(self) -> tuple[str, ...]:
+    def _understated(self) -> tuple[Remark, ...]:
         """What `Estimator.understated` says of the first run and of the extremes of what is varied, each once."""
         if not self.plant.tunings:
             return ()

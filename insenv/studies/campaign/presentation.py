@@ -15,9 +15,8 @@ from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.output import to_json
 from insenv.base.version import __version__
-from insenv.evaluation import sentences
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
-from insenv.evaluation.health import VERDICTS
+from insenv.evaluation.health import LINES, VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import Block, Document, Grid, Line
 from insenv.report.notebook import data_frame, html_document
@@ -295,7 +294,7 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
 def _health_of(shares: Mapping[str, Any], what: str) -> str:
     """Shares by verdict; that of untested runs only if there are any."""
     if shares["untested"] == 1.0:
-        return sentences.UNTESTED.format(count="the", what=what)
+        return LINES["untested"].format(count="the", what=what)
     listed = [verdict for verdict in VERDICTS if verdict != "untested" or shares[verdict]]
     verdicts = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in listed)
     if shares["nis"] is None:

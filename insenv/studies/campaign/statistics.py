@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.estimators.parts.finding import RATIO
+from insenv.base.remarks import Remark, as_json, coded
 from insenv.evaluation.health import VERDICTS, AidHealth, Health, Verdict
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.tables import runs_of
@@ -151,24 +151,25 @@ class Statistics:
     far: tuple[int, ...]
     limit_note: str = ""
     health: tuple[Health | None, ...] = ()
-    held: tuple[Mapping[str, float], ...] = ()
+    held: tuple[Mapping[Remark, float], ...] = ()
     whole: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     sensitivity: tuple[Sensitivity, ...] = ()
     percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """What must be said of the campaign."""
-        return (*self.plan.notes, *self._held_notes, *filter(None, (self.limit_note, sensitivity_note(self.plan))))
+        of_limit, of_design = filter(None, [self.limit_note]), filter(None, [sensitivity_note(self.plan)])
+        return (*self.plan.notes, *self._held_notes, *coded(of_limit, "limit"), *coded(of_design, "sensitivity"))
 
     @property
-    def _held_notes(self) -> Iterator[str]:
+    def _held_notes(self) -> Iterator[Remark]:
         """Each sentence of `held`, with the largest ratio and the number of runs."""
         for sentence in dict.fromkeys(sentence for one in self.held for sentence in one):
             ratios = {int(seed): one[sentence] for seed, one in zip(self.seeds, self.held, strict=True) if sentence in one}
-            said = sentence.replace(RATIO, f"up to {max(ratios.values()):.3g}")
+            said = sentence.filled(ratio=f"up to {max(ratios.values()):.3g}")
             which = "" if len(ratios) == len(self.held) else f" ({named(tuple(ratios))})"
-            yield f"in {len(ratios)} of {runs_of(len(self.held))}{which}: {said}"
+            yield Remark(sentence.code, f"in {len(ratios)} of {runs_of(len(self.held))}{which}: {said}")
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -252,6 +253,7 @@ class Statistics:
             "diverged": list(self.diverged),
             "far": list(self.far),
             "notes": list(self.notes),
+            "remarks": as_json(self.notes),
         }
 
 

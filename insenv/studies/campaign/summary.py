@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.remarks import Remark
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import statistics_from
 from insenv.evaluation.health import Health, health, no_fix
@@ -101,10 +102,11 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
     far = whole & (rms > FAR * np.median(rms[whole], axis=0)).any(axis=1) if whole.any() else whole
     values = np.concatenate(columns("values"))
     healths = _health(columns, plan.chosen.health_rows.names) if plan.chosen.reports_health else ()
-    held = [json.loads(str(text)) for text in np.concatenate(columns("held"))]
+    told = [json.loads(str(text)) for text in np.concatenate(columns("held"))]
+    held = [{Remark(code, text): ratio for code, text, ratio in one} for one in told]
     for run, one in enumerate(healths) if plan.chosen.reports_fixes else ():
-        if whole[run] and (said := no_fix(one)):
-            held[run][said] = 0.0
+        if whole[run]:
+            held[run] |= dict.fromkeys(no_fix(one), 0.0)
     return Summary(
         plan=plan,
         time=time,

@@ -8,6 +8,7 @@ from campaigns import car, slow_ship, small_plan
 from scipy.stats import chi2
 
 from insenv import run
+from insenv.base.remarks import Remark
 from insenv.scenario import load
 from insenv.studies.campaign import Folder, make_plan, run_campaign, running
 from insenv.studies.campaign import block as block_module
@@ -144,9 +145,10 @@ def test_what_runs_say_of_their_end_is_counted(tmp_path):
     seeds = ", ".join(map(str, unknown))
     said = f"in {len(unknown)} of 4 runs (seed {seeds}): the heading is unknown at the end: turns"
     assert said in " ".join(found.notes)
-    sentence = "the estimate of dvl_scale is {ratio} times its sigma"  # the largest ratio is told
+    sentence = Remark("surprising", "the estimate of dvl_scale is {ratio} times its sigma")  # the largest ratio is told
     found = replace(found, held=({sentence: 5.25}, {}, {sentence: 70.1}, {}))
-    assert "in 2 of 4 runs (seed 3, 5): the estimate of dvl_scale is up to 70.1 times its sigma" in found.notes
+    (note,) = [note for note in found.notes if note.code == "surprising"]
+    assert note == "in 2 of 4 runs (seed 3, 5): the estimate of dvl_scale is up to 70.1 times its sigma"
 
 
 def test_runs_that_are_too_short_are_noted():

@@ -1,0 +1,74 @@
+"""Sentences that comment on a result: each is one entry of a code, a rule and a text.
+
+The rule is a function that returns the values of the names in braces, or None where there is nothing to say; `remark` makes of
+it a function that returns the sentences.  The code is stable, so that programs need not read the text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
+from typing import Any, ParamSpec
+
+Arguments = ParamSpec("Arguments")
+Values = Mapping[str, Any]
+TEXTS: dict[str, str] = {}
+"""Text of every remark of the package that has been imported, by code."""
+_NAMED = re.compile(r"\{(\w+)(?::[^{}]*)?\}")
+
+
+class Remark(str):
+    """A sentence with its code."""
+
+    code: str
+
+    def __new__(cls, code: str, text: str) -> Remark:
+        made = super().__new__(cls, text)
+        made.code = code
+        return made
+
+    def __reduce__(self) -> tuple[type[Remark], tuple[str, str]]:
+        return type(self), (self.code, str(self))
+
+    def filled(self, **values: Any) -> Remark:
+        """With values for the names in braces; other braces stay."""
+        return type(self)(self.code, _NAMED.sub(lambda it: it[0].format(**values) if it[1] in values else it[0], self))
+
+
+class Caveat(Remark):
+    """A remark on stated standard deviations, with which an estimate counts as aligned all the same."""
+
+
+def declared(code: str, text: str, kind: type[Remark] = Remark) -> Remark:
+    """A remark without a rule of its own.  Raises `ValueError` for a code that has another text."""
+    if TEXTS.setdefault(code, text) != text:
+        raise ValueError(f"remark {code!r} is declared twice")
+    return kind(code, text)
+
+
+def remark(
+    code: str, text: str, kind: type[Remark] = Remark
+) -> Callable[[Callable[Arguments, Values | None]], Callable[Arguments, tuple[Remark, ...]]]:
+    """Make of a rule the function that returns its sentence, or no sentence."""
+    entry = declared(code, text, kind)
+
+    def of_rule(rule: Callable[Arguments, Values | None]) -> Callable[Arguments, tuple[Remark, ...]]:
+        @wraps(rule)
+        def said(*args: Arguments.args, **kwargs: Arguments.kwargs) -> tuple[Remark, ...]:
+            values = rule(*args, **kwargs)
+            return () if values is None else (entry.filled(**values),)
+
+        return said
+
+    return of_rule
+
+
+def coded(sentences: Iterable[str], code: str) -> tuple[Remark, ...]:
+    """Sentences as remarks: those without a code get this one."""
+    return tuple(each if isinstance(each, Remark) else Remark(code, each) for each in sentences)
+
+
+def as_json(remarks: Iterable[str], code: str = "note") -> list[dict[str, str]]:
+    """The documented JSON form; code: of sentences without one."""
+    return [{"code": each.code, "text": str(each)} for each in coded(remarks, code)]
