@@ -124,7 +124,7 @@ def sample_path() -> str:
             turns, back = (number + 1) % columns == 0, row % 2 == 1
             begin = (x + width / 2, y + height) if turns else (x, y + height / 2) if back else (x + width, y + height / 2)
             end = (begin[0], begin[1] + gap) if turns else (begin[0] + (-gap if back else gap), begin[1])
-            parts.append(_arrow(*begin, *end, "#808a94", "", (0, 0)))
+            parts.append(_arrow(begin[0], begin[1], end[0], end[1], "#808a94", "", (0, 0)))
     rows = -(-len(boxes) // columns)
     return _svg(16 + columns * (width + gap) - gap, 16 + rows * (height + gap) - gap, "From a key to a table", parts)
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 from simulated_log import simulated_log
 
-from insenv.logs import LogDescription
 from insenv.scenario import load
 
 HEADING = 90.0
@@ -35,7 +34,7 @@ def car_log(grade, duration_s, seed=5, *, wait_s=10.0, told=True, calm=False, ou
 def started(log, **initial):
     """The log with other values in [initial]."""
     values = {**log.description.initial.model_dump(), **initial}
-    return replace(log, description=LogDescription.model_validate({**log.description.model_dump(), "initial": values}))
+    return replace(log, description=type(log.description).model_validate({**log.description.model_dump(), "initial": values}))
 
 
 def beyond(result, name, late):
