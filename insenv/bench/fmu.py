@@ -242,6 +242,7 @@ def _write(path: Path, columns: dict[str, Array], steps: int, interval: float) -
         writer.writerows([repr(k * interval), *map(repr, row)] for k, row in enumerate(values))
 
 
+@lru_cache
 def _pythonfmu() -> float | None:
     """Time of a step of the same estimator as a PythonFMU, us; None if PythonFMU is not installed."""
     try:
