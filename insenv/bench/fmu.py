@@ -35,7 +35,7 @@ from insenv.core.compile import load as load_library
 from insenv.core.runner import make_runner
 from insenv.fmu import export_fmu, export_ssp, run, run_ssp
 from insenv.fmu.platforms import FLAGS, host
-from insenv.fmu.series import flattened
+from insenv.fmu.running import flattened
 from insenv.fmu.subject import Subject, subject
 from insenv.scenario import build, load
 from insenv.scenario.chunks import input_rows

@@ -157,8 +157,7 @@ def run(
     from insenv.base.output import check_output_file
     from insenv.cli.output import print_json, print_line, working
     from insenv.fmu.reading import switched_inputs
-    from insenv.fmu.running import run, some
-    from insenv.fmu.series import read_csv, write_csv
+    from insenv.fmu.running import read_csv, run, some, write_csv
     from insenv.fmu.system import run_ssp
 
     parameters = _scalars(set_)

@@ -15,7 +15,7 @@ from scipy.io import loadmat
 
 from insenv.fmu import export_fmu, export_ssp, run, run_ssp
 from insenv.fmu.reading import read_description, read_variable
-from insenv.fmu.series import flattened
+from insenv.fmu.running import flattened
 
 pytestmark = pytest.mark.slow
 ARRAYS, SCALARS = {"fmi": 3}, {"fmi": 3, "arrays": False}

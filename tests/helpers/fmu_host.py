@@ -8,7 +8,7 @@ import numpy as np
 from fmu_tools import INTERVAL, host_binary, scratch
 
 from insenv.base.resources import fmu_folder
-from insenv.fmu.series import Series, flattened, read_csv, write_csv
+from insenv.fmu.running import Series, flattened, read_csv, write_csv
 
 
 def table(columns: dict[str, np.ndarray]) -> Series:

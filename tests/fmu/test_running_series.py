@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from insenv.base.errors import InputError
-from insenv.fmu.series import Series, flattened, read_csv, write_csv
+from insenv.fmu.running import Series, flattened, read_csv, write_csv
 
 
 def test_csv_reads_back_bit_identical(tmp_path):
