@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred, given_path, one
+from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, command, given_path, one
 
 if TYPE_CHECKING:
     from insenv.fmu.running import Outputs
@@ -43,7 +43,7 @@ class Version(str, Enum):
 
 
 @app.command("export")
-@deferred
+@command
 def export_fmu(
     subject: Annotated[
         str, typer.Argument(metavar="ID|SCENARIO", help="An estimator's id, or a scenario, whose plant is exported.")
@@ -92,7 +92,7 @@ def export_fmu(
 
 
 @app.command("ssp")
-@deferred
+@command
 def ssp(
     scenario: Scenario,
     estimator: Estimator,
@@ -117,7 +117,7 @@ def ssp(
 
 
 @app.command("run")
-@deferred
+@command
 def run(
     fmu: Annotated[
         Path,

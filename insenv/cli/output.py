@@ -50,6 +50,15 @@ def print_line(text: str = "", stderr: bool = False) -> None:
     print(text, file=sys.stderr if stderr else sys.stdout)
 
 
+def print_answer(as_json: bool, values: Any, lines: Iterable[str]) -> None:
+    """Print the values of a short answer as one JSON document, or its lines."""
+    if as_json:
+        print_json(values)
+        return
+    for line in lines:
+        print_line(line)
+
+
 def print_blocks(blocks: Iterable[Block]) -> None:
     """Print tables and lines on stdout."""
     from rich.table import Table

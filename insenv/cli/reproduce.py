@@ -7,10 +7,10 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Json, Out, deferred
+from insenv.cli.options import Json, Out, command
 
 
-@deferred
+@command
 def reproduce(
     paper: Annotated[Optional[str], typer.Argument(metavar="[PAPER]", help="One paper; all papers if omitted.")] = None,  # noqa: UP045
     out: Out = None,

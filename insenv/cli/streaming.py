@@ -9,7 +9,7 @@ from typing import Annotated, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import Json, Scenario, Seed, deferred, given_path, one
+from insenv.cli.options import Json, Scenario, Seed, command, given_path, one
 
 
 class Lockstep(str, Enum):
@@ -19,7 +19,7 @@ class Lockstep(str, Enum):
     ardupilot_json = "ardupilot-json"
 
 
-@deferred
+@command
 def stream(
     scenario: Scenario,
     to: Annotated[
