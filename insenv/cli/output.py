@@ -23,7 +23,7 @@ COMPILER = "insenv.core.compile"
 """Name of the logger that tells of compilations."""
 NARROWEST = 24
 """Columns that the text beside a list's names has at least."""
-MOST = 1000
+WIDEST = 1000
 """More columns than any table needs."""
 
 
@@ -69,7 +69,7 @@ def print_blocks(blocks: Iterable[Block]) -> None:
     width = console.width
     for part in rendered(blocks):
         # a table is not cut in a narrow terminal, which breaks the lines itself
-        needed = console.measure(part, options=console.options.update(width=MOST))
+        needed = console.measure(part, options=console.options.update(width=WIDEST))
         console.width = max(width, needed.maximum if isinstance(part, Table) else needed.minimum)
         _show(console, part)
 
@@ -155,8 +155,8 @@ class Bar:
 
     def remark(self, text: str) -> None:
         """Show a remark behind the description; "" for none."""
-        shown = f"{self._description}: {text}" if text else self._description
-        self._progress.update(self._task, description=shown)
+        description = f"{self._description}: {text}" if text else self._description
+        self._progress.update(self._task, description=description)
 
 
 @contextmanager
@@ -183,7 +183,7 @@ class CompilingNotice(logging.Handler):
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self.bar: Bar | None = None
-        self._told = False
+        self._notified = False
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show that a compilation begins or has ended."""
@@ -192,8 +192,8 @@ class CompilingNotice(logging.Handler):
         text = record.getMessage()
         if self.bar is not None:
             self.bar.remark("" if text == COMPILED else text)
-        elif text != COMPILED and not self._told:
-            self._told = True
+        elif text != COMPILED and not self._notified:
+            self._notified = True
             print_line(f"insenv: {text}", stderr=True)
 
 
