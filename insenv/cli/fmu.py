@@ -241,9 +241,9 @@ def last_outputs(outputs: Outputs) -> list[str]:
     return lines + (textwrap.wrap(f"not shown: {', '.join(rest)}", 78, break_on_hyphens=False) if rest else [])
 
 
-def _platforms(given: Sequence[str] | None) -> list[str]:
+def _platforms(options: Sequence[str] | None) -> list[str]:
     """The names in options that may each hold several, separated by commas; "host" if there are none."""
-    return [name.strip() for option in given or () for name in option.split(",")] or ["host"]
+    return [name.strip() for option in options or () for name in option.split(",")] or ["host"]
 
 
 def _scalars(texts: Sequence[str] | None) -> dict[str, float]:

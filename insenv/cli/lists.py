@@ -106,10 +106,10 @@ def _own_grades() -> dict[str, Any]:
     from insenv.cli.output import print_line
     from insenv.sensors.grade_file import in_folder
 
-    own, faults = in_folder(Path.cwd())
+    grades, faults = in_folder(Path.cwd())
     for fault in faults:
         print_line(f"insenv: not a grade: {fault}", stderr=True)
-    return dict(own)
+    return dict(grades)
 
 
 def _may_be_grade(path: Path) -> bool:

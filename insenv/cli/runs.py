@@ -69,8 +69,8 @@ def _exported(report: Report, formats: tuple[str, ...], log: Callable[[], Record
     from insenv.export.formats import Given, contents_of, needs_log
     from insenv.report.files import file_name
 
-    given = Given(report, log() if needs_log(formats) else None, file_name(report.scenario))
-    return contents_of(given, formats)
+    sources = Given(report, log() if needs_log(formats) else None, file_name(report.scenario))
+    return contents_of(sources, formats)
 
 
 class Start(str, Enum):

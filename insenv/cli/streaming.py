@@ -91,13 +91,13 @@ def stream(
     if lockstep is not None:
         if signing_key_file is not None:
             raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
-        for option, given in (
+        for option, is_set in (
             ("--errors", errors),
             ("--system", system != 1),
             ("--undulation", undulation != 0.0),
             ("--score", score),
         ):
-            if given:
+            if is_set:
                 raise InputError(f"{option}: not allowed with --lockstep")
         if to and len(to) > 1:
             raise InputError(f"--to: {len(to)} addresses; --lockstep allows one, that of the autopilot")

@@ -114,16 +114,16 @@ class Model:
         from insenv.core.elementary import quick_operators
 
         known = identity.identity(self)
-        kept = traces.read(known) if known else None
-        if kept is not None:
-            return kept
+        cached = traces.read(known) if known else None
+        if cached is not None:
+            return cached
         with quick_operators():
             kernels = self._kernels()
         tables = (self.parameters, self.state, self.inputs, self.outputs)
-        found = traces.traced(kernels, str([table.rows for table in tables]))
+        traced = traces.traced(kernels, str([table.rows for table in tables]))
         if known:
-            traces.keep(known, found)
-        return found
+            traces.keep(known, traced)
+        return traced
 
     def _kernels(self) -> dict[str, Kernel]:
         import casadi as ca
@@ -145,9 +145,9 @@ class Model:
                 changed = step.function(*names, r) if step.uniforms else step.function(*names)
                 kernels[name] = _kernel(name, [p, x, u, r], self.state, changed)
         with naming(f"model {self.id!r}, output"):
-            shown = check_rows(self.output(*names[:2]), self.outputs)
-            self.outputs.assemble(shown)
-            kernels["output"] = _kernel("output", [p, x], self.outputs, shown)
+            values = check_rows(self.output(*names[:2]), self.outputs)
+            self.outputs.assemble(values)
+            kernels["output"] = _kernel("output", [p, x], self.outputs, values)
         return kernels
 
     @property

@@ -49,19 +49,19 @@ def made(native: Callable[..., Made], interpreter: Callable[..., Made], backend:
     if resolve_backend(backend) != "native":
         return interpreter
 
-    def make(*given: Any) -> Made:
+    def make(*arguments: Any) -> Made:
         try:
-            return native(*given)
+            return native(*arguments)
         except NoRoomError as error:
-            if _asked(backend):
+            if _requested(backend):
                 raise
             _warn_interpreter(f"{error}: models run on the interpreter (slower, the same numbers)")
-            return interpreter(*given)
+            return interpreter(*arguments)
 
     return make
 
 
-def _asked(backend: str | None) -> str:
+def _requested(backend: str | None) -> str:
     """The backend that the caller or the environment asks for; "" if neither does."""
     return backend or os.environ.get("INSENV_BACKEND") or ""
 
@@ -74,7 +74,7 @@ def prepare(models: Iterable[Model], backend: str | None = None) -> None:
 
 def resolve_backend(backend: str | None = None) -> str:
     """The backend to use: the given one, else native if there is a C compiler; warns once if there is none."""
-    chosen = _asked(backend)
+    chosen = _requested(backend)
     if chosen and chosen not in BACKENDS:
         raise InputError(f"backend {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")
     if chosen == "interpreter":
@@ -280,7 +280,7 @@ class NativeRunner(Runner):
         quick = ctypes.PyDLL(path)
         places = (ctypes.c_void_p * 4)(*(pointer(a) for a in (self.p, self.x, self._u, self._y)))
         at = ctypes.c_void_p(ctypes.addressof(places))
-        self._kept = places
+        self._places = places
         self._advance = functools.partial(quick.insenv_advance_at, at)  # type: ignore[method-assign]
         self._output = functools.partial(quick.insenv_output_at, at)  # type: ignore[method-assign]
         self._steps = {name: functools.partial(quick.insenv_step_at, at, k) for k, name in enumerate(model.steps)}
@@ -303,13 +303,13 @@ class NativeRunner(Runner):
         buffer = np.zeros(cycle_size(self.model, watched, n))
         places = (ctypes.c_void_p * 5)(*(a.ctypes.data for a in (self.p, self.x, self._u, spans, buffer)))
         # the tuple lives as long as the call and keeps the addresses valid
-        kept = (places, spans, buffer, self.p, self.x, self._u)
+        buffers = (places, spans, buffer, self.p, self.x, self._u)
         number = list(self.model.steps).index(step)
         sizes = (ctypes.c_int64(number), ctypes.c_int64(len(spans)), ctypes.c_int64(n))
         # releasing the GIL takes longer than a short call
         library = ctypes.PyDLL(self._library._name) if n < LONG_CYCLE else self._library
         call = functools.partial(library.insenv_cycle_at, ctypes.c_void_p(ctypes.addressof(places)), *sizes)
-        call.kept = kept  # type: ignore[attr-defined]
+        call.buffers = buffers  # type: ignore[attr-defined]
         return call, buffer
 
     def _step(self, name: str) -> None:

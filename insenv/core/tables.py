@@ -94,10 +94,10 @@ class Row:
             bad |= value != np.floor(value)
         if bad.any():
             place = "" if self.size == 1 else f"[{int(np.argmax(bad))}]"
-            shown = float(value[np.argmax(bad)])
+            wrong = float(value[np.argmax(bad)])
             unit = "" if self.unit == "1" else f" {self.unit}"
             raise InputError(
-                f"{self.name}{place} = {shown:g}{unit}: allowed is {self.kind} "
+                f"{self.name}{place} = {wrong:g}{unit}: allowed is {self.kind} "
                 f"from {self.lower:g} to {self.upper:g}{unit} ({self.meaning})"
             )
 
@@ -217,8 +217,8 @@ class Table:
             try:
                 value = value if isinstance(value, ca.SX) else ca.SX(value)
             except NotImplementedError:
-                given = type(value).__name__
-                raise InputError(f"row {row.name!r} is of type {given}: allowed is a CasADi expression or a number") from None
+                kind = type(value).__name__
+                raise InputError(f"row {row.name!r} is of type {kind}: allowed is a CasADi expression or a number") from None
             if value.shape != shape:
                 raise InputError(f"row {row.name!r} has the shape {value.size1()} x {value.size2()}: allowed is {row.shape}")
             parts.append(ca.vec(value.T) if len(row.shape) == 2 else value)

@@ -22,7 +22,7 @@ from insenv.core.cache import is_private, usable_folder
 
 Spans = tuple[slice, ...]
 FOLDER = "equations"
-MOST_FILES = 400
+MAX_FILES = 400
 """Files kept; of more, those written first are removed.  insenv has some fifty models, and a changed source makes new ones."""
 
 
@@ -100,15 +100,15 @@ def read(identity: str) -> Traced | None:
         return None
 
 
-def keep(identity: str, found: Traced) -> None:
+def keep(identity: str, traced: Traced) -> None:
     """Keep the kernels of a model, if there is a folder that they can be kept in."""
     path = _path(identity)
     if path is None:
         return
-    texts = {name: zlib.compress(found[name].text.encode(), 1) for name in found}
+    texts = {name: zlib.compress(traced[name].text.encode(), 1) for name in traced}
     body = b"".join(texts.values())
-    kernels = [(name, [(span.start, span.stop) for span in found.spans[name]], len(texts[name])) for name in texts]
-    content = json.dumps({"fingerprint": found.fingerprint, "kernels": kernels}).encode() + b"\n" + body
+    kernels = [(name, [(span.start, span.stop) for span in traced.spans[name]], len(texts[name])) for name in texts]
+    content = json.dumps({"fingerprint": traced.fingerprint, "kernels": kernels}).encode() + b"\n" + body
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, exist_ok=True)
         with atomic(path, private=True) as stream:
@@ -122,8 +122,8 @@ def _path(identity: str) -> Path | None:
 
 
 def _limit(folder: Path) -> None:
-    """Remove the oldest files beyond `MOST_FILES`."""
+    """Remove the oldest files beyond `MAX_FILES`."""
     files = sorted((entry.stat().st_mtime, entry.path) for entry in os.scandir(folder))
-    for _, path in files[:-MOST_FILES]:
+    for _, path in files[:-MAX_FILES]:
         with contextlib.suppress(OSError):
             os.unlink(path)

@@ -14,7 +14,7 @@ from insenv.base.resources import fmu_folder
 from insenv.estimators import Estimator
 from insenv.fmu import description
 from insenv.fmu.documentation import page
-from insenv.fmu.platforms import FLAGS, build, chosen
+from insenv.fmu.platforms import FLAGS, build, checked_platforms
 from insenv.fmu.reference import reference_files
 from insenv.fmu.sources import TOKEN, amalgamated, sources, token
 from insenv.fmu.subject import Subject, identifier, subject
@@ -57,7 +57,7 @@ def export_fmu(
         raise InputError("arrays with FMI 2: allowed is FMI 3")
     arrays = fmi == 3 if arrays is None else arrays
     check_output_file(output, ".fmu")
-    targets = chosen([platforms] if isinstance(platforms, str) else platforms)
+    targets = checked_platforms([platforms] if isinstance(platforms, str) else platforms)
     exported = subject(what, settings or {}, estimator)
     listed = variables(exported)
     xml = description.model_description(exported, listed, fmi, arrays)

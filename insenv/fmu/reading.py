@@ -99,8 +99,8 @@ def read_description(path: Path) -> Any:
         raise InputError(f"{path}: not an FMU: {error}") from None
     if description.coSimulation is None or description.fmiVersion[0] not in "23":
         kinds = {"Model Exchange": description.modelExchange, "Scheduled Execution": description.scheduledExecution}
-        own = " and ".join(name for name, declared in kinds.items() if declared is not None)
-        this = f"FMI {description.fmiVersion}{f' for {own} only' if own else ''}"
+        only = " and ".join(name for name, declared in kinds.items() if declared is not None)
+        this = f"FMI {description.fmiVersion}{f' for {only} only' if only else ''}"
         raise InputError(f"{path}: allowed is an FMU for Co-Simulation, FMI 2 or 3 (this is {this})")
     return description
 

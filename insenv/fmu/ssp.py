@@ -74,9 +74,9 @@ def export_ssp(
         for role, subject in ((PLANT, loaded), (ESTIMATOR, estimator)):
             export_fmu(subject, parts[role], fmi=fmi, arrays=False, platforms=platforms, settings=settings[role])
         read = {role: read_model_description(str(part)) for role, part in parts.items()}
-        shown = [v for v in read[ESTIMATOR].modelVariables if v.causality == "output"]
+        estimates = [v for v in read[ESTIMATOR].modelVariables if v.causality == "output"]
         ssd, inner = (
-            structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s, outputs) for outputs in (shown, ())
+            structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s, outputs) for outputs in (estimates, ())
         )
         files = {"SystemStructure.ssd": ssd, COMPONENTS: inner}
         files |= {f"resources/{role}.ssv": parameter_set(role, description) for role, description in read.items()}
@@ -86,11 +86,11 @@ def export_ssp(
     return {"step_s": plant.sample_interval, "stop_time_s": plant.duration_s, "connections": ends.count(ESTIMATOR)}
 
 
-def structure(title: str, plant: Any, estimator: Any, stop_time: float, shown: Sequence[Any]) -> bytes:
+def structure(title: str, plant: Any, estimator: Any, stop_time: float, exported: Sequence[Any]) -> bytes:
     """SystemStructure.ssd of two components; plant, estimator: their model descriptions as FMPy reads them.
 
-    stop_time: s.  shown: the outputs of the estimator that are outputs of the system.  Raises `InputError` if no output of the
-    plant has the name of an input of the estimator, or if their units differ.
+    stop_time: s.  exported: the outputs of the estimator that are outputs of the system.  Raises `InputError` if no output of
+    the plant has the name of an input of the estimator, or if their units differ.
     """
     outputs = {v.name: v for v in plant.modelVariables if v.causality == "output"}
     joined = [v for v in estimator.modelVariables if v.causality == "input" and v.name in outputs]
@@ -105,15 +105,15 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float, shown: S
         _SSD + "SystemStructureDescription", version="1.0", name=identifier(title), generationTool="insenv"
     )
     system = _add(root, "System", name="loop", description=f"{plant.modelName}; {estimator.modelName}")
-    own = [v for v in estimator.modelVariables if v.causality == "output"]
+    estimates = [v for v in estimator.modelVariables if v.causality == "output"]
     defined = _defined(plant, estimator)
-    names = {v.name: _system_name(v.name) for v in shown}
-    if shown:
-        _connectors(system, shown, defined, names)
+    names = {v.name: _system_name(v.name) for v in exported}
+    if exported:
+        _connectors(system, exported, defined, names)
     elements = _add(system, "Elements")
     # an unconnected input gets no connector, because masters set every input that has one
     _component(elements, PLANT, plant, list(outputs.values()), left=0.0)
-    _component(elements, ESTIMATOR, estimator, [*joined, *own], left=400.0)
+    _component(elements, ESTIMATOR, estimator, [*joined, *estimates], left=400.0)
     connections = _add(system, "Connections")
     for variable in joined:
         ends = {"startElement": PLANT, "startConnector": variable.name, "endElement": ESTIMATOR}
@@ -125,7 +125,7 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float, shown: S
     information = ElementTree.SubElement(openmodelica, f"{{{OMS}}}SimulationInformation")
     tolerances = {"absoluteTolerance": "0.0001", "relativeTolerance": "0.0001"}
     ElementTree.SubElement(information, f"{{{OMS}}}FixedStepMaster", {"description": "oms-ma", "stepSize": step, **tolerances})
-    _units(root, SSD, [*outputs.values(), *own], defined)
+    _units(root, SSD, [*outputs.values(), *estimates], defined)
     experiment = _add(root, "DefaultExperiment", startTime="0", stopTime=repr(float(stop_time)))
     algorithm = _annotation(experiment, "com.opensimulationplatform", f"{{{OSP}}}Algorithm")
     ElementTree.SubElement(algorithm, f"{{{OSP}}}FixedStepAlgorithm", baseStepSize=step)

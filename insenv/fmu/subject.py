@@ -189,9 +189,9 @@ def _loop(scenario: Scenario, estimator: Estimator, settings: Mapping[str, objec
             f"scenario {scenario.name!r} loses inertial samples: `insenv run` interpolates over the gap, which needs the next "
             "sample; an FMU does not have it"
         )
-    own = {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant}
-    estimator = alone.plant.adapted(estimator, {estimator.id: _choices(estimator, own)}, whole=False)
-    rows = _set(estimator, own)
+    of_estimator = {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant}
+    estimator = alone.plant.adapted(estimator, {estimator.id: _choices(estimator, of_estimator)}, whole=False)
+    rows = _set(estimator, of_estimator)
     started = alone.plant.parameters_of(estimator, rows, whole=False)
     model = loop_model(alone.model, estimator.model)
     return replace(

@@ -167,10 +167,10 @@ def run_ssp(
             order = system.order
         except InputError as error:
             raise InputError(f"{ssp}: {error}") from None
-        own = _settings(ssp, system, parameters or {})
+        parameters_of = _settings(ssp, system, parameters or {})
         parts = {
             c: stack.enter_context(
-                Instance(system.sources[c], own[c], start_time=start_time, name=c, label=f"{ssp}, component {c}")
+                Instance(system.sources[c], parameters_of[c], start_time=start_time, name=c, label=f"{ssp}, component {c}")
             )
             for c in order
         }
@@ -189,14 +189,14 @@ def run_ssp(
 
 def _settings(ssp: str | Path, system: System, parameters: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """The parameters of each component: those of the file, replaced by the given ones."""
-    own = {component: {name: s.value for name, s in settings.items()} for component, settings in system.settings.items()}
+    values = {component: {name: s.value for name, s in settings.items()} for component, settings in system.settings.items()}
     for key, value in parameters.items():
         component, _, rest = key.partition(".")
-        if component not in own or not rest:
-            raise InputError(f"{ssp}: parameter {key!r}: allowed is COMPONENT.NAME with {', '.join(own)}")
-        own[component].pop(f"parameters.{rest}", None)
-        own[component][rest] = value
-    return own
+        if component not in values or not rest:
+            raise InputError(f"{ssp}: parameter {key!r}: allowed is COMPONENT.NAME with {', '.join(values)}")
+        values[component].pop(f"parameters.{rest}", None)
+        values[component][rest] = value
+    return values
 
 
 def _check_units(ssp: str | Path, system: System, parts: Mapping[str, Instance]) -> None:

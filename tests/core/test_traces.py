@@ -106,7 +106,7 @@ def test_without_a_usable_folder_or_an_identity_nothing_is_kept(file, tmp_path, 
 
 
 def test_the_oldest_files_go(file, monkeypatch):
-    monkeypatch.setattr(traces, "MOST_FILES", 3)
+    monkeypatch.setattr(traces, "MAX_FILES", 3)
     names = [f"{k:032x}" for k in range(5)]
     for age, name in enumerate(reversed(names)):  # the name does not tell the age
         traces.keep(name, MODEL.kernels)
