@@ -14,9 +14,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -208,15 +208,20 @@ def _hosted(
 
 
 def _step_time(fmu: Path, columns: dict[str, Array], interval: float) -> float:
-    """Time of a step of `insenv.fmu.run`, us."""
-    runs = [run(fmu, columns, step=interval) for _ in range(REPETITIONS)]
-    return statistics.median(outputs.seconds / outputs.steps * 1e6 for outputs in runs)
+    """Processor time of a step of `insenv.fmu.run`, us."""
+    runs = [_processor_time(partial(run, fmu, columns, step=interval)) for _ in range(REPETITIONS)]
+    return statistics.median(runs)
 
 
 def _ssp_step_time(path: Path, backend: str) -> float:
-    """Processor time of a step of `insenv.fmu.run_ssp`, us, without loading and the first step."""
+    """Processor time of a step of `insenv.fmu.run_ssp`, us."""
+    return _processor_time(partial(run_ssp, path, stop_time=DURATION_S, backend=backend))
+
+
+def _processor_time(steps: Callable[..., object]) -> float:
+    """Processor time of a step, us, without loading and the first step; steps: makes them, and takes `progress`."""
     marks: list[tuple[int, float]] = []
-    run_ssp(path, stop_time=DURATION_S, backend=backend, progress=lambda done, _: marks.append((done, time.process_time())))
+    steps(progress=lambda done, _: marks.append((done, time.process_time())))
     (first, begin), (last, end) = marks[0], marks[-1]
     return (end - begin) / (last - first) * 1e6
 
