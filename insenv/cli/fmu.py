@@ -199,7 +199,7 @@ def run(
 
 
 def _health(outputs: Outputs) -> list[str]:
-    """What must be said of a filter whose innovations are larger than stated; none for another FMU."""
+    """Remarks on a filter whose innovations are larger than stated; none for another FMU."""
     import numpy as np
 
     from insenv.estimators.parts.rows import FIX_HEALTH, reported_aids

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any, Optional
 
@@ -143,6 +142,8 @@ def _names() -> Iterator[tuple[str, list[str]]]:
 
 def _with_installed(group: str, shipped: Iterable[str]) -> list[str]:
     """The names of what insenv ships, and of what installed packages add, which are imported only if there are any."""
+    from importlib.metadata import entry_points  # which imports much of the standard library
+
     if not entry_points(group=f"insenv.{group}"):
         return list(shipped)
     return list(import_module(f"insenv.{group}.registry").names())
@@ -277,7 +278,7 @@ def _renamed(path: Path, names: dict[str, str]) -> bytes:
 
 
 def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
-    """Write files below a folder, all or none, and return their names; one that is there with this content stays.
+    """Write files below a folder, all or none, and return their names; a file that exists with this content is left.
 
     Raises `InputError` if one exists with another content or the folder cannot be written to.
     """

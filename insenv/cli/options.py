@@ -87,7 +87,7 @@ class Options:
 
 @dataclass
 class Output(Options):
-    """What becomes of the result of a command: shown as tables or JSON, written to a folder.
+    """Where the result of a command goes: to stdout as tables or JSON, and to a folder.
 
     folder: of --out, or None.  Raises `InputError` if it cannot be written to, before the work begins.
     """

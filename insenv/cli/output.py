@@ -178,7 +178,7 @@ def working(description: str) -> Iterator[Bar]:
 
 
 class CompilingNotice(logging.Handler):
-    """Says on stderr that models are compiled: behind the progress bar's description, or in a line of its own, once."""
+    """Reports on stderr that models are compiled: behind the progress bar's description, or once in a separate line."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
@@ -215,7 +215,7 @@ def compiling_noticed() -> Iterator[None]:
 
 @contextmanager
 def _noticed_by(bar: Bar | None) -> Iterator[None]:
-    """Let the notices of compilations stand in the line of `bar` during the block; None: in lines of their own."""
+    """Show the notices of compilations in the line of `bar` during the block; None: in separate lines."""
     notices = [handler for handler in logging.getLogger(COMPILER).handlers if isinstance(handler, CompilingNotice)]
     for notice in notices:
         notice.bar = bar

@@ -119,7 +119,7 @@ def compile_library(source: str, compiler: Compiler, origin: str = "") -> Path:
     """Path of the shared library of `source`, taken from the cache or compiled.
 
     origin: text that is the same only for the same source, which names the entry in its place (`cached_library`).  If the disk
-    of the cache is full, the library is kept in a folder of this process; a warning says so.  Raises `CompileError`,
+    of the cache is full, the library is kept in a folder of this process; with a warning.  Raises `CompileError`,
     `NoRoomError` if there is no room anywhere.
     """
     key = _key(origin or source, compiler)

@@ -155,7 +155,7 @@ def _named(code: CodeType, space: Mapping[str, Any]) -> Iterator[tuple[str, Any]
 
 
 def _of_global(value: Any, met: dict[int, int], described: set[int]) -> Iterator[str]:
-    """Texts of the value of a global name: one that is not known by value is of a kind that no equation follows from."""
+    """Texts of the value of a global name; an object that is not known by value cannot affect an equation."""
     if isinstance(value, FunctionType) and value.__globals__.get("__name__", "").partition(".")[0] in _LIBRARIES:
         yield f"{value.__module__} {value.__qualname__}"
     elif isinstance(value, FunctionType):

@@ -13,7 +13,7 @@ import numpy as np
 from insenv.core.elementary import quick_operators
 
 MAX_IDLE_COUNT = 256
-"""Up to so many rows the memory of an evaluation is kept for the next call: to make it costs more than the evaluation."""
+"""Largest number of rows whose memory is reused by the next call: making it costs more than the evaluation."""
 
 
 class _Evaluation:

@@ -35,7 +35,7 @@ def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = No
 
     parameters: values by row name (checked), or the flat vector; rows that are not given have the table's start values.
     backend: "native", "interpreter", or None: the environment's INSENV_BACKEND, else native if a C compiler is found.
-    If compiled models can be kept nowhere, the interpreter serves where "native" is not asked for, with a warning.
+    If no folder can hold compiled models, the interpreter is used with a warning, unless "native" is requested.
     Raises `InputError` for values that do not fit, an unknown backend, or "native" without a C compiler.
     """
     return made(NativeRunner, InterpreterRunner, backend)(model, parameters)

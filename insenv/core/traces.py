@@ -1,4 +1,4 @@
-"""Traced equations kept in the cache folder: to read them takes a tenth of the time that tracing takes.
+"""Traced equations in the cache folder: reading them takes a tenth of the time of tracing.
 
 A file holds the kernels of one model, named by the model's identity: a hash of all that follows, a line of JSON, then each
 kernel as CasADi writes it, compressed.  A file that is damaged, or that another user could have written, is not read.
@@ -23,7 +23,7 @@ from insenv.core.cache import is_private, usable_folder
 Spans = tuple[slice, ...]
 FOLDER = "equations"
 MAX_FILES = 400
-"""Files kept; of more, those written first are removed.  insenv has some fifty models, and a changed source makes new ones."""
+"""Largest number of files; the oldest are removed.  insenv has some fifty models, and a changed source makes new ones."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Kernel:
 
 @dataclass(frozen=True, eq=False)
 class Traced(Mapping[str, Kernel]):
-    """The kernels of a model by name; those from the cache are read when they are asked for.
+    """The kernels of a model by name; those from the cache are read on first access.
 
     fingerprint: hash of the tables and equations.  spans: of each kernel.
     """
@@ -78,7 +78,7 @@ def traced(kernels: Mapping[str, Kernel], tables: str) -> Traced:
 
 
 def read(identity: str) -> Traced | None:
-    """The kernels of the model with this identity; None if they are not kept."""
+    """The kernels of the model with this identity; None if they are not in the cache."""
     path = _path(identity)
     if path is None:
         return None
@@ -101,7 +101,7 @@ def read(identity: str) -> Traced | None:
 
 
 def keep(identity: str, traced: Traced) -> None:
-    """Keep the kernels of a model, if there is a folder that they can be kept in."""
+    """Write the kernels of a model to the cache, if its folder can be used."""
     path = _path(identity)
     if path is None:
         return

@@ -25,7 +25,7 @@ from insenv.fmu.reading import KINDS, KINDS_3, Variable, read_description, read_
 from insenv.fmu.stepping import Group, Ports, Row
 
 MAX_MESSAGES = 20
-"""Messages of the FMU kept for an error."""
+"""Largest number of messages of the FMU in an error."""
 REFUSAL = "allowed is"
 """Part of each message of fmu/c/instance.h about a value or a step that the caller chooses."""
 _INSTANCES: WeakValueDictionary[int, Instance] = WeakValueDictionary()
@@ -133,7 +133,7 @@ class Instance:
         return function(self._component, _TERMINATED, ctypes.byref(ended)) == 0 and bool(ended.value)
 
     def failure(self, doing: str, k: int, time: float, status: int) -> InsenvError:
-        """The error of a call that failed: `InputError` if the FMU says what is allowed, so that the caller can mend it."""
+        """The error of a call that failed: `InputError` if the FMU says what is allowed, so that the caller can correct it."""
         label = _LABELS[status] if 0 <= status < len(_LABELS) else str(status)
         reason = self._reason()
         kind = InputError if REFUSAL in reason else InsenvError

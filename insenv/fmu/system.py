@@ -188,7 +188,7 @@ def run_ssp(
 
 
 def _settings(ssp: str | Path, system: System, parameters: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """The parameters of each component: those of the file, replaced by the given ones."""
+    """The parameters of each component: those of the file, replaced by `parameters`."""
     values = {component: {name: s.value for name, s in settings.items()} for component, settings in system.settings.items()}
     for key, value in parameters.items():
         component, _, rest = key.partition(".")
