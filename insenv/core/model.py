@@ -165,10 +165,9 @@ class Model:
             arguments = [ca.SX.sym(f"a{i}", kernel.function.size1_in(i)) for i in range(kernel.function.n_in())]
             result = kernel.function(*arguments)
             if name in self.steps:
-                whole, done = [arguments[1][i] for i in range(self.state.size)], 0
-                for part in kernel.spans:
-                    for i in range(part.start, part.stop):
-                        whole[i], done = result[done], done + 1
+                whole = [arguments[1][i] for i in range(self.state.size)]
+                for span, part in kernel.pieces:
+                    whole[span] = [result[i] for i in range(part.start, part.stop)]
                 result = ca.vertcat(*whole)
             functions[name] = ca.Function(name, arguments, [result])
         return functions
@@ -179,19 +178,13 @@ def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, 
 
     check_rows(values, table)
     part = Table(tuple(row for row in table if row.name in values))
-    spans: list[slice] = []
-    for row in part:
-        piece = table.slice(row.name)
-        if spans and spans[-1].stop == piece.start:
-            piece = slice(spans.pop().start, piece.stop)
-        spans.append(piece)
     # share common subexpressions: Python helpers may compute the same quantity twice
     function = ca.Function(name, arguments, [ca.densify(part.assemble(values))], {"cse": True})
     if not _is_finite(function):
         for row in part:
             if not _is_finite(ca.Function(name, arguments, [ca.SX(values[row.name])])):
                 raise InputError(f"row {row.name!r} contains a constant that is not finite, such as a division by 0")
-    return Kernel(function, tuple(spans))
+    return Kernel(function, table.spans(part.names))
 
 
 def _is_finite(function: Any) -> bool:

@@ -185,11 +185,8 @@ class InterpreterRunner(Runner):
         self._steps: dict[str, tuple[Callable[[], None], Vector, list[tuple[Vector, Vector]]]] = {}
         for name, step in model.steps.items():
             kernel, r = model.kernels[name], np.zeros(step.uniforms)
-            changed, done, pieces = np.zeros(kernel.function.size1_out(0)), 0, []
-            for span in kernel.spans:
-                length = span.stop - span.start
-                pieces.append((self.x[span], changed[done : done + length]))
-                done += length
+            changed = np.zeros(kernel.function.size1_out(0))
+            pieces = [(self.x[span], changed[part]) for span, part in kernel.pieces]
             call = _prepared(kernel.function, (self.p, self.x, self._u, r), changed)
             self._steps[name] = (call, r, pieces)
         self._output = _prepared(model.kernels["output"].function, (self.p, self.x), self._y)  # type: ignore[method-assign]
@@ -318,11 +315,7 @@ class NativeRunner(Runner):
 
 def watched_spans(model: Model, watched: Sequence[str]) -> NDArray[np.int64]:
     """Start and stop of the state rows `watched` in the state vector, (k, 2); adjacent rows are joined."""
-    spans: list[tuple[int, int]] = []
-    for name in watched:
-        part = model.state.slice(name)
-        joined = bool(spans) and spans[-1][1] == part.start
-        spans.append((spans.pop()[0] if joined else part.start, part.stop))
+    spans = [(span.start, span.stop) for span in model.state.spans(watched)]
     return np.array(spans, dtype=np.int64).reshape(-1, 2)
 
 

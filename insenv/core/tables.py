@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError, InsenvError, nearest
 
 Vector = NDArray[np.float64]
+Spans = tuple[slice, ...]
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,15 @@ class Table:
             return self._slices[name]
         except KeyError:
             raise InputError(f"no row named {name!r}{nearest(str(name), self.names)}") from None
+
+    def spans(self, names: Iterable[str]) -> Spans:
+        """The slices of rows in the flat vector, those of adjacent rows joined."""
+        spans: list[slice] = []
+        for name in names:
+            part = self.slice(name)
+            first = spans.pop().start if spans and spans[-1].stop == part.start else part.start
+            spans.append(slice(first, part.stop))
+        return tuple(spans)
 
     def start_vector(self) -> Vector:
         """The start values as one flat vector."""

@@ -14,13 +14,14 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 from insenv.base.output import atomic
 from insenv.core.cache import is_private, usable_folder
+from insenv.core.tables import Spans as Spans
 
-Spans = tuple[slice, ...]
 FOLDER = "equations"
 MAX_FILES = 400
 """Largest number of files; the oldest are removed.  insenv has some fifty models, and a changed source makes new ones."""
@@ -36,6 +37,12 @@ class Kernel:
 
     function: Any
     spans: Spans
+
+    @property
+    def pieces(self) -> list[tuple[slice, slice]]:
+        """Each of the spans, with its slice of the result."""
+        ends = list(accumulate((span.stop - span.start for span in self.spans), initial=0))
+        return [(span, slice(*ends[k : k + 2])) for k, span in enumerate(self.spans)]
 
     @cached_property
     def text(self) -> str:
