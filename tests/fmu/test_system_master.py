@@ -69,11 +69,8 @@ def flags_of():
     return (ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double())
 
 
-ADDRESS, NUMBER = ctypes.c_void_p, ctypes.c_double
-DO_STEP = {
-    version: ctypes.CFUNCTYPE(ctypes.c_int, ADDRESS, NUMBER, NUMBER, ctypes.c_int, *[ADDRESS] * addresses)
-    for version, addresses in ((2, 0), (3, 4))
-}
+STEP_2 = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+DO_STEP = {2: ctypes.CFUNCTYPE(ctypes.c_int, *STEP_2), 3: ctypes.CFUNCTYPE(ctypes.c_int, *STEP_2, *[ctypes.c_void_p] * 4)}
 
 
 def test_values_of_all_types_pass_natively_as_in_python():
@@ -118,8 +115,7 @@ def test_the_flag_of_fmi_3_ends_the_simulation(make):
 
 
 def test_a_connection_that_loses_values_is_refused():
-    row, flags = np.zeros(1), np.zeros(1, dtype=bool)
-    source = Ports("a", 3, 0, [], [], {}, {"y": (row, 0)}, None, ())
+    flags, source = np.zeros(1, dtype=bool), Ports("a", 3, 0, [], [], {}, {"y": (np.zeros(1), 0)}, None, ())
     with pytest.raises(InputError, match=r"a connection from a\.y \(float64\) to b\.u \(bool\) would lose values"):
         Ports("b", 3, 0, [], [], {"u": (flags, 0)}, {}, None, ()).connect("u", source, "y")
 
