@@ -14,8 +14,7 @@ def test_the_names_fit_a_screen():
     status, out, err = call("list")
     lines = out.splitlines()
     assert (status, err) == (0, "") and len(lines) < 24 and max(map(len, lines)) <= 80
-    names = re.split(r"[\s,]+", out)
-    assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(names)
+    assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(re.split(r"[\s,]+", out))
     assert tuple(name for name in IMU_GRADES if not name.startswith("paper-")) == shipped.IMU_GRADES
     assert tuple(GNSS_GRADES) == shipped.GNSS_GRADES
     refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")
