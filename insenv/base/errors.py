@@ -17,7 +17,7 @@ class InputError(InsenvError, ValueError):
     """The call was wrong: a value, name or file that is not allowed (exit status 2 at the command line)."""
 
 
-MOST_NAMES, NEAREST_NAMES = 12, 6
+MAX_NAMES, NEAREST_NAMES = 12, 6
 """Allowed names that a message lists; of more, the nearest ones."""
 
 
@@ -28,14 +28,14 @@ LISTED = "`insenv list`"
 def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
     """End of a message about an unknown `name`: the nearest allowed name, and the allowed names.
 
-    listed: where they are listed too, such as `LISTED`: of more than `MOST_NAMES` the message then has the nearest ones, in the
+    listed: where they are listed too, such as `LISTED`: of more than `MAX_NAMES` the message then has the nearest ones, in the
     order of `allowed`.
     """
     allowed = list(allowed)
-    if not listed or len(allowed) <= MOST_NAMES:
+    if not listed or len(allowed) <= MAX_NAMES:
         return f"{guess(name, allowed)} (allowed: {', '.join(allowed) or 'none'})"
-    shown = sorted(difflib.get_close_matches(name, allowed, n=NEAREST_NAMES, cutoff=0.0), key=allowed.index)
-    return f"{guess(name, allowed)} (allowed: {', '.join(shown)} and {len(allowed) - len(shown)} more; {listed} shows all)"
+    nearby = sorted(difflib.get_close_matches(name, allowed, n=NEAREST_NAMES, cutoff=0.0), key=allowed.index)
+    return f"{guess(name, allowed)} (allowed: {', '.join(nearby)} and {len(allowed) - len(nearby)} more; {listed} shows all)"
 
 
 def guess(name: str, allowed: Iterable[str]) -> str:

@@ -53,3 +53,7 @@ SENSORS = {
     "heading": "insenv.sensors.heading:HEADING",
 }
 """Sensors beside the inertial unit by id."""
+
+IMU_GRADES = ("perfect", "consumer", "autopilot", "industrial", "tactical", "navigation", "marine", "leador", "n380")
+GNSS_GRADES = ("perfect", "spp", "sbas", "rtk", "centimetre")
+"""Names of the grades of `insenv.sensors.catalogue`, but of those that papers simulate: a list of names imports no figures."""

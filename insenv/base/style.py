@@ -55,8 +55,8 @@ def styled() -> AbstractContextManager[None]:
     """The style, on the defaults of matplotlib whatever the user's settings are."""
     from matplotlib import rc_context, rcParamsDefault
 
-    kept = ("backend", "date.", "toolbar")
-    defaults = {name: value for name, value in rcParamsDefault.items() if not name.startswith(kept)}
+    of_user = ("backend", "date.", "toolbar")
+    defaults = {name: value for name, value in rcParamsDefault.items() if not name.startswith(of_user)}
     return rc_context({**defaults, **STYLE})
 
 

@@ -14,9 +14,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -33,8 +33,7 @@ from insenv.core.codegen import native_source
 from insenv.core.compile import Compiler, compile_library, find_compiler, pointer
 from insenv.core.compile import load as load_library
 from insenv.core.runner import make_runner
-from insenv.fmu import export_fmu, export_ssp, run_ssp
-from insenv.fmu.instance import Instance
+from insenv.fmu import export_fmu, export_ssp, run, run_ssp
 from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.running import flattened
 from insenv.fmu.subject import Subject, subject
@@ -74,14 +73,14 @@ def loop() -> Figure:
 
 
 def fmpy() -> Figure:
-    """A step of `insenv.fmu.run`; the floor is three empty calls of a C function by the same means."""
+    """A step of `insenv.fmu.run`; the floor is the bare model in a C loop."""
     columns, interval = _columns()
     with _folder() as folder:
         value = _step_time(_exported(folder), columns, interval)
     other = _pythonfmu()
     peer = None if other is None else (f"PythonFMU {version('pythonfmu')}", other)
-    note = f"{ESTIMATOR}, insenv.fmu.run over FMPy, FMI 2; floor: three empty calls"
-    return Figure("fmu.fmpy", value, "us", _empty_calls(), REPETITIONS, note, peer)
+    note = f"{ESTIMATOR}, insenv.fmu.run over FMPy, FMI 2; floor: the bare model in a C loop"
+    return Figure("fmu.fmpy", value, "us", _floor(), REPETITIONS, note, peer)
 
 
 def pythonfmu() -> Figure:
@@ -89,7 +88,14 @@ def pythonfmu() -> Figure:
     value = _pythonfmu()
     missing = "" if value is not None else f"; not installed: {install_extra('bench')}"
     note = f"{ESTIMATOR} in Python, by the same loop{missing}"
-    return Figure("fmu.pythonfmu", float("nan") if value is None else value, "us", _empty_calls(), REPETITIONS, note)
+    return Figure("fmu.pythonfmu", float("nan") if value is None else value, "us", _floor(), REPETITIONS, note)
+
+
+def _floor() -> float:
+    """Time of a sample of the estimator in the compiled loop of its model, us."""
+    columns, _ = _columns()
+    estimator = subject(ESTIMATOR, {})
+    return statistics.median(_bare(estimator, input_rows(estimator.model, columns, len(columns["dt"]))))
 
 
 def ssp() -> Figure:
@@ -202,21 +208,20 @@ def _hosted(
 
 
 def _step_time(fmu: Path, columns: dict[str, Array], interval: float) -> float:
-    """Processor time of a step in the loop of `insenv.fmu.run`, us."""
-    inputs, taken = flattened(columns), []
-    for _ in range(REPETITIONS):
-        with Instance(fmu) as instance:
-            count = len(columns["dt"])
-            begin = time.process_time()
-            instance.run(inputs, count, start_time=0.0, step=interval, every=1, progress=None)
-            taken.append((time.process_time() - begin) / count * 1e6)
-    return statistics.median(taken)
+    """Processor time of a step of `insenv.fmu.run`, us."""
+    runs = [_processor_time(partial(run, fmu, columns, step=interval)) for _ in range(REPETITIONS)]
+    return statistics.median(runs)
 
 
 def _ssp_step_time(path: Path, backend: str) -> float:
-    """Processor time of a step of `insenv.fmu.run_ssp`, us, without loading and the first step."""
+    """Processor time of a step of `insenv.fmu.run_ssp`, us."""
+    return _processor_time(partial(run_ssp, path, stop_time=DURATION_S, backend=backend))
+
+
+def _processor_time(steps: Callable[..., object]) -> float:
+    """Processor time of a step, us, without loading and the first step; steps: makes them, and takes `progress`."""
     marks: list[tuple[int, float]] = []
-    run_ssp(path, stop_time=DURATION_S, backend=backend, progress=lambda done, _: marks.append((done, time.process_time())))
+    steps(progress=lambda done, _: marks.append((done, time.process_time())))
     (first, begin), (last, end) = marks[0], marks[-1]
     return (end - begin) / (last - first) * 1e6
 
@@ -240,23 +245,6 @@ def _write(path: Path, columns: dict[str, Array], steps: int, interval: float) -
         writer.writerow(["time", *flat])
         values = np.array(list(flat.values())).reshape(len(flat), steps).T.tolist()
         writer.writerows([repr(k * interval), *map(repr, row)] for k, row in enumerate(values))
-
-
-def _empty_calls() -> float:
-    """Time of three calls through ctypes of a C function that does nothing, with four arguments, us."""
-    import ctypes
-
-    function = ctypes.CDLL(None).abs if sys.platform != "win32" else ctypes.cdll.msvcrt.abs
-    function.argtypes = [ctypes.c_int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p]
-    taken, count, address = [], 20_000, 4096
-    for _ in range(REPETITIONS):
-        begin = time.process_time()
-        for _ in range(count):
-            function(1, address, 0, address)
-            function(1, address, 0, address)
-            function(1, address, 0, address)
-        taken.append((time.process_time() - begin) / count * 1e6)
-    return statistics.median(taken)
 
 
 @lru_cache

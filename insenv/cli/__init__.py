@@ -110,18 +110,18 @@ def _plain(message: str, arguments: Sequence[str], context: Any) -> str:
     """A message of the parser in the words of all other messages.  context: of the parser, or None."""
     extra = re.match(r"Got unexpected extra argument\S* \((\S+).*\)$", message)
     if extra and context is not None:
-        return _one_too_many(extra[1], arguments, context)
+        return _extra_argument(extra[1], arguments, context)
     for pattern, text in _PARSER_TEXTS:
         message = re.sub(pattern, text, message)
     return message
 
 
-def _one_too_many(given: str, arguments: Sequence[str], context: Any) -> str:
+def _extra_argument(value: str, arguments: Sequence[str], context: Any) -> str:
     """The message about an argument that a command does not take, such as the value of an option that has none."""
     command = context.command
     flags = {name: each for each in command.params if getattr(each, "is_flag", False) for name in each.opts}
     for before, argument in pairwise(arguments):
-        if argument == given and before in flags:
-            return f"{given!r} after {before}, which takes no value: {flags[before].help}"
+        if argument == value and before in flags:
+            return f"{value!r} after {before}, which takes no value: {flags[before].help}"
     allowed = " ".join([context.command_path, *command.collect_usage_pieces(context)])
-    return f"{given!r} is an argument too many: allowed is {allowed}"
+    return f"{value!r} is an argument too many: allowed is {allowed}"

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
-from insenv.cli.options import Json, deferred
+from insenv.cli.options import Json, command
 
 if TYPE_CHECKING:
     from insenv.bench import Figure
 
 
-@deferred
+@command
 def bench(
     only: Annotated[
         Optional[str],  # noqa: UP045

@@ -42,7 +42,7 @@ def dashboard(running: Stream, request: Ending) -> Iterator[Callable[[Stream], N
         try:
             live.update(picture(stream, rates, width=console.width), refresh=True)
         except OSError:
-            request.asked = True
+            request.requested = True
 
     live.start(refresh=True)
     try:

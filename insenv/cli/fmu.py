@@ -8,12 +8,12 @@ import textwrap
 from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred, given_path, one
+from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, command, given_path, one
 
 if TYPE_CHECKING:
     from insenv.fmu.running import Outputs
@@ -31,8 +31,8 @@ Platforms = Annotated[
 
 
 BOOLEANS = {"true": True, "false": False}
-MOST_ELEMENTS, MOST_VARIABLES, MOST_IN_LINE = 20, 12, 4
-"""Outputs that are shown: elements, one a line; of more, variables, and elements of a variable."""
+MAX_ELEMENTS, MAX_VARIABLES, MAX_IN_LINE = 20, 12, 4
+"""Outputs that are printed: elements, one a line; of more, variables, and elements of a variable."""
 
 
 class Version(str, Enum):
@@ -43,7 +43,7 @@ class Version(str, Enum):
 
 
 @app.command("export")
-@deferred
+@command
 def export_fmu(
     subject: Annotated[
         str, typer.Argument(metavar="ID|SCENARIO", help="An estimator's id, or a scenario, whose plant is exported.")
@@ -73,26 +73,26 @@ def export_fmu(
     as_json: Json = False,
 ) -> None:
     """Write an estimator, a scenario's plant, or both in one, as an FMU for Co-Simulation."""
-    from insenv.cli.output import print_json, print_line, working
+    from insenv.cli.output import print_answer, working
     from insenv.estimators.settings import FILE
     from insenv.fmu import export_fmu as write
     from insenv.fmu.exporter import summary
 
-    names, settings, behind = _platforms(platform), _settings(set_, texts=(FILE,)), one(estimator)
+    names, settings, behind = _platforms(platform), _settings(set_, files=(FILE,)), one(estimator)
     with working(f"exporting {subject}"):
         write(subject, output, estimator=behind, fmi=int(fmi.value), arrays=arrays, platforms=names, settings=settings)
     content = summary(output)
-    if as_json:
-        print_json(content)
-        return
-    print_line(f"{output}: {content['model']}, FMI {content['fmi']}, {content['bytes'] / 1000:.0f} kB")
     counts = ", ".join(f"{count} {what}" for what, count in content["variables"].items())
-    print_line(f"variables: {counts}; sample interval {content['sample_interval_s']:g} s")
-    print_line(f"binaries: {', '.join(content['binaries'])}")
+    lines = [
+        f"{output}: {content['model']}, FMI {content['fmi']}, {content['bytes'] / 1000:.0f} kB",
+        f"variables: {counts}; sample interval {content['sample_interval_s']:g} s",
+        f"binaries: {', '.join(content['binaries'])}",
+    ]
+    print_answer(as_json, content, lines)
 
 
 @app.command("ssp")
-@deferred
+@command
 def ssp(
     scenario: Scenario,
     estimator: Estimator,
@@ -103,21 +103,21 @@ def ssp(
     as_json: Json = False,
 ) -> None:
     """Write a scenario's plant and an estimator, connected, as an SSP file of two FMUs."""
-    from insenv.cli.output import print_json, print_line, working
+    from insenv.cli.output import print_answer, working
     from insenv.fmu import export_ssp
 
     id = one(estimator) or ""
     with working(f"exporting {scenario} and {id}"):
         made = export_ssp(scenario, id, output, seed=seed, fmi=int(fmi.value), platforms=_platforms(platform))
-    if as_json:
-        print_json({"written": str(output), **made})
-        return
-    print_line(f"{output}: {scenario} and {id}, {output.stat().st_size / 1000:.0f} kB")
-    print_line(f"{made['connections']} connections; steps of {made['step_s']:g} s, up to {made['stop_time_s']:g} s")
+    lines = [
+        f"{output}: {scenario} and {id}, {output.stat().st_size / 1000:.0f} kB",
+        f"{made['connections']} connections; steps of {made['step_s']:g} s, up to {made['stop_time_s']:g} s",
+    ]
+    print_answer(as_json, {"written": str(output), **made}, lines)
 
 
 @app.command("run")
-@deferred
+@command
 def run(
     fmu: Annotated[
         Path,
@@ -155,7 +155,7 @@ def run(
 ) -> None:
     """Run an FMU over sampled inputs, or the FMUs of an SSP file; print or write the outputs."""
     from insenv.base.output import check_output_file
-    from insenv.cli.output import print_json, print_line, working
+    from insenv.cli.output import print_answer, print_line, working
     from insenv.fmu.reading import switched_inputs
     from insenv.fmu.running import read_csv, run, some, write_csv
     from insenv.fmu.system import run_ssp
@@ -167,49 +167,48 @@ def run(
     if is_system and input_ is not None:
         raise InputError(f"--input with {fmu}: an SSP file takes no inputs; --input is allowed with an .fmu file")
     inputs = None if input_ is None else read_csv(input_, switched_inputs(fmu))
+    options: dict[str, Any] = {"parameters": parameters, "step": step, "stop_time": stop, "every": every}
     with working(fmu.name) as progress:
-        if is_system:
-            found = run_ssp(fmu, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
-        else:
-            found = run(fmu, inputs, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
+        outputs = run_ssp(fmu, **options, progress=progress) if is_system else run(fmu, inputs, **options, progress=progress)
     if output is not None:
-        write_csv(output, found)
-    if found.ended:
-        print_line(f"insenv: {fmu} ended the simulation at {found.steps * found.step:g} s", stderr=True)
-    if not found.steps:
+        write_csv(output, outputs)
+    steps = outputs.steps
+    if outputs.ended:
+        print_line(f"insenv: {fmu} ended the simulation at {steps * outputs.step:g} s", stderr=True)
+    if not steps:
         raise InputError(f"{fmu} ended the simulation in its first step")
-    for line in _health(found):
+    for line in _health(outputs):
         print_line(f"insenv: {line}", stderr=True)
-    time_s, us_per_step = float(found.time[-1]), found.seconds / found.steps * 1e6
-    last = dict(zip(found.names, found.values[-1].tolist(), strict=True))
-    if as_json:
-        counts = {"fmu": str(fmu), "steps": found.steps, "step_s": found.step, "us_per_step": us_per_step, "ended": found.ended}
-        columns = {"passed_over": found.passed_over, "held": found.held}
-        written = None if output is None else str(output)
-        print_json({**counts, **columns, "time_s": time_s, "outputs": last, "written": written})
-        return
-    for label, names in (("columns that are not inputs", found.passed_over), ("inputs without a column", found.held)):
-        if names:
+    time_s, us_per_step = float(outputs.time[-1]), outputs.seconds / steps * 1e6
+    values = {
+        "fmu": str(fmu), "steps": steps, "step_s": outputs.step, "us_per_step": us_per_step, "ended": outputs.ended,
+        "passed_over": outputs.passed_over, "held": outputs.held, "time_s": time_s,
+        "outputs": dict(zip(outputs.names, outputs.values[-1].tolist(), strict=True)),
+        "written": None if output is None else str(output),
+    }  # fmt: skip
+    for label, names in (("columns that are not inputs", outputs.passed_over), ("inputs without a column", outputs.held)):
+        if names and not as_json:
             print_line(f"insenv: {label}: {some(names)}", stderr=True)
-    print_line(f"{found.steps} steps of {found.step:g} s, {us_per_step:.2f} us per step")
+    lines = [f"{steps} steps of {outputs.step:g} s, {us_per_step:.2f} us per step"]
     if output is not None:
-        print_line(f"written: {output}, {len(found.time)} rows of {len(found.names)} outputs")
-        return
-    print_line(f"outputs at {time_s:g} s (--output CSV writes all):")
-    for line in last_outputs(found):
-        print_line(f"  {line}")
+        lines.append(f"written: {output}, {len(outputs.time)} rows of {len(outputs.names)} outputs")
+    else:
+        lines.append(f"outputs at {time_s:g} s (--output CSV writes all):")
+        lines += [f"  {line}" for line in last_outputs(outputs)]
+    print_answer(as_json, values, lines)
 
 
-def _health(found: Outputs) -> list[str]:
-    """What must be said of a filter whose innovations are larger than stated; none for another FMU."""
+def _health(outputs: Outputs) -> list[str]:
+    """Remarks on a filter whose innovations are larger than stated; none for another FMU."""
     import numpy as np
 
     from insenv.estimators.parts.rows import FIX_HEALTH, reported_aids
     from insenv.evaluation.health import WRONG, health
 
-    rows = {name.removeprefix("estimator."): values for name, values in found.named().items()}  # behind a plant too
-    if not np.isfinite(found.values).all():
-        return [f"outputs are no longer finite from {found.time[~np.isfinite(found.values).all(axis=1)][0]:g} s on. {_START}"]
+    rows = {name.removeprefix("estimator."): values for name, values in outputs.named().items()}  # behind a plant too
+    finite = np.isfinite(outputs.values).all(axis=1)
+    if not finite.all():
+        return [f"outputs are no longer finite from {outputs.time[~finite][0]:g} s on. {_START}"]
     if not (set(FIX_HEALTH.names) <= set(rows) or reported_aids(rows)):
         return []
     judged = health(rows)
@@ -223,76 +222,70 @@ _START = (
 )
 
 
-def last_outputs(found: Outputs) -> list[str]:
+def last_outputs(outputs: Outputs) -> list[str]:
     """The last outputs on at most a screen: an element a line; if there are many, a variable a line, and the rest by name.
 
-    Those of the end of the data, of an estimator behind a plant, come last in `found` and are shown.
+    Those of the end of the data, of an estimator behind a plant, come last in `outputs` and are printed.
     """
-    cells = [
-        (name, f"{value:.9g}", found.units[name]) for name, value in zip(found.names, found.values[-1].tolist(), strict=True)
-    ]
+    last = outputs.values[-1].tolist()
+    cells = [(name, f"{value:.9g}", outputs.units[name]) for name, value in zip(outputs.names, last, strict=True)]
     rest: list[str] = []
-    if len(cells) > MOST_ELEMENTS:
-        whole = {name: (values[-1], next(u for e, u in found.units.items() if e.partition("[")[0] == name))
-                 for name, values in found.named().items()}  # fmt: skip
-        small = [name for name, (value, _) in whole.items() if value.size <= MOST_IN_LINE][-MOST_VARIABLES:]
-        cells = [(name, "  ".join(f"{x:.5g}" for x in whole[name][0].ravel().tolist()), whole[name][1]) for name in small]
-        rest = [name for name in whole if name not in small]
+    if len(cells) > MAX_ELEMENTS:
+        units = {name.partition("[")[0]: unit for name, unit in outputs.units.items()}
+        variables = {name: values[-1].ravel().tolist() for name, values in outputs.named().items()}
+        small = [name for name, values in variables.items() if len(values) <= MAX_IN_LINE][-MAX_VARIABLES:]
+        cells = [(name, "  ".join(f"{x:.5g}" for x in variables[name]), units[name]) for name in small]
+        rest = [name for name in variables if name not in small]
     width = max((len(name) for name, _, _ in cells), default=0)
     lines = [f"{name:<{width}}  {value} {'' if unit == '1' else unit}".rstrip() for name, value, unit in cells]
     return lines + (textwrap.wrap(f"not shown: {', '.join(rest)}", 78, break_on_hyphens=False) if rest else [])
 
 
-def _platforms(given: Sequence[str] | None) -> list[str]:
+def _platforms(options: Sequence[str] | None) -> list[str]:
     """The names in options that may each hold several, separated by commas; "host" if there are none."""
-    return [name.strip() for option in given or () for name in option.split(",")] or ["host"]
+    return [name.strip() for option in options or () for name in option.split(",")] or ["host"]
 
 
-def _scalars(given: Sequence[str] | None) -> dict[str, float]:
+def _scalars(texts: Sequence[str] | None) -> dict[str, float]:
     """Finite numbers by name from NAME=VALUE.  Raises `InputError`."""
     scalars: dict[str, float] = {}
-    for name, value in _settings(given).items():
+    for name, value in _settings(texts).items():
         if not (isinstance(value, (bool, float)) and math.isfinite(value)):
             raise InputError(f"--set {name}: allowed is one finite number, or true or false for a Boolean")
         scalars[name] = value
     return scalars
 
 
-def _list(text: str, value: str) -> list[object]:
-    """A list of numbers or of names, such as ``["gnss", "odometer"]``.  Raises `InputError`."""
-    try:
-        found = json.loads(value)
-    except ValueError:
-        found = None
-    if not isinstance(found, list):
-        raise InputError(f'--set {text!r}: {value!r} is no list: allowed is [1, 2, 3] or ["NAME", "NAME"]')
-    return found
+def _settings(texts: Sequence[str] | None, files: Sequence[str] = ()) -> dict[str, object]:
+    """Numbers, lists of numbers or of names, true and false by name from NAME=VALUE; text for the names in `files`.
 
-
-def _settings(given: Sequence[str] | None, texts: Sequence[str] = ()) -> dict[str, object]:
-    """Numbers, lists of numbers, true and false, and for the names in `texts` text, by name from NAME=VALUE.
-
-    A list may also stand in brackets, and then hold names.  Raises `InputError`.
+    Raises `InputError`.
     """
     settings: dict[str, object] = {}
-    for text in given or ():
+    for text in texts or ():
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
             raise InputError(f"--set {text!r}: allowed is NAME=VALUE or NAME=VALUE,VALUE,...")
         if name in settings:
             raise InputError(f"--set {name} is given twice")
-        if name in texts:
-            settings[name] = value
-            continue
-        if value.startswith("["):
-            settings[name] = _list(text, value)
-            continue
-        if value.lower() in BOOLEANS:
-            settings[name] = BOOLEANS[value.lower()]
-            continue
-        try:
-            numbers = [float(number) for number in value.split(",")]
-        except ValueError:
-            raise InputError(f'--set {text!r}: {value!r} is not a number, or a list such as 1,2,3 or ["NAME"]') from None
-        settings[name] = numbers[0] if len(numbers) == 1 else numbers
+        settings[name] = value if name in files else _value(text, value)
     return settings
+
+
+def _value(text: str, value: str) -> object:
+    """The value of a setting; text: the whole, for the message of an `InputError`."""
+    if value.startswith("["):
+        try:
+            items = json.loads(value)
+        except ValueError:
+            items = None
+        if not isinstance(items, list):
+            raise InputError(f'--set {text!r}: {value!r} is no list: allowed is [1, 2, 3] or ["NAME", "NAME"]')
+        return items
+    if value.lower() in BOOLEANS:
+        return BOOLEANS[value.lower()]
+    try:
+        numbers = [float(number) for number in value.split(",")]
+    except ValueError:
+        raise InputError(f'--set {text!r}: {value!r} is not a number, or a list such as 1,2,3 or ["NAME"]') from None
+    return numbers[0] if len(numbers) == 1 else numbers

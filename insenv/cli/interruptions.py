@@ -114,17 +114,17 @@ def drop_unwritten() -> None:
 class Ending:
     """Whether an end has been requested.
 
-    asked: whether a signal has arrived, or the terminal is gone.  orderly: whether a first signal only sets `asked`, for
-    the caller to look at; before that and at a second signal it interrupts (`KeyboardInterrupt`).
+    requested: whether a signal has arrived, or the terminal is gone.  orderly: whether a first signal only sets `requested`,
+    for the caller to look at; before that and at a second signal it interrupts (`KeyboardInterrupt`).
     """
 
     def __init__(self) -> None:
-        self.asked = False
+        self.requested = False
         self.orderly = False
 
     def __call__(self) -> bool:
         """Whether to end."""
-        return self.asked
+        return self.requested
 
 
 @contextmanager
@@ -139,9 +139,13 @@ def ending() -> Iterator[Ending]:
         yield request
         return
     interrupt = signal.getsignal(signal.SIGINT)
+    hangup = getattr(signal, "SIGHUP", None)
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hangup is not None and signal.getsignal(hangup) is not signal.SIG_IGN:
+        numbers.append(hangup)
 
     def take(number: int, frame: FrameType | None) -> None:
-        first, request.asked = not request.asked, True
+        first, request.requested = not request.requested, True
         if first and request.orderly:
             return
         if callable(interrupt):  # it keeps interruptions that CasADi would lose
@@ -149,7 +153,7 @@ def ending() -> Iterator[Ending]:
         else:
             raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, take) for number in _requests()}
+    before = {number: signal.signal(number, take) for number in numbers}
     try:
         yield request
     finally:
@@ -157,21 +161,13 @@ def ending() -> Iterator[Ending]:
             signal.signal(number, handler)
 
 
-def _requests() -> list[int]:
-    hangup = getattr(signal, "SIGHUP", None)
-    ignored = hangup is None or signal.getsignal(hangup) is signal.SIG_IGN
-    return [signal.SIGINT, signal.SIGTERM, *([] if ignored or hangup is None else [hangup])]
-
-
 def written(write: Callable[[], None], request: Ending) -> None:
     """Call `write`, which prints; a terminal that is gone after a request to end is no error."""
-    from insenv.cli.interruptions import drop_unwritten
-
     try:
         write()
     except BrokenPipeError:
         raise
     except OSError:
-        if not request.asked:
+        if not request.requested:
             raise
         drop_unwritten()

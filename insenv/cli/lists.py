@@ -1,22 +1,17 @@
-"""The commands `insenv list` and `insenv schema`: the names and keys that commands and scenario files accept."""
+"""Names, keys and files to start from: the commands `insenv list`, `insenv schema`, `insenv examples`, `insenv new`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import Annotated, Any, Optional
 
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import Json, deferred, given_path
-
-if TYPE_CHECKING:
-    from insenv.estimators.fusion import ErrorState
-
+from insenv.cli.options import Json, command, given_path
 
 Rows = list[dict[str, Any]]
 
@@ -34,7 +29,7 @@ class What(str, Enum):
     environments = "environments"
 
 
-@deferred
+@command
 def list_all(
     what: Annotated[
         Optional[What],  # noqa: UP045
@@ -59,18 +54,15 @@ def list_all(
 
 def _known(what: What) -> dict[str, Rows]:
     """What there is, by the key of the JSON document."""
-    from insenv import estimators
+    from insenv import estimators, scenario, sensors, vehicles
     from insenv.base.registration import titles
     from insenv.base.toml import summary
     from insenv.estimators.fusion.available import all_aids, all_states
-    from insenv.scenario import summaries
-    from insenv.sensors import GNSS_GRADES, IMU_GRADES
-    from insenv.sensors import registry as sensors
+    from insenv.sensors import registry
     from insenv.sensors.figures import FiguresSection
-    from insenv.vehicles import registry as vehicles
 
     if what is What.scenarios:
-        return {"scenarios": summaries()}
+        return {"scenarios": scenario.summaries()}
     if what is What.estimators:
         known = estimators.registered().values()
         return {
@@ -79,46 +71,55 @@ def _known(what: What) -> dict[str, Rows]:
             ]
         }
     if what is What.states:
-        return {"states": [{"name": name, "title": _what(state)} for name, state in all_states().items()]}
+        meanings = {name: state.value.meaning.removeprefix("Estimated ") for name, state in all_states().items()}
+        return {"states": _titled("name", meanings)}
     if what is What.aids:
         return {
-            "aids": [{"name": id, "title": f"{aid.title.removeprefix('the ')}: {aid.what}"} for id, aid in all_aids().items()]
+            "aids": _titled("name", {id: f"{aid.title.removeprefix('the ')}: {aid.what}" for id, aid in all_aids().items()})
         }
     if what is What.vehicles:
-        return {"vehicles": [{"kind": kind, "title": summary(section)} for kind, section in vehicles.registered().items()]}
+        kinds = vehicles.registry.registered()
+        return {"vehicles": _titled("kind", {kind: summary(section) for kind, section in kinds.items()})}
     if what is What.sensors:
-        return {"sensors": [{"id": id, "title": summary(section)} for id, section in sensors.registered().items()]}
-    if what is What.grades:
-        grades: dict[str, Any] = {"imu_grades": {**IMU_GRADES, **_own_grades()}, "gnss_grades": GNSS_GRADES}
-        found: dict[str, Rows] = {
-            key: [{"name": name, "title": known[name].title} for name in real_first(known)] for key, known in grades.items()
-        }
-        found["instrument_grades"] = [
-            {"sensor": id, "name": grade.name, "title": grade.title}
-            for id, section in sensors.registered().items()
-            if issubclass(section, FiguresSection)
-            for grade in section.grades.values()
-        ]
-        return found
-    return {"environments": [{"id": id, "title": title} for id, title in titles().items()]}
+        return {"sensors": _titled("id", {id: summary(section) for id, section in registry.registered().items()})}
+    if what is What.environments:
+        return {"environments": _titled("id", titles())}
+    grades = {"imu_grades": {**sensors.IMU_GRADES, **_own_grades()}, "gnss_grades": sensors.GNSS_GRADES}
+    lists = {key: _titled("name", {name: known[name].title for name in real_first(known)}) for key, known in grades.items()}
+    lists["instrument_grades"] = [
+        {"sensor": id, "name": grade.name, "title": grade.title}
+        for id, section in registry.registered().items()
+        if issubclass(section, FiguresSection)
+        for grade in section.grades.values()
+    ]
+    return lists
+
+
+def _titled(key: str, titles: Mapping[str, str]) -> Rows:
+    """Rows of names, under `key`, with their titles."""
+    return [{key: name, "title": title} for name, title in titles.items()]
 
 
 def _own_grades() -> dict[str, Any]:
-    """The grades of inertial units in files of the working folder; files that are none are told on stderr."""
-    if not any(Path.cwd().glob("*.toml")):
+    """The grades of inertial units in files of the working folder; files that hold none are named on stderr."""
+    if not any(_may_be_grade(path) for path in Path.cwd().glob("*.toml")):  # without the import of all sensors
         return {}
     from insenv.cli.output import print_line
     from insenv.sensors.grade_file import in_folder
 
-    own, faults = in_folder(Path.cwd())
+    grades, faults = in_folder(Path.cwd())
     for fault in faults:
         print_line(f"insenv: not a grade: {fault}", stderr=True)
-    return dict(own)
+    return dict(grades)
 
 
-def _what(state: ErrorState) -> str:
-    """What an error state is, without "Estimated"."""
-    return state.value.meaning.removeprefix("Estimated ")
+def _may_be_grade(path: Path) -> bool:
+    """Whether a file names a figure of an inertial unit anywhere."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return False
+    return b"gyro_" in content or b"accel_" in content
 
 
 def real_first(grades: Iterable[str]) -> list[str]:
@@ -126,49 +127,28 @@ def real_first(grades: Iterable[str]) -> list[str]:
     return sorted(grades, key=lambda name: 2 if name.startswith("paper-") else int(name == "perfect"))
 
 
-_HEADS = {
-    "vehicles": "kind of vehicle",
-    "imu_grades": "IMU grade",
-    "gnss_grades": "GNSS grade",
-    "instrument_grades": "instrument grade",
-}
-
-
-_WITH_SENSOR = ("instrument_grades",)
-"""Lists of grades whose names are those of one sensor."""
-_TITLES_ONLY = ("states", *_WITH_SENSOR)
-"""Lists too long for the screen that shows all names; grades, scenarios and forms of papers are left out there too."""
-
-
 def _names() -> Iterator[tuple[str, list[str]]]:
     """All names but those of papers' simulations and printed forms, by what they name; what insenv ships is not imported."""
     from insenv.base.registration import IDS
     from insenv.base.resources import scenario_titles
-    from insenv.base.shipped import ESTIMATORS, SENSORS, VEHICLES
-    from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
+    from insenv.base.shipped import ESTIMATORS, GNSS_GRADES, IMU_GRADES, SENSORS, VEHICLES
 
     yield "scenarios", [name for name, title in scenario_titles().items() if "paper" not in title.lower()]
     yield "estimators", [id for id in _with_installed("estimators", ESTIMATORS) if not id.endswith("-printed")]
     yield "vehicles", _with_installed("vehicles", VEHICLES)
     yield "sensors", _with_installed("sensors", SENSORS)
-    for head, known in (("IMU grades", {**IMU_GRADES, **_own_grades()}), ("GNSS grades", GNSS_GRADES)):
-        yield head, [name for name in real_first(known) if not name.startswith("paper-")]
+    yield "IMU grades", real_first([*IMU_GRADES, *_own_grades()])
+    yield "GNSS grades", real_first(GNSS_GRADES)
     yield "environments", list(IDS)
 
 
 def _with_installed(group: str, shipped: Iterable[str]) -> list[str]:
-    """The names of what insenv ships, and of what installed packages add, which are asked only if there are any."""
+    """The names of what insenv ships, and of what installed packages add, which are imported only if there are any."""
+    from importlib.metadata import entry_points  # which imports much of the standard library
+
     if not entry_points(group=f"insenv.{group}"):
         return list(shipped)
     return list(import_module(f"insenv.{group}.registry").names())
-
-
-def _head(key: str) -> str:
-    return _HEADS.get(key, key.removesuffix("s"))
-
-
-def _name(row: dict[str, Any]) -> str:
-    return str(next(row[key] for key in ("name", "id", "kind") if key in row))
 
 
 def _print_names() -> None:
@@ -179,27 +159,35 @@ def _print_names() -> None:
     print_line("titles, states, aids, instruments, what papers simulate: insenv list WHAT")
 
 
+_HEADS = {
+    "vehicles": "kind of vehicle",
+    "imu_grades": "IMU grade",
+    "gnss_grades": "GNSS grade",
+    "instrument_grades": "instrument grade",
+}
+"""Heads of the columns of names that are not the key of the JSON document without its s."""
+
+
 def _print_titles(key: str, rows: Rows) -> None:
     from insenv.cli.output import print_table
     from insenv.estimators.contract import shown_name
 
-    columns: Sequence[str] = (_head(key), "title")
-    shown: list[Sequence[str]]
+    def takes(row: dict[str, Any]) -> str:
+        return ", ".join(["IMU", *map(shown_name, row["sensors"])])
+
+    name = next(name for name in ("sensor", "name", "id", "kind") if name in rows[0])
+    columns: dict[str, Callable[[dict[str, Any]], str]] = {_HEADS.get(key, key.removesuffix("s")): lambda row: row[name]}
     if key == "scenarios":
-        columns = (_head(key), "duration", "title")
-        shown = [(row["name"], f"{row['duration_s']:g} s", row["title"]) for row in rows]
-    elif key == "estimators":
-        columns = (_head(key), "kind", "takes", "title")
-        shown = [(row["id"], row["kind"], ", ".join(["IMU", *map(shown_name, row["sensors"])]), row["title"]) for row in rows]
-    elif key in _WITH_SENSOR:
-        columns = ("sensor", "grade", "title")
-        shown = [(row["sensor"], row["name"], row["title"]) for row in rows]
-    else:
-        shown = [(_name(row), row["title"]) for row in rows]
-    print_table(columns, shown)
+        columns["duration"] = lambda row: f"{row['duration_s']:g} s"
+    if key == "estimators":
+        columns |= {"kind": lambda row: row["kind"], "takes": takes}
+    if key == "instrument_grades":
+        columns = {"sensor": lambda row: row["sensor"], "grade": lambda row: row["name"]}
+    columns["title"] = lambda row: row["title"]
+    print_table(list(columns), [[text(row) for text in columns.values()] for row in rows])
 
 
-@deferred
+@command
 def schema(as_json: Annotated[bool, typer.Option("--json", help="No effect: the schema is JSON.")] = False) -> None:
     """Print the JSON schema of a scenario file, for editors."""
     from insenv.cli.output import print_json
@@ -218,7 +206,7 @@ class Kind(str, Enum):
     log = "log"
 
 
-@deferred
+@command
 def examples(
     folder: Annotated[
         Path, typer.Argument(parser=given_path, metavar="[DIR]", help="Folder to write to; made if it does not exist.")
@@ -227,6 +215,7 @@ def examples(
 ) -> None:
     """Copy the examples to a folder: scripts, a scenario, recorded logs."""
     from insenv.base.resources import examples_folder
+    from insenv.cli.output import print_answer
 
     source = examples_folder()
     texts = {
@@ -234,21 +223,21 @@ def examples(
         for path in sorted(source.rglob("*"))
         if path.is_file() and "__pycache__" not in path.parts
     }
-    count, new_ones = len(texts), len(_write(folder, texts))
-    shown = folder.as_posix()
-    told = f"{count} files written to {shown}" if new_ones == count else f"{count} files in {shown}, {new_ones} of them new"
-    _tell(
-        folder,
-        list(texts),
+    count, added, to = len(texts), len(_write(folder, texts)), folder.as_posix()
+    done = f"{count} files written to {to}" if added == count else f"{count} files in {to}, {added} of them new"
+    print_answer(
         as_json,
-        f"{told}; to try them:",
-        f"  insenv run {shown}/own_scenario.toml",
-        f"  insenv replay {shown}/logs/plain.toml -e loosely-coupled",
-        f"  python {shown}/env_loop.py",
+        {"files": [str(folder / name) for name in texts]},
+        [
+            f"{done}; to try them:",
+            f"  insenv run {to}/own_scenario.toml",
+            f"  insenv replay {to}/logs/plain.toml -e loosely-coupled",
+            f"  python {to}/env_loop.py",
+        ],
     )
 
 
-@deferred
+@command
 def new(
     kind: Annotated[Kind, typer.Argument(metavar="scenario|log", help="A scenario to simulate, or a recorded log.")],
     file: Annotated[Path, typer.Argument(parser=given_path, metavar="FILE", help="The .toml file to write.")],
@@ -256,6 +245,7 @@ def new(
 ) -> None:
     """Write a commented file to start from, which runs as it is: a scenario, or a description of a log with its CSV files."""
     from insenv.base.resources import examples_folder
+    from insenv.cli.output import print_answer
 
     if file.suffix != ".toml":
         raise InputError(f"FILE = {str(file)!r}: allowed is a name that ends in .toml")
@@ -264,7 +254,7 @@ def new(
     source = examples_folder()
     if kind is Kind.scenario:
         texts = {file.name: _renamed(source / "own_scenario.toml", {"examples/own_scenario.toml": file.as_posix()})}
-        command = f"insenv run {file.as_posix()}"
+        trial = f"insenv run {file.as_posix()}"
     else:
         # the samples stand beside the description, under its name
         samples = {
@@ -272,12 +262,13 @@ def new(
         }
         texts = {file.name: _renamed(source / "logs" / "plain.toml", {"examples/logs/plain.toml": file.as_posix(), **samples})}
         texts |= {name: (source / "logs" / of).read_bytes() for of, name in samples.items()}
-        command = f"insenv replay {file.as_posix()} -e loosely-coupled"
-    new_ones = _write(file.parent, texts)
-    told = f"written: {', '.join(new_ones)}"
-    if not new_ones:
-        told = f"nothing written: {', '.join(texts)} {'exists' if len(texts) == 1 else 'exist'} already"
-    _tell(file.parent, list(texts), as_json, f"{told}; to try it:", f"  {command}")
+        trial = f"insenv replay {file.as_posix()} -e loosely-coupled"
+    added = _write(file.parent, texts)
+    done = f"written: {', '.join(added)}"
+    if not added:
+        done = f"nothing written: {', '.join(texts)} {'exists' if len(texts) == 1 else 'exist'} already"
+    files = [str(file.parent / name) for name in texts]
+    print_answer(as_json, {"files": files}, [f"{done}; to try it:", f"  {trial}"])
 
 
 def _renamed(path: Path, names: dict[str, str]) -> bytes:
@@ -289,7 +280,7 @@ def _renamed(path: Path, names: dict[str, str]) -> bytes:
 
 
 def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
-    """Write files below a folder, all or none, and return their names; one that is there with this content stays.
+    """Write files below a folder, all or none, and return their names; a file that exists with this content is left.
 
     Raises `InputError` if one exists with another content or the folder cannot be written to.
     """
@@ -317,13 +308,3 @@ def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
     except OSError as error:
         raise InputError(f"cannot write {str(error.filename or folder)!r}: {error.strerror or error}") from None
     return list(texts)
-
-
-def _tell(folder: Path, names: list[str], as_json: bool, *lines: str) -> None:
-    from insenv.cli.output import print_json, print_line
-
-    if as_json:
-        print_json({"files": [str(folder / name) for name in names]})
-        return
-    for line in lines:
-        print_line(line)

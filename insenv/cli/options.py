@@ -1,16 +1,24 @@
-"""Options that several commands share, and how a command defers its work until the parser is done."""
+"""Options that several commands share, and what every command does: it parses, then works, then shows a `Document`."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+import inspect
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
 
 import typer
 
 from insenv.base.errors import InputError
+
+if TYPE_CHECKING:
+    from insenv.cli.output import Bar
+    from insenv.report.document import Document
+    from insenv.report.files import FilesWritten, OutputFolder
 
 Work = Callable[[], "int | None"]
 """Returns the exit status; None: done."""
@@ -27,6 +35,9 @@ HELP = {"help_option_names": ["-h", "--help"]}
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
 Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="A name that `insenv list` shows, or a .toml file.")]
+Log = Annotated[
+    Path, typer.Argument(parser=given_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
+]
 Estimator = Annotated[list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.")]
 """One, which `one` takes out of the list: an option that is not a list keeps the last of several without a word."""
 # Optional: older versions of typer do not accept unions
@@ -70,16 +81,83 @@ Strict = Annotated[
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure and no page.")]
 
 
-def deferred(command: Callable[..., int | None]) -> Callable[..., Work]:
-    """The command with the same parameters that returns its work instead of doing it.
+class Options:
+    """A dataclass of options that several commands share, a parameter of these commands."""
+
+
+@dataclass
+class Output(Options):
+    """Where the result of a command goes: to stdout as tables or JSON, and to a folder.
+
+    folder: of --out, or None.  Raises `InputError` if it cannot be written to, before the work begins.
+    """
+
+    out: Out = None
+    no_figure: NoFigure = False
+    as_json: Json = False
+
+    def __post_init__(self) -> None:
+        self.folder: OutputFolder | None = None
+        self.written: FilesWritten | None = None
+        if self.out is not None:
+            from insenv.report import OutputFolder
+
+            self.folder = OutputFolder(self.out)
+
+    @property
+    def figure(self) -> bool:
+        """Whether the page and the figure are written."""
+        return not self.no_figure
+
+    def working(self, description: str) -> AbstractContextManager[Bar]:
+        """Show a progress bar during the block; see `insenv.cli.output.working`."""
+        from insenv.cli.output import working
+
+        return working(description)
+
+    def keep(self, document: Document) -> None:
+        """Write the files of a document, with --out."""
+        if self.folder is not None:
+            from insenv.report import write_document
+
+            self.written = write_document(document, self.folder, self.figure)
+
+    def show(self, document: Document, unwritten: str, lines: Iterable[str] = (), further: Sequence[str] = ()) -> None:
+        """Print the document; see `insenv.cli.output.print_result`."""
+        from insenv.cli.output import print_result
+
+        print_result(document, self.written, self.as_json, unwritten, lines, further)
+
+
+def command(work: Callable[..., int | None]) -> Callable[..., Work]:
+    """The command that returns its work instead of doing it; each parameter that is `Options` becomes these options.
 
     `insenv.cli.main` does the work after the parser has returned, because the parser handles errors in its own way.
     """
+    groups: dict[str, type[Any]] = {}
+    parameters: list[inspect.Parameter] = []
+    shared: list[inspect.Parameter] = []
+    for parameter in inspect.signature(work, eval_str=True).parameters.values():
+        group = parameter.annotation
+        if not (isinstance(group, type) and issubclass(group, Options)):
+            parameters.append(parameter)
+            continue
+        groups[parameter.name], types = group, get_type_hints(group, include_extras=True)
+        for field in fields(group):  # type: ignore[arg-type]
+            shared.append(parameter.replace(name=field.name, default=field.default, annotation=types[field.name]))
+    parameters += shared
 
-    @functools.wraps(command)
-    def parsed(*arguments: object, **options: object) -> Work:
-        return partial(command, *arguments, **options)
+    def run(**options: Any) -> int | None:
+        for name, group in groups.items():
+            options[name] = group(**{field.name: options.pop(field.name) for field in fields(group)})
+        return work(**options)
 
+    @functools.wraps(work)
+    def parsed(**options: Any) -> Work:
+        return partial(run, **options)
+
+    parsed.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    parsed.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return parsed
 
 

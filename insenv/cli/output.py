@@ -23,7 +23,7 @@ COMPILER = "insenv.core.compile"
 """Name of the logger that tells of compilations."""
 NARROWEST = 24
 """Columns that the text beside a list's names has at least."""
-MOST = 1000
+WIDEST = 1000
 """More columns than any table needs."""
 
 
@@ -50,6 +50,15 @@ def print_line(text: str = "", stderr: bool = False) -> None:
     print(text, file=sys.stderr if stderr else sys.stdout)
 
 
+def print_answer(as_json: bool, values: Any, lines: Iterable[str]) -> None:
+    """Print the values of a short answer as one JSON document, or its lines."""
+    if as_json:
+        print_json(values)
+        return
+    for line in lines:
+        print_line(line)
+
+
 def print_blocks(blocks: Iterable[Block]) -> None:
     """Print tables and lines on stdout."""
     from rich.table import Table
@@ -60,7 +69,7 @@ def print_blocks(blocks: Iterable[Block]) -> None:
     width = console.width
     for part in rendered(blocks):
         # a table is not cut in a narrow terminal, which breaks the lines itself
-        needed = console.measure(part, options=console.options.update(width=MOST))
+        needed = console.measure(part, options=console.options.update(width=WIDEST))
         console.width = max(width, needed.maximum if isinstance(part, Table) else needed.minimum)
         _show(console, part)
 
@@ -146,8 +155,8 @@ class Bar:
 
     def remark(self, text: str) -> None:
         """Show a remark behind the description; "" for none."""
-        shown = f"{self._description}: {text}" if text else self._description
-        self._progress.update(self._task, description=shown)
+        description = f"{self._description}: {text}" if text else self._description
+        self._progress.update(self._task, description=description)
 
 
 @contextmanager
@@ -169,12 +178,12 @@ def working(description: str) -> Iterator[Bar]:
 
 
 class CompilingNotice(logging.Handler):
-    """Says on stderr that models are compiled: behind the progress bar's description, or in a line of its own, once."""
+    """Reports on stderr that models are compiled: behind the progress bar's description, or once in a separate line."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self.bar: Bar | None = None
-        self._told = False
+        self._notified = False
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show that a compilation begins or has ended."""
@@ -183,8 +192,8 @@ class CompilingNotice(logging.Handler):
         text = record.getMessage()
         if self.bar is not None:
             self.bar.remark("" if text == COMPILED else text)
-        elif text != COMPILED and not self._told:
-            self._told = True
+        elif text != COMPILED and not self._notified:
+            self._notified = True
             print_line(f"insenv: {text}", stderr=True)
 
 
@@ -206,7 +215,7 @@ def compiling_noticed() -> Iterator[None]:
 
 @contextmanager
 def _noticed_by(bar: Bar | None) -> Iterator[None]:
-    """Let the notices of compilations stand in the line of `bar` during the block; None: in lines of their own."""
+    """Show the notices of compilations in the line of `bar` during the block; None: in separate lines."""
     notices = [handler for handler in logging.getLogger(COMPILER).handlers if isinstance(handler, CompilingNotice)]
     for notice in notices:
         notice.bar = bar

@@ -7,10 +7,10 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Json, Out, deferred
+from insenv.cli.options import Json, Out, command
 
 
-@deferred
+@command
 def reproduce(
     paper: Annotated[Optional[str], typer.Argument(metavar="[PAPER]", help="One paper; all papers if omitted.")] = None,  # noqa: UP045
     out: Out = None,
@@ -26,19 +26,19 @@ def reproduce(
 
     papers = chosen(paper)
     folder = None if out is None else OutputFolder(out)
-    found, written = {}, []
+    by_paper, written = {}, []
     with working(f"measuring {papers[0]}") as progress:
         for name, quantities in measure(paper):
-            found[name] = quantities
+            by_paper[name] = quantities
             progress.describe(f"measured {name}")
         if folder is not None:
             folder.path.mkdir(parents=True, exist_ok=True)
             for name in papers:
                 written += figure(name, folder.path)
     if as_json:
-        print_json([quantity.as_json() for quantities in found.values() for quantity in quantities])
+        print_json([quantity.as_json() for quantities in by_paper.values() for quantity in quantities])
         return
-    for name, quantities in found.items():
+    for name, quantities in by_paper.items():
         marks, notes = footnotes(q.note for q in quantities)
         print_line()
         print_blocks(map(Line, (f"{name}: {PAPERS[name]}", f"conditions: {conditions(name)}", *notes)))

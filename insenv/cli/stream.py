@@ -13,7 +13,7 @@ import typer
 from insenv.base.errors import InputError
 from insenv.cli.dashboard import dashboard
 from insenv.cli.lockstep import lockstep as run_lockstep
-from insenv.cli.options import Json, Seed, deferred, given_path, one
+from insenv.cli.options import Json, Seed, command, given_path, one
 from insenv.cli.options import Scenario as ScenarioName
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Lockstep(str, Enum):
     ardupilot_json = "ardupilot-json"
 
 
-@deferred
+@command
 def stream(
     scenario: ScenarioName,
     to: Annotated[

@@ -1,4 +1,4 @@
-"""The command `insenv tune`: how a filter should be tuned."""
+"""The commands that study a filter or a unit: `insenv tune`, `insenv train`, `insenv budget`, `insenv allan`."""
 
 from __future__ import annotations
 
@@ -11,25 +11,14 @@ import typer
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.output import check_output_file
-from insenv.cli.options import (
-    Duration,
-    Estimator,
-    FirstSeed,
-    Json,
-    NoFigure,
-    Out,
-    Scenario,
-    Settings,
-    deferred,
-    given_path,
-    one,
-)
+from insenv.cli.options import Duration, Estimator, FirstSeed, Json, Log, Output, Scenario, Settings, command, given_path, one
 
 
-@deferred
+@command
 def tune(
     source: Annotated[str, typer.Argument(metavar="SCENARIO|LOG", help="A scenario, or a recorded log as of `insenv replay`.")],
     estimator: Estimator,
+    output: Output,
     keys: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option("--key", "-k", metavar="KEY", help="Parameter to tune, by its key; may be given more than once."),
@@ -46,36 +35,30 @@ def tune(
     seed: FirstSeed = None,
     duration: Duration = None,
     settings: Settings = None,
-    out: Out = None,
-    no_figure: NoFigure = False,
-    as_json: Json = False,
 ) -> None:
     """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
-    from insenv.cli.output import print_result, working
     from insenv.estimators.settings import parsed_settings
-    from insenv.report import OutputFolder, write_document
     from insenv.studies.tune import tune as search
 
-    id, given = one(estimator) or "", parsed_settings(settings or [])
-    folder = None if out is None else OutputFolder(out)
-    with working(f"{source}, {id}") as progress:
-        found = search(
+    id, values = one(estimator) or "", parsed_settings(settings or [])
+    with output.working(f"{source}, {id}") as progress:
+        tuning = search(
             source, id, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
-            duration_s=duration, settings=given, progress=progress,
+            duration_s=duration, settings=values, progress=progress,
         )  # fmt: skip
-        written = None if folder is None else write_document(found.document(), folder, not no_figure)
-    lines = [found.toml()] if found.is_better else []
-    unwritten = f"--out DIR writes {'this section' if found.is_better else 'what was found'}, the page and the figure"
-    print_result(found.document(), written, as_json, unwritten, lines)
+        output.keep(tuning.document())
+    lines = [tuning.toml()] if tuning.is_better else []
+    unwritten = f"--out DIR writes {'this section' if tuning.is_better else 'what was found'}, the page and the figure"
+    output.show(tuning.document(), unwritten, lines)
 
 
 # The command `insenv train`: simulated runs, cross-validation, the trained file.
 
 LEARNERS = ("lssvm",)
-MOST_SEEDS = 10_000
+MAX_SEEDS = 10_000
 
 
-@deferred
+@command
 def train(
     estimator: Annotated[str, typer.Argument(metavar="ESTIMATOR", help="Estimator to train: lssvm.")],
     scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO...", help="Scenarios to train on.")],
@@ -101,7 +84,7 @@ def train(
 
     if estimator not in LEARNERS:
         raise InputError(f"estimator {estimator!r} cannot be trained{nearest(estimator, LEARNERS)}")
-    chosen = seed_range(seeds)
+    seed_numbers = seed_range(seeds)
     check_output_file(out)
     need_packages()
     choice = PRINTED if as_printed else Choice()
@@ -112,7 +95,7 @@ def train(
             progress.describe(work)
             progress(done, total)
 
-        machine = learn(scenarios, chosen, duration_s=duration, choice=choice, progress=show)
+        machine = learn(scenarios, seed_numbers, duration_s=duration, choice=choice, progress=show)
         machine.save(out)
     training = machine.training
     if as_json:
@@ -137,54 +120,47 @@ def train(
 
 def seed_range(text: str) -> range:
     """Seeds from ``A-B``, or the single seed ``A``.  Raises `InputError`."""
-    found = re.fullmatch(r"(\d{1,16})(?:-(\d{1,16}))?", text.strip())
-    first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
-    if not 0 <= first <= last <= 2**53 or last - first >= MOST_SEEDS:
-        raise InputError(f"seeds {text!r}: allowed is FIRST-LAST, such as 1-100, of at most {MOST_SEEDS} seeds")
+    match = re.fullmatch(r"(\d{1,16})(?:-(\d{1,16}))?", text.strip())
+    first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+    if not 0 <= first <= last <= 2**53 or last - first >= MAX_SEEDS:
+        raise InputError(f"seeds {text!r}: allowed is FIRST-LAST, such as 1-100, of at most {MAX_SEEDS} seeds")
     return range(first, last + 1)
 
 
 # The command `insenv budget`: which source of error dominates.
 
 
-@deferred
+@command
 def budget(
     scenario: Scenario,
     estimator: Estimator,
+    output: Output,
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of seeds.")] = 64,
     seed: FirstSeed = None,
     duration: Duration = None,
     settings: Settings = None,
-    out: Out = None,
-    no_figure: NoFigure = False,
-    as_json: Json = False,
 ) -> None:
     """Say which source of error dominates: each alone, and all but it, on the same seeds."""
-    from insenv.cli.output import print_result, working
     from insenv.estimators.settings import parsed_settings
-    from insenv.report import OutputFolder, write_document
     from insenv.report.tables import runs_of
     from insenv.scenario import load
     from insenv.studies.budget import budget as share_out
 
-    id, given = one(estimator) or "", parsed_settings(settings or [])
-    folder = None if out is None else OutputFolder(out)
+    id, values = one(estimator) or "", parsed_settings(settings or [])
     loaded = load(scenario)
-    with working(f"{loaded.name}, {runs_of(runs)}") as progress:
-        found = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
-        written = None if folder is None else write_document(found.document(), folder, not no_figure)
-    unwritten = "--out DIR writes the page, the figure and the contributions over time"
-    print_result(found.document(), written, as_json, unwritten)
+    with output.working(f"{loaded.name}, {runs_of(runs)}") as progress:
+        shares = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=values, progress=progress)
+        output.keep(shares.document())
+    output.show(shares.document(), "--out DIR writes the page, the figure and the contributions over time")
 
 
 # The command `insenv allan`: what is my unit?
 
 
-@deferred
+@command
 def allan(
-    log: Annotated[
-        Path, typer.Argument(parser=given_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
-    ],
+    log: Log,
+    output: Output,
     begin: Annotated[
         Optional[float],  # noqa: UP045
         typer.Option("--from", metavar="S", help="Begin of the part to use; without it and --to the longest rest."),
@@ -194,25 +170,20 @@ def allan(
         Optional[Path],  # noqa: UP045
         typer.Option(parser=given_path, metavar="FILE.toml", help='Write the grade file, for grade = "FILE.toml".'),
     ] = None,
-    out: Out = None,
-    no_figure: NoFigure = False,
-    as_json: Json = False,
 ) -> None:
     """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
-    from insenv.cli.output import print_result, working
-    from insenv.report import OutputFolder
     from insenv.studies.allan import allan as measure
     from insenv.studies.allan_result import assumed, check_grade, document, write_files, write_grade
 
     check_grade(grade)
-    folder = None if out is None else OutputFolder(out)
-    with working(log.name) as progress:
-        found = measure(log, from_s=begin, to_s=end, progress=progress)
+    with output.working(log.name) as progress:
+        deviation = measure(log, from_s=begin, to_s=end, progress=progress)
         if grade is not None:
-            write_grade(found, grade)
-        written = None if folder is None else write_files(found, folder, grade, not no_figure)
-    at = grade if grade is not None or written is None else written.paths[1]
-    told = [] if grade is None else [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit']
-    told += [assumed(found)] if at is not None else []
+            write_grade(deviation, grade)
+        if output.folder is not None:
+            output.written = write_files(deviation, output.folder, grade, output.figure)
+    at = output.written.paths[1] if grade is None and output.written else grade
+    lines = [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit'] if grade else []
+    lines += [assumed(deviation)] if at is not None else []
     unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
-    print_result(document(found, None if at is None else str(at)), written, as_json, unwritten, told)
+    output.show(document(deviation, None if at is None else str(at)), unwritten, lines)

@@ -153,8 +153,8 @@ class NativeBatch(Batch):
         of_row, to_row = u.shape[1] * u.shape[2], y.shape[1] * y.shape[2]
 
         def work(block: int, first: int, last: int) -> None:
-            p, x, given, shown = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
-            self._library.insenv_run(last - first, p, x, given, stride, of_row, shown, to_row, every, n)
+            at_p, at_x, at_u, at_y = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
+            self._library.insenv_run(last - first, at_p, at_x, at_u, stride, of_row, at_y, to_row, every, n)
 
         self._shared(work)
         return y
@@ -178,22 +178,22 @@ class NativeBatch(Batch):
     def cycle(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], Vector], Vector]:
         u, spans = np.zeros((self.rows, self.model.inputs.size)), watched_spans(self.model, watched)
         rows, size, number = self.rows, cycle_size(self.model, watched, n), list(self.model.steps).index(step)
-        p, x, given, which = (array.ctypes.data for array in (self._p, self._x, u, spans))
+        at_p, at_x, at_u, at_spans = (array.ctypes.data for array in (self._p, self._x, u, spans))
         run, width, count = self._library.insenv_cycle, u.shape[1], len(spans)
         of_p, of_x, of_u, of_y = (8 * self.lanes * elements for elements in (self._p.shape[1], self._x.shape[1], width, size))
 
         def call() -> Vector:
             y = np.empty((rows, size))
-            shown = pointer(y)
+            at_y = pointer(y)
 
             def work(block: int, first: int, last: int) -> None:
-                at = p + block * of_p, x + block * of_x, given + block * of_u
-                run(last - first, number, *at, width, which, count, n, shown + block * of_y, size)
+                at = at_p + block * of_p, at_x + block * of_x, at_u + block * of_u
+                run(last - first, number, *at, width, at_spans, count, n, at_y + block * of_y, size)
 
             self._shared(work)
             return y
 
-        call.kept = u, spans  # type: ignore[attr-defined]  # their addresses must stay valid as long as the call
+        call.buffers = u, spans  # type: ignore[attr-defined]  # their addresses must stay valid as long as the call
         return call, u
 
     def _shared(self, work: Callable[[int, int, int], None]) -> None:
@@ -272,12 +272,12 @@ class InterpreterBatch(Batch):
         cycles = [runner.cycle(step, watched, n) for runner in self._runners]
 
         def call() -> Vector:
-            found = np.empty((self.rows, size))
-            for runner, (run, buffer), u, y in zip(self._runners, cycles, inputs, found, strict=True):
+            results = np.empty((self.rows, size))
+            for runner, (run, buffer), u, y in zip(self._runners, cycles, inputs, results, strict=True):
                 runner._u[:] = u
                 run()
                 y[:] = buffer
-            return found
+            return results
 
         return call, inputs
 

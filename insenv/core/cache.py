@@ -19,7 +19,7 @@ _PREFIX = "insenv-"
 def cache_folder() -> Path:
     """The cache folder: INSENV_CACHE_DIR or the user's cache folder, private to the user.
 
-    If it cannot be made, written or trusted, a warning says so, and a temporary folder of this process is used.
+    If it cannot be made, written or trusted, a warning names the reason, and a temporary folder of this process is used.
     """
     folder, reason = _chosen()
     return process_folder(folder, reason) if reason else folder
@@ -62,7 +62,7 @@ def is_private(path: Path) -> bool:
 
 
 def source_digest(paths: Iterable[Path]) -> str:
-    """Hash of Python sources; what they make is kept in the cache under it."""
+    """Hash of Python sources, the key in the cache of what they produce."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(paths) if path.exists())).hexdigest()
 
 

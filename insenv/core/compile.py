@@ -38,13 +38,13 @@ from insenv.core.tables import Vector
 from insenv.core.traces import Kernel
 
 # compilers for other processors may not support it, and gain little from it
-_OWN = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
+_PROCESSOR = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
 LEVELS, LEVEL = ("0", "1", "2", "3"), "2"
 """Levels of optimisation that INSENV_OPTIMIZATION may name, and the one without it."""
 # exact rounding in the order written, at every level of optimisation: bit-identical to the interpreter
 _FLAGS = (
     "-std=gnu99",
-    *_OWN,
+    *_PROCESSOR,
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fno-tree-slp-vectorize",
@@ -94,8 +94,8 @@ class Compiler:
     @functools.cached_property
     def identity(self) -> str:
         """What determines its output besides source and flags: the version and the processor."""
-        shown = subprocess.run([*self.command, "--version"], capture_output=True, text=True, check=False)
-        return "\n".join([*self.command, shown.stdout, platform.machine(), _processor()])
+        version = subprocess.run([*self.command, "--version"], capture_output=True, text=True, check=False)
+        return "\n".join([*self.command, version.stdout, platform.machine(), _processor()])
 
 
 def find_compiler() -> Compiler | None:
@@ -120,8 +120,8 @@ def find_compiler() -> Compiler | None:
 def compile_library(source: str, compiler: Compiler, origin: str = "") -> Path:
     """Path of the shared library of `source`, taken from the cache or compiled.
 
-    origin: text that is the same only for the same source, which names the entry in its place (`kept_library`).  If the disk
-    of the cache is full, the library is kept in a folder of this process; a warning says so.  Raises `CompileError`,
+    origin: text that is the same only for the same source, which names the entry in its place (`cached_library`).  If the disk
+    of the cache is full, the library is kept in a folder of this process; with a warning.  Raises `CompileError`,
     `NoRoomError` if there is no room anywhere.
     """
     key = _key(origin or source, compiler)
@@ -135,8 +135,8 @@ def compile_library(source: str, compiler: Compiler, origin: str = "") -> Path:
         raise NoRoomError(f"no folder to compile models in: {error.strerror or error}") from None
 
 
-def kept_library(origin: str, compiler: Compiler) -> Path | None:
-    """Path of the library that `compile_library` has kept in the cache for this origin; None if there is none."""
+def cached_library(origin: str, compiler: Compiler) -> Path | None:
+    """Path of the library that `compile_library` has put in the cache for this origin; None if there is none."""
     with contextlib.suppress(OSError):
         entry = cache_folder() / _key(origin, compiler)
         if _is_intact(entry):
@@ -286,9 +286,9 @@ def _looked_up(model: Model, source: Callable[..., str]) -> Callable[[], str]:
     if compiler is None:
         raise CompileError("no C compiler found")
     origin = "\0".join([WRITER, model.fingerprint, source(model, functions={})])
-    kept = kept_library(origin, compiler)
-    if kept is not None:
-        return lambda: str(kept)
+    cached = cached_library(origin, compiler)
+    if cached is not None:
+        return lambda: str(cached)
     written = source(model)
     return lambda: str(compile_library(written, compiler, origin))
 
@@ -314,7 +314,7 @@ def pointer(array: Vector) -> int:
 
 # A model compiled to WebAssembly, which runs bit for bit in any browser.
 #
-# The C source is that of every other face; its operations are rounded in exactly one way.  The compiler is the `ziglang`
+# The C source is that of every other interface; its operations are rounded in exactly one way.  The compiler is the `ziglang`
 # wheel, the module imports nothing and links no library, and it is cached as the native libraries are.
 
 _WASM_FLAGS = ("-target", "wasm32-wasi", "-std=gnu99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-w", "-c")

@@ -50,8 +50,6 @@ def merge(
     Raises `InputError` if steps of one name have different conditions.
     """
     names = list(dict.fromkeys(name for part in parts for name in part.steps))
-    total = sum(part.start_uniforms for part in parts)
-    start = _in_sequence([(part.start, part.start_uniforms) for part in parts if part.start is not None])
     return Model(
         id=id,
         title=title,
@@ -61,8 +59,8 @@ def merge(
         outputs=outputs,
         steps={name: _joined(name, parts) for name in names},
         output=output,
-        start=(lambda p, r: start(p, r)) if total else (lambda p: start(p)),
-        start_uniforms=total,
+        start=_in_sequence([(part.start, part.start_uniforms) for part in parts if part.start is not None]),
+        start_uniforms=sum(part.start_uniforms for part in parts),
     )
 
 
@@ -74,12 +72,12 @@ def _joined(name: str, parts: Sequence[Part]) -> Step:
         raise InputError(f"step {name!r} has different conditions: {sorted(map(str, conditions))}: allowed is one")
 
     def function(p: Values, x: Values, u: Values, r: Any = None) -> dict[str, Any]:
-        state, used = SimpleNamespace(**vars(x)), 0
+        state, first = SimpleNamespace(**vars(x)), 0
         changed: dict[str, Any] = {}
         for step in steps:
-            own = () if not step.uniforms else (r[used : used + step.uniforms],)
-            used += step.uniforms
-            new = check_mapping(step.function(p, state, u, *own))
+            uniforms = (r[first : first + step.uniforms],) if step.uniforms else ()
+            first += step.uniforms
+            new = check_mapping(step.function(p, state, u, *uniforms))
             vars(state).update(new)
             changed.update(new)
         return changed
@@ -89,12 +87,12 @@ def _joined(name: str, parts: Sequence[Part]) -> Step:
 
 def _in_sequence(starts: Sequence[tuple[Callable[..., Mapping[str, Any]], int]]) -> Callable[..., dict[str, Any]]:
     def start(p: Values, r: Any = None) -> dict[str, Any]:
-        used = 0
+        first = 0
         state: dict[str, Any] = {}
-        for function, uniforms in starts:
-            own = () if not uniforms else (r[used : used + uniforms],)
-            used += uniforms
-            state.update(check_mapping(function(p, *own)))
+        for function, count in starts:
+            uniforms = (r[first : first + count],) if count else ()
+            first += count
+            state.update(check_mapping(function(p, *uniforms)))
         return state
 
     return start

@@ -2,8 +2,8 @@
 
 A model is made of functions, and functions of code, of the values that they hold and of the global names that they use.  For
 functions of insenv the code is known by a hash of all its sources, and what they hold or name is known by value: a constant or
-a function that a script has replaced is seen.  Two models with the same identity therefore have the same equations.  A function
-from outside insenv may depend on anything, so that a model with one has no identity.
+a function that a script has replaced is noticed.  Two models with the same identity therefore have the same equations.  A
+function from outside insenv may depend on anything, so that a model with one has no identity.
 """
 
 from __future__ import annotations
@@ -57,11 +57,11 @@ def _environment() -> str:
     return "\0".join((sources, sys.version, np.__version__, ca.CasadiMeta.version()))
 
 
-def _parts(thing: Any, met: dict[int, int], told: set[int]) -> Iterator[str]:
+def _parts(thing: Any, met: dict[int, int], described: set[int]) -> Iterator[str]:
     """Texts that say what a thing is.
 
-    met: the things that hold it, by their address; a thing may hold itself.  told: addresses of the functions of modules that
-    have been told already; there are many that use each other.
+    met: the things that hold it, by their address; a thing may hold itself.  described: addresses of the functions of modules
+    that have been described already; there are many that use each other.
     """
     kind = type(thing)
     if kind in _PLAIN:
@@ -77,14 +77,14 @@ def _parts(thing: Any, met: dict[int, int], told: set[int]) -> Iterator[str]:
     if kind in (tuple, list):
         yield f"{kind.__name__} {len(thing)}"
         for item in thing:
-            yield from _parts(item, met, told)
+            yield from _parts(item, met, described)
     elif isinstance(thing, Mapping):
         yield f"mapping {len(thing)}"
         for key, value in thing.items():
-            yield from _parts(key, met, told)
-            yield from _parts(value, met, told)
+            yield from _parts(key, met, described)
+            yield from _parts(value, met, described)
     elif kind in (set, frozenset):
-        yield f"set {sorted(chr(0).join(_parts(item, met, told)) for item in thing)}"
+        yield f"set {sorted(chr(0).join(_parts(item, met, described)) for item in thing)}"
     elif isinstance(thing, (np.ndarray, np.generic)):
         array = np.asarray(thing)
         if array.dtype.hasobject:
@@ -92,37 +92,37 @@ def _parts(thing: Any, met: dict[int, int], told: set[int]) -> Iterator[str]:
         yield f"array {array.dtype.str} {array.shape} {hashlib.sha256(array.tobytes()).hexdigest()}"
     elif isinstance(thing, functools.partial):
         yield "partial"
-        yield from _parts((thing.func, thing.args, thing.keywords), met, told)
+        yield from _parts((thing.func, thing.args, thing.keywords), met, described)
     elif isinstance(thing, FunctionType):
-        yield from _of_function(thing, met, told)
+        yield from _of_function(thing, met, described)
     elif isinstance(thing, MethodType):
         yield "method"
-        yield from _parts((thing.__self__, thing.__func__), met, told)
+        yield from _parts((thing.__self__, thing.__func__), met, described)
     elif isinstance(thing, (BuiltinFunctionType, ModuleType)):
         yield f"builtin {getattr(thing, '__module__', '')} {thing.__name__}"
     elif isinstance(thing, SimpleNamespace):
         yield "namespace"
-        yield from _parts(vars(thing), met, told)
+        yield from _parts(vars(thing), met, described)
     elif isinstance(thing, ValuesView):
-        yield from _parts(tuple(thing), met, told)
+        yield from _parts(tuple(thing), met, described)
     elif isinstance(thing, ca.Function):
         yield f"equations {hashlib.sha256(thing.serialize().encode()).hexdigest()}"
     elif isinstance(thing, ca.SX) and thing.is_constant():
         yield f"constant {ca.evalf(thing).serialize()}"
     else:
-        yield from _of_object(thing, met, told)
+        yield from _of_object(thing, met, described)
 
 
-def _of_function(function: FunctionType, met: dict[int, int], told: set[int]) -> Iterator[str]:
+def _of_function(function: FunctionType, met: dict[int, int], described: set[int]) -> Iterator[str]:
     code = function.__code__
     # a function from outside that wraps one of insenv by functools.wraps has the __module__ of that one
     if not (_is_ours(function.__module__) and _is_ours(function.__globals__.get("__name__", ""))):
         raise _UnknownError
-    if id(function) in told:
-        yield f"told {function.__module__} {function.__qualname__}"
+    if id(function) in described:
+        yield f"described {function.__module__} {function.__qualname__}"
         return
     if sys.modules.get(function.__module__) and getattr(sys.modules[function.__module__], function.__name__, None) is function:
-        told.add(id(function))
+        described.add(id(function))
     # two lambdas of one line have one name: their code tells them apart
     yield f"function {function.__module__} {function.__qualname__} {code.co_firstlineno} {code.co_code.hex()} {code.co_names}"
     try:
@@ -130,12 +130,12 @@ def _of_function(function: FunctionType, met: dict[int, int], told: set[int]) ->
     except ValueError:  # a cell without a value
         raise _UnknownError from None
     constants = [value for value in code.co_consts if type(value) in _PLAIN]
-    yield from _parts((constants, code.co_freevars, held, function.__defaults__, function.__kwdefaults__), met, told)
+    yield from _parts((constants, code.co_freevars, held, function.__defaults__, function.__kwdefaults__), met, described)
     if wrapped := getattr(function, "__wrapped__", None):
-        yield from _parts(wrapped, met, told)
+        yield from _parts(wrapped, met, described)
     for name, value in _named(code, function.__globals__):
         yield name
-        yield from _of_global(value, met, told)
+        yield from _of_global(value, met, described)
 
 
 def _named(code: CodeType, space: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -154,40 +154,40 @@ def _named(code: CodeType, space: Mapping[str, Any]) -> Iterator[tuple[str, Any]
             yield from _named(inner, space)
 
 
-def _of_global(value: Any, met: dict[int, int], told: set[int]) -> Iterator[str]:
-    """Texts of the value of a global name: one that is not known by value is of a kind that no equation follows from."""
+def _of_global(value: Any, met: dict[int, int], described: set[int]) -> Iterator[str]:
+    """Texts of the value of a global name; an object that is not known by value cannot affect an equation."""
     if isinstance(value, FunctionType) and value.__globals__.get("__name__", "").partition(".")[0] in _LIBRARIES:
         yield f"{value.__module__} {value.__qualname__}"
     elif isinstance(value, FunctionType):
-        yield from _parts(value, met, told)
+        yield from _parts(value, met, described)
     elif wrapped := getattr(value, "__wrapped__", None):  # functools.cache
-        yield from _of_global(wrapped, met, told)
+        yield from _of_global(wrapped, met, described)
     else:
         try:
-            yield from list(_parts(value, met, told))
+            yield from list(_parts(value, met, described))
         except _UnknownError:
             yield f"a {type(value).__qualname__}"
 
 
-def _of_object(thing: Any, met: dict[int, int], told: set[int]) -> Iterator[str]:
+def _of_object(thing: Any, met: dict[int, int], described: set[int]) -> Iterator[str]:
     kind = thing if isinstance(thing, type) else type(thing)
     if not _is_ours(kind.__module__):
         raise _UnknownError
     yield f"{kind.__module__} {kind.__qualname__}"
-    if id(kind) not in told:
-        told.add(id(kind))
+    if id(kind) not in described:
+        described.add(id(kind))
         for base in kind.__mro__:
             for name, function in _methods(base):
                 yield name
-                yield from _of_global(function, met, told)
+                yield from _of_global(function, met, described)
     if isinstance(thing, type):
         return
     if isinstance(thing, Enum):
         yield thing.name
     elif dataclasses.is_dataclass(thing):
-        yield from _parts([getattr(thing, field.name) for field in dataclasses.fields(thing)], met, told)
+        yield from _parts([getattr(thing, field.name) for field in dataclasses.fields(thing)], met, described)
     elif hasattr(thing, "model_dump"):  # a section of a file
-        yield from _parts(thing.model_dump(), met, told)
+        yield from _parts(thing.model_dump(), met, described)
     else:
         raise _UnknownError
 

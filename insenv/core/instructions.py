@@ -50,26 +50,24 @@ class Instruction(NamedTuple):
 
 def instructions(function: Any) -> list[Instruction]:
     """The instructions of an SX function, in CasADi's order."""
-    import casadi as ca
-
     names = {getattr(ca, name): name[3:] for name in dir(ca) if name.startswith("OP_")}
     holder: dict[int, int] = {}
-    found = []
+    listed = []
     name_of, input_of, output_of = function.instruction_id, function.instruction_input, function.instruction_output
     for k in range(function.n_instructions()):
-        name, given = names[name_of(k)], output_of(k)
+        name, target = names[name_of(k)], output_of(k)
         if name == "CONST":
-            found.append(Instruction(name, value=float(function.instruction_constant(k))))
+            listed.append(Instruction(name, value=float(function.instruction_constant(k))))
         elif name == "INPUT":
             argument, element = input_of(k)
-            found.append(Instruction(name, place=(argument, element)))
+            listed.append(Instruction(name, place=(argument, element)))
         elif name == "OUTPUT":
-            found.append(Instruction(name, (holder[input_of(k)[0]],), (given[0], given[1])))
+            listed.append(Instruction(name, (holder[input_of(k)[0]],), (target[0], target[1])))
             continue
         else:
-            found.append(Instruction(name, tuple([holder[place] for place in input_of(k)])))
-        holder[given[0]] = k
-    return found
+            listed.append(Instruction(name, tuple([holder[place] for place in input_of(k)])))
+        holder[target[0]] = k
+    return listed
 
 
 def ordering(steps: Sequence[Instruction], after: Mapping[int, Sequence[int]]) -> list[int]:
@@ -120,18 +118,22 @@ def ordering(steps: Sequence[Instruction], after: Mapping[int, Sequence[int]]) -
 # else is therefore recognised by its instructions (`table_loop`) and written as a loop of the same operations in the same
 # order, so that its result has the same bits.
 
-LEAST = 32
+SMALLEST_TABLE = 32
 """A table with fewer rows is written out."""
 
 
 def row_of(table: Any, number: Any) -> list[Any]:
     """The elements of row `number` (0, 1, ...) of a table (rows, columns) of symbols; 0 if there is no such row."""
     rows, columns = table.shape
-    found = [ca.SX(0)] * columns
+    elements = [ca.SX(0)] * columns
     for k in range(rows):
         here = number == float(k)
-        found = [value + select(here, table[k, c], 0.0) for c, value in enumerate(found)]
-    return found
+        elements = [value + select(here, table[k, c], 0.0) for c, value in enumerate(elements)]
+    return elements
+
+
+Term = tuple[tuple[int, int], float, tuple[int, int]]
+"""Argument and place of the number of the row, the number, argument and place of the element that it selects."""
 
 
 @dataclass(frozen=True)
@@ -168,37 +170,34 @@ def table_loop(steps: Sequence[Instruction]) -> Loop | None:
     outputs = [step for step in steps if step.name == "OUTPUT"]
     if {step.name for step in steps} != {"INPUT", "CONST", "EQ", "IF_ELSE_ZERO", "ADD", "OUTPUT"} or not outputs:
         return None
-    chains = [_chain(steps, step.sources[0]) for step in outputs]
-    if any(chain is None or len(chain) < LEAST for chain in chains):
+    chains = [chain for step in outputs if (chain := _chain(steps, step.sources[0])) and len(chain) >= SMALLEST_TABLE]
+    if len(chains) < len(outputs):
         return None
-    index, argument = chains[0][0][0], chains[0][0][2][0]  # type: ignore[index]
-    count, stride = len(chains[0]), chains[0][1][2][1] - chains[0][0][2][1]  # type: ignore[arg-type, index]
-    firsts = []
-    for chain in chains:
-        assert chain is not None
-        firsts.append(chain[0][2][1])
-        expected = [(index, float(k), (argument, firsts[-1] + stride * k)) for k in range(count)]
-        if chain != expected:
+    (index, _, (argument, first)), (_, _, (_, second)) = chains[0][:2]
+    count, stride = len(chains[0]), second - first
+    firsts = tuple(chain[0][2][1] for chain in chains)
+    for chain, first in zip(chains, firsts, strict=True):
+        if chain != [(index, float(k), (argument, first + stride * k)) for k in range(count)]:
             return None
-    return Loop(count, index, argument, tuple(firsts), stride)
+    return Loop(count, index, argument, firsts, stride)
 
 
-def _chain(steps: Sequence[Instruction], last: int) -> list[tuple[tuple[int, int], float, tuple[int, int]]] | None:
+def _chain(steps: Sequence[Instruction], last: int) -> list[Term] | None:
     """Index, number and place of each term of a sum of selected elements, in order; None if it is no such sum."""
-    found = []
+    terms = []
     while True:
         step = steps[last]
-        one = last if step.name == "IF_ELSE_ZERO" else step.sources[1] if step.name == "ADD" else -1
-        term = _term(steps, one)
+        selection = last if step.name == "IF_ELSE_ZERO" else step.sources[1] if step.name == "ADD" else -1
+        term = _term(steps, selection)
         if term is None:
             return None
-        found.append(term)
+        terms.append(term)
         if step.name == "IF_ELSE_ZERO":
-            return found[::-1]
+            return terms[::-1]
         last = step.sources[0]
 
 
-def _term(steps: Sequence[Instruction], at: int) -> tuple[tuple[int, int], float, tuple[int, int]] | None:
+def _term(steps: Sequence[Instruction], at: int) -> Term | None:
     """Index, number and place of ``number == index ? element : 0``."""
     if at < 0 or steps[at].name != "IF_ELSE_ZERO":
         return None

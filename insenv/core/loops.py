@@ -21,7 +21,7 @@ LONG = 3000
 """Instructions from which a function is written in loops and pieces."""
 LONGEST = 1500
 """Statements of a piece."""
-LEAST = 6
+SMALLEST_LOOP = 6
 """Expressions of the same form that are worth a loop."""
 
 
@@ -62,7 +62,7 @@ class Plan:
     size: int
 
 
-def plan(steps: Sequence[Instruction], least: int = LEAST, longest: int = LONGEST) -> Plan:
+def plan(steps: Sequence[Instruction], least: int = SMALLEST_LOOP, longest: int = LONGEST) -> Plan:
     """How a function of these instructions is written; it may not change its arguments."""
     pieces: list[list[Unit]] = [[]]
     room = longest
@@ -96,11 +96,8 @@ def _units(steps: Sequence[Instruction], least: int) -> list[Unit]:
         if ends[k]:
             alike[depth[k], form[k]].append(k)
 
-    found = []
-    for roots in alike.values():
-        for some in [roots] if len(roots) >= least else [[root] for root in roots]:
-            found.append(_unit(steps, ends, some))
-    return found
+    groups = (group for roots in alike.values() for group in ([roots] if len(roots) >= least else [[root] for root in roots]))
+    return [_unit(steps, ends, group) for group in groups]
 
 
 def _unit(steps: Sequence[Instruction], ends: Sequence[bool], roots: Sequence[int]) -> Unit:
@@ -148,7 +145,7 @@ def _in_order(steps: Sequence[Instruction], units: Sequence[Unit]) -> list[Unit]
 def _places(steps: Sequence[Instruction], pieces: Sequence[Sequence[Unit]]) -> tuple[dict[int, int], int]:
     """Place in w of each value that another piece or a loop uses, those of a loop side by side; and the size of w."""
     last: dict[int, Unit] = {}
-    kept = set()
+    stored = set()
     for piece in pieces:
         here = {unit.roots[0] for unit in piece if len(unit.roots) == 1}
         for unit in piece:
@@ -156,14 +153,14 @@ def _places(steps: Sequence[Instruction], pieces: Sequence[Sequence[Unit]]) -> t
                 if not steps[k].is_leaf:
                     last[k] = unit
                     if len(unit.roots) > 1 or k not in here:
-                        kept.add(k)
+                        stored.add(k)
     ending = defaultdict(list)
-    for k in kept:
+    for k in stored:
         ending[last[k].roots].append(k)
     places: dict[int, int] = {}
     taken = bytearray()
     for unit in (unit for piece in pieces for unit in piece):
-        if not kept.isdisjoint(unit.roots):
+        if not stored.isdisjoint(unit.roots):
             count = len(unit.roots)
             at = taken.find(bytes(count))
             if at < 0:

@@ -114,16 +114,16 @@ class Model:
         from insenv.core.elementary import quick_operators
 
         known = identity.identity(self)
-        kept = traces.read(known) if known else None
-        if kept is not None:
-            return kept
+        cached = traces.read(known) if known else None
+        if cached is not None:
+            return cached
         with quick_operators():
             kernels = self._kernels()
         tables = (self.parameters, self.state, self.inputs, self.outputs)
-        found = traces.traced(kernels, str([table.rows for table in tables]))
+        traced = traces.traced(kernels, str([table.rows for table in tables]))
         if known:
-            traces.keep(known, found)
-        return found
+            traces.keep(known, traced)
+        return traced
 
     def _kernels(self) -> dict[str, Kernel]:
         import casadi as ca
@@ -145,9 +145,9 @@ class Model:
                 changed = step.function(*names, r) if step.uniforms else step.function(*names)
                 kernels[name] = _kernel(name, [p, x, u, r], self.state, changed)
         with naming(f"model {self.id!r}, output"):
-            shown = check_rows(self.output(*names[:2]), self.outputs)
-            self.outputs.assemble(shown)
-            kernels["output"] = _kernel("output", [p, x], self.outputs, shown)
+            values = check_rows(self.output(*names[:2]), self.outputs)
+            self.outputs.assemble(values)
+            kernels["output"] = _kernel("output", [p, x], self.outputs, values)
         return kernels
 
     @property
@@ -165,10 +165,9 @@ class Model:
             arguments = [ca.SX.sym(f"a{i}", kernel.function.size1_in(i)) for i in range(kernel.function.n_in())]
             result = kernel.function(*arguments)
             if name in self.steps:
-                whole, done = [arguments[1][i] for i in range(self.state.size)], 0
-                for part in kernel.spans:
-                    for i in range(part.start, part.stop):
-                        whole[i], done = result[done], done + 1
+                whole = [arguments[1][i] for i in range(self.state.size)]
+                for span, part in kernel.pieces:
+                    whole[span] = [result[i] for i in range(part.start, part.stop)]
                 result = ca.vertcat(*whole)
             functions[name] = ca.Function(name, arguments, [result])
         return functions
@@ -179,19 +178,13 @@ def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, 
 
     check_rows(values, table)
     part = Table(tuple(row for row in table if row.name in values))
-    spans: list[slice] = []
-    for row in part:
-        piece = table.slice(row.name)
-        if spans and spans[-1].stop == piece.start:
-            piece = slice(spans.pop().start, piece.stop)
-        spans.append(piece)
     # share common subexpressions: Python helpers may compute the same quantity twice
     function = ca.Function(name, arguments, [ca.densify(part.assemble(values))], {"cse": True})
     if not _is_finite(function):
         for row in part:
             if not _is_finite(ca.Function(name, arguments, [ca.SX(values[row.name])])):
                 raise InputError(f"row {row.name!r} contains a constant that is not finite, such as a division by 0")
-    return Kernel(function, tuple(spans))
+    return Kernel(function, table.spans(part.names))
 
 
 def _is_finite(function: Any) -> bool:

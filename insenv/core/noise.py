@@ -61,7 +61,7 @@ def uniforms(seed: ArrayLike, step: ArrayLike, stream: int, count: int) -> NDArr
 Words = NDArray[np.uint32]
 Longs = NDArray[np.uint64]
 
-FEW = 8
+FEW_SEEDS = 8
 """Up to as many seeds, NumPy's own generators take less time."""
 
 _MULTIPLIER = 47026247687942121848144207491837523525
@@ -82,7 +82,7 @@ _HALF = np.uint32(16)
 
 def first_uniforms(seeds: Sequence[int], count: int) -> NDArray[np.float64]:
     """The first `count` numbers of ``np.random.default_rng(seed).random()`` for seeds below 2^64, (seeds, count)."""
-    if len(seeds) <= FEW:
+    if len(seeds) <= FEW_SEEDS:
         return np.array([np.random.default_rng(seed).random(count) for seed in seeds]).reshape(-1, count)
     high, low = _states(*_starts(np.array(seeds, dtype=np.uint64)), count)
     folded, turn = high ^ low, high >> np.uint64(58)
@@ -132,5 +132,5 @@ def _starts(seeds: NDArray[np.uint64]) -> tuple[Longs, Longs]:
 
 def _hashed(words: Words, constants: Words) -> Words:
     """Each row of words hashed with its constant and the next one."""
-    found = (words ^ constants[:-1]) * constants[1:]
-    return found ^ (found >> _HALF)
+    mixed = (words ^ constants[:-1]) * constants[1:]
+    return mixed ^ (mixed >> _HALF)

@@ -12,8 +12,8 @@ import numpy as np
 
 from insenv.core.elementary import quick_operators
 
-KEPT_COUNT = 256
-"""Up to so many rows the memory of an evaluation is kept for the next call: to make it costs more than the evaluation."""
+MAX_IDLE_COUNT = 256
+"""Largest number of rows whose memory is reused by the next call: making it costs more than the evaluation."""
 
 
 class _Evaluation:
@@ -43,14 +43,14 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
     The symbolic function is traced at the first call. Raises TypeError for an argument that is not of real numbers, ValueError
     for one whose last axes do not have its shape and for leading axes that do not broadcast.
     """
-    own = [(shape,) if isinstance(shape, int) else tuple(shape) for shape in shapes]
+    argument_shapes = [(shape,) if isinstance(shape, int) else tuple(shape) for shape in shapes]
     name = getattr(function, "__name__", "function")
 
     @cache
     def traced() -> tuple[ca.Function, list[tuple[int, ...]], bool]:
-        flat = [ca.SX.sym(f"x{i}", prod(shape)) for i, shape in enumerate(own)]
+        flat = [ca.SX.sym(f"x{i}", prod(shape)) for i, shape in enumerate(argument_shapes)]
         with quick_operators():
-            returned = function(*(_from_row_major(x, shape) for x, shape in zip(flat, own, strict=True)))
+            returned = function(*(_from_row_major(x, shape) for x, shape in zip(flat, argument_shapes, strict=True)))
         is_tuple = isinstance(returned, (tuple, list))
         results = [ca.SX(result) for result in (returned if is_tuple else (returned,))]
         # CasADi stores by columns, NumPy by rows
@@ -71,18 +71,19 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
 
     @wraps(function)
     def call(*arguments: Any) -> Any:
-        if len(arguments) != len(own):
-            raise TypeError(f"{name} takes {len(own)} arguments, not {len(arguments)}")
+        if len(arguments) != len(argument_shapes):
+            raise TypeError(f"{name} takes {len(argument_shapes)} arguments, not {len(arguments)}")
         arrays = [np.asarray(argument) for argument in arguments]
-        lead = _leading(name, arrays, own)
+        lead = _leading(name, arrays, argument_shapes)
         _, result_shapes, is_tuple = traced()
         if count := prod(lead):
             evaluation = evaluation_of(count)
-            for held, array, shape in zip(evaluation.arguments, arrays, own, strict=True):
-                held.reshape(lead + shape)[...] = array
+            for memory, array, shape in zip(evaluation.arguments, arrays, argument_shapes, strict=True):
+                memory.reshape(lead + shape)[...] = array
             evaluation.evaluate()
-            results = [held.reshape(lead + shape).copy() for held, shape in zip(evaluation.results, result_shapes, strict=True)]
-            if count <= KEPT_COUNT:
+            pairs = zip(evaluation.results, result_shapes, strict=True)
+            results = [memory.reshape(lead + shape).copy() for memory, shape in pairs]
+            if count <= MAX_IDLE_COUNT:
                 idle.setdefault(count, []).append(evaluation)
         else:
             results = [np.empty(lead + shape) for shape in result_shapes]
@@ -94,10 +95,10 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
     return call
 
 
-def _leading(name: str, arrays: list[np.ndarray], own: list[tuple[int, ...]]) -> tuple[int, ...]:
+def _leading(name: str, arrays: list[np.ndarray], argument_shapes: list[tuple[int, ...]]) -> tuple[int, ...]:
     """The axes before the arguments' own shapes, broadcast."""
     leading = []
-    for i, (array, shape) in enumerate(zip(arrays, own, strict=True)):
+    for i, (array, shape) in enumerate(zip(arrays, argument_shapes, strict=True)):
         if array.dtype.kind not in "fiu":  # None would be NaN, a text its number
             raise TypeError(f"{name}: argument {i} is of type {array.dtype}, allowed are real numbers")
         split = array.ndim - len(shape)

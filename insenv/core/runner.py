@@ -35,7 +35,7 @@ def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = No
 
     parameters: values by row name (checked), or the flat vector; rows that are not given have the table's start values.
     backend: "native", "interpreter", or None: the environment's INSENV_BACKEND, else native if a C compiler is found.
-    If compiled models can be kept nowhere, the interpreter serves where "native" is not asked for, with a warning.
+    If no folder can hold compiled models, the interpreter is used with a warning, unless "native" is requested.
     Raises `InputError` for values that do not fit, an unknown backend, or "native" without a C compiler.
     """
     return made(NativeRunner, InterpreterRunner, backend)(model, parameters)
@@ -49,19 +49,19 @@ def made(native: Callable[..., Made], interpreter: Callable[..., Made], backend:
     if resolve_backend(backend) != "native":
         return interpreter
 
-    def make(*given: Any) -> Made:
+    def make(*arguments: Any) -> Made:
         try:
-            return native(*given)
+            return native(*arguments)
         except NoRoomError as error:
-            if _asked(backend):
+            if _requested(backend):
                 raise
             _warn_interpreter(f"{error}: models run on the interpreter (slower, the same numbers)")
-            return interpreter(*given)
+            return interpreter(*arguments)
 
     return make
 
 
-def _asked(backend: str | None) -> str:
+def _requested(backend: str | None) -> str:
     """The backend that the caller or the environment asks for; "" if neither does."""
     return backend or os.environ.get("INSENV_BACKEND") or ""
 
@@ -74,7 +74,7 @@ def prepare(models: Iterable[Model], backend: str | None = None) -> None:
 
 def resolve_backend(backend: str | None = None) -> str:
     """The backend to use: the given one, else native if there is a C compiler; warns once if there is none."""
-    chosen = _asked(backend)
+    chosen = _requested(backend)
     if chosen and chosen not in BACKENDS:
         raise InputError(f"backend {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")
     if chosen == "interpreter":
@@ -185,11 +185,8 @@ class InterpreterRunner(Runner):
         self._steps: dict[str, tuple[Callable[[], None], Vector, list[tuple[Vector, Vector]]]] = {}
         for name, step in model.steps.items():
             kernel, r = model.kernels[name], np.zeros(step.uniforms)
-            changed, done, pieces = np.zeros(kernel.function.size1_out(0)), 0, []
-            for span in kernel.spans:
-                length = span.stop - span.start
-                pieces.append((self.x[span], changed[done : done + length]))
-                done += length
+            changed = np.zeros(kernel.function.size1_out(0))
+            pieces = [(self.x[span], changed[part]) for span, part in kernel.pieces]
             call = _prepared(kernel.function, (self.p, self.x, self._u, r), changed)
             self._steps[name] = (call, r, pieces)
         self._output = _prepared(model.kernels["output"].function, (self.p, self.x), self._y)  # type: ignore[method-assign]
@@ -280,7 +277,7 @@ class NativeRunner(Runner):
         quick = ctypes.PyDLL(path)
         places = (ctypes.c_void_p * 4)(*(pointer(a) for a in (self.p, self.x, self._u, self._y)))
         at = ctypes.c_void_p(ctypes.addressof(places))
-        self._kept = places
+        self._places = places
         self._advance = functools.partial(quick.insenv_advance_at, at)  # type: ignore[method-assign]
         self._output = functools.partial(quick.insenv_output_at, at)  # type: ignore[method-assign]
         self._steps = {name: functools.partial(quick.insenv_step_at, at, k) for k, name in enumerate(model.steps)}
@@ -303,13 +300,13 @@ class NativeRunner(Runner):
         buffer = np.zeros(cycle_size(self.model, watched, n))
         places = (ctypes.c_void_p * 5)(*(a.ctypes.data for a in (self.p, self.x, self._u, spans, buffer)))
         # the tuple lives as long as the call and keeps the addresses valid
-        kept = (places, spans, buffer, self.p, self.x, self._u)
+        buffers = (places, spans, buffer, self.p, self.x, self._u)
         number = list(self.model.steps).index(step)
         sizes = (ctypes.c_int64(number), ctypes.c_int64(len(spans)), ctypes.c_int64(n))
         # releasing the GIL takes longer than a short call
         library = ctypes.PyDLL(self._library._name) if n < LONG_CYCLE else self._library
         call = functools.partial(library.insenv_cycle_at, ctypes.c_void_p(ctypes.addressof(places)), *sizes)
-        call.kept = kept  # type: ignore[attr-defined]
+        call.buffers = buffers  # type: ignore[attr-defined]
         return call, buffer
 
     def _step(self, name: str) -> None:
@@ -318,11 +315,7 @@ class NativeRunner(Runner):
 
 def watched_spans(model: Model, watched: Sequence[str]) -> NDArray[np.int64]:
     """Start and stop of the state rows `watched` in the state vector, (k, 2); adjacent rows are joined."""
-    spans: list[tuple[int, int]] = []
-    for name in watched:
-        part = model.state.slice(name)
-        joined = bool(spans) and spans[-1][1] == part.start
-        spans.append((spans.pop()[0] if joined else part.start, part.stop))
+    spans = [(span.start, span.stop) for span in model.state.spans(watched)]
     return np.array(spans, dtype=np.int64).reshape(-1, 2)
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError, InsenvError, nearest
 
 Vector = NDArray[np.float64]
+Spans = tuple[slice, ...]
 
 
 @dataclass(frozen=True)
@@ -94,10 +95,10 @@ class Row:
             bad |= value != np.floor(value)
         if bad.any():
             place = "" if self.size == 1 else f"[{int(np.argmax(bad))}]"
-            shown = float(value[np.argmax(bad)])
+            wrong = float(value[np.argmax(bad)])
             unit = "" if self.unit == "1" else f" {self.unit}"
             raise InputError(
-                f"{self.name}{place} = {shown:g}{unit}: allowed is {self.kind} "
+                f"{self.name}{place} = {wrong:g}{unit}: allowed is {self.kind} "
                 f"from {self.lower:g} to {self.upper:g}{unit} ({self.meaning})"
             )
 
@@ -155,6 +156,15 @@ class Table:
             return self._slices[name]
         except KeyError:
             raise InputError(f"no row named {name!r}{nearest(str(name), self.names)}") from None
+
+    def spans(self, names: Iterable[str]) -> Spans:
+        """The slices of rows in the flat vector, those of adjacent rows joined."""
+        spans: list[slice] = []
+        for name in names:
+            part = self.slice(name)
+            first = spans.pop().start if spans and spans[-1].stop == part.start else part.start
+            spans.append(slice(first, part.stop))
+        return tuple(spans)
 
     def start_vector(self) -> Vector:
         """The start values as one flat vector."""
@@ -217,8 +227,8 @@ class Table:
             try:
                 value = value if isinstance(value, ca.SX) else ca.SX(value)
             except NotImplementedError:
-                given = type(value).__name__
-                raise InputError(f"row {row.name!r} is of type {given}: allowed is a CasADi expression or a number") from None
+                kind = type(value).__name__
+                raise InputError(f"row {row.name!r} is of type {kind}: allowed is a CasADi expression or a number") from None
             if value.shape != shape:
                 raise InputError(f"row {row.name!r} has the shape {value.size1()} x {value.size2()}: allowed is {row.shape}")
             parts.append(ca.vec(value.T) if len(row.shape) == 2 else value)

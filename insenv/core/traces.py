@@ -1,4 +1,4 @@
-"""Traced equations kept in the cache folder: to read them takes a tenth of the time that tracing takes.
+"""Traced equations in the cache folder: reading them takes a tenth of the time of tracing.
 
 A file holds the kernels of one model, named by the model's identity: a hash of all that follows, a line of JSON, then each
 kernel as CasADi writes it, compressed.  A file that is damaged, or that another user could have written, is not read.
@@ -14,16 +14,17 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 from insenv.base.output import atomic
 from insenv.core.cache import is_private, usable_folder
+from insenv.core.tables import Spans as Spans
 
-Spans = tuple[slice, ...]
 FOLDER = "equations"
-MOST_FILES = 400
-"""Files kept; of more, those written first are removed.  insenv has some fifty models, and a changed source makes new ones."""
+MAX_FILES = 400
+"""Largest number of files; the oldest are removed.  insenv has some fifty models, and a changed source makes new ones."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,12 @@ class Kernel:
     function: Any
     spans: Spans
 
+    @property
+    def pieces(self) -> list[tuple[slice, slice]]:
+        """Each of the spans, with its slice of the result."""
+        ends = list(accumulate((span.stop - span.start for span in self.spans), initial=0))
+        return [(span, slice(*ends[k : k + 2])) for k, span in enumerate(self.spans)]
+
     @cached_property
     def text(self) -> str:
         """The function as CasADi writes it."""
@@ -45,7 +52,7 @@ class Kernel:
 
 @dataclass(frozen=True, eq=False)
 class Traced(Mapping[str, Kernel]):
-    """The kernels of a model by name; those from the cache are read when they are asked for.
+    """The kernels of a model by name; those from the cache are read on first access.
 
     fingerprint: hash of the tables and equations.  spans: of each kernel.
     """
@@ -78,7 +85,7 @@ def traced(kernels: Mapping[str, Kernel], tables: str) -> Traced:
 
 
 def read(identity: str) -> Traced | None:
-    """The kernels of the model with this identity; None if they are not kept."""
+    """The kernels of the model with this identity; None if they are not in the cache."""
     path = _path(identity)
     if path is None:
         return None
@@ -100,15 +107,15 @@ def read(identity: str) -> Traced | None:
         return None
 
 
-def keep(identity: str, found: Traced) -> None:
-    """Keep the kernels of a model, if there is a folder that they can be kept in."""
+def keep(identity: str, traced: Traced) -> None:
+    """Write the kernels of a model to the cache, if its folder can be used."""
     path = _path(identity)
     if path is None:
         return
-    texts = {name: zlib.compress(found[name].text.encode(), 1) for name in found}
+    texts = {name: zlib.compress(traced[name].text.encode(), 1) for name in traced}
     body = b"".join(texts.values())
-    kernels = [(name, [(span.start, span.stop) for span in found.spans[name]], len(texts[name])) for name in texts]
-    content = json.dumps({"fingerprint": found.fingerprint, "kernels": kernels}).encode() + b"\n" + body
+    kernels = [(name, [(span.start, span.stop) for span in traced.spans[name]], len(texts[name])) for name in texts]
+    content = json.dumps({"fingerprint": traced.fingerprint, "kernels": kernels}).encode() + b"\n" + body
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, exist_ok=True)
         with atomic(path, private=True) as stream:
@@ -122,8 +129,8 @@ def _path(identity: str) -> Path | None:
 
 
 def _limit(folder: Path) -> None:
-    """Remove the oldest files beyond `MOST_FILES`."""
+    """Remove the oldest files beyond `MAX_FILES`."""
     files = sorted((entry.stat().st_mtime, entry.path) for entry in os.scandir(folder))
-    for _, path in files[:-MOST_FILES]:
+    for _, path in files[:-MAX_FILES]:
         with contextlib.suppress(OSError):
             os.unlink(path)

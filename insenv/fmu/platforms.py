@@ -71,23 +71,23 @@ def host() -> Platform:
     return PLATFORMS[name]
 
 
-def chosen(names: Sequence[str]) -> list[str]:
+def checked_platforms(names: Sequence[str]) -> list[str]:
     """The named platforms without repetition, "host" unresolved.  Raises `InputError` for an unknown name or for none."""
     if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
         raise InputError(f"platforms = {names!r}: allowed are names of {', '.join(['host', *_ALIASES, *PLATFORMS])}")
-    found: list[str] = []
+    chosen: list[str] = []
     for name in names:
         if name != "host" and name not in PLATFORMS and name not in _ALIASES:
             raise InputError(f"no platform {name!r}{nearest(name, ['host', *_ALIASES, *PLATFORMS])}")
-        found += _ALIASES.get(name, (name,))
-    found = list(dict.fromkeys(found))
-    if not found:
+        chosen += _ALIASES.get(name, (name,))
+    chosen = list(dict.fromkeys(chosen))
+    if not chosen:
         raise InputError(f"no platform named{nearest('host', ['host', *_ALIASES, *PLATFORMS])}")
-    if "host" in found and any(name in PLATFORMS for name in found) and host().name in found:
-        found.remove("host")
-    if any(name != "host" for name in found):
+    if "host" in chosen and any(name in PLATFORMS for name in chosen) and host().name in chosen:
+        chosen.remove("host")
+    if any(name != "host" for name in chosen):
         _need_zig()
-    return found
+    return chosen
 
 
 def build(source: str, identifier: str, platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
@@ -132,12 +132,12 @@ def universal(libraries: Sequence[bytes]) -> bytes:
 
 
 def _host_compiler(identifier: str) -> Compiler:
-    found = find_compiler()
-    if found is None:
+    compiler = find_compiler()
+    if compiler is None:
         raise InputError(f"no C compiler found: allowed is cc, gcc, clang or ziglang: {install_extra('native')}")
     # without an install name the library would contain the path of its build folder
-    own = (f"-Wl,-install_name,@rpath/{identifier}.dylib",) if host().ending == ".dylib" else ()
-    return Compiler(found.command, (*FLAGS, *host().further, *own))
+    install_name = (f"-Wl,-install_name,@rpath/{identifier}.dylib",) if host().ending == ".dylib" else ()
+    return Compiler(compiler.command, (*FLAGS, *host().further, *install_name))
 
 
 def _need_zig() -> None:
@@ -148,6 +148,6 @@ def _cross_compiler(where: Platform, identifier: str) -> Compiler:
     _need_zig()
     # zig builds the C runtime of a target once and keeps it in its cache
     os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(Path(cache_folder()) / "zig"))
-    own = ("-install_name", f"@rpath/{identifier}.dylib") if where.ending == ".dylib" else ()
+    install_name = ("-install_name", f"@rpath/{identifier}.dylib") if where.ending == ".dylib" else ()
     command = (sys.executable, "-m", "ziglang", "cc")
-    return Compiler(command, ("-target", where.target, *FLAGS, *where.further, *own))
+    return Compiler(command, ("-target", where.target, *FLAGS, *where.further, *install_name))

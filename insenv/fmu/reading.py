@@ -99,8 +99,8 @@ def read_description(path: Path) -> Any:
         raise InputError(f"{path}: not an FMU: {error}") from None
     if description.coSimulation is None or description.fmiVersion[0] not in "23":
         kinds = {"Model Exchange": description.modelExchange, "Scheduled Execution": description.scheduledExecution}
-        own = " and ".join(name for name, declared in kinds.items() if declared is not None)
-        this = f"FMI {description.fmiVersion}{f' for {own} only' if own else ''}"
+        only = " and ".join(name for name, declared in kinds.items() if declared is not None)
+        this = f"FMI {description.fmiVersion}{f' for {only} only' if only else ''}"
         raise InputError(f"{path}: allowed is an FMU for Co-Simulation, FMI 2 or 3 (this is {this})")
     return description
 
@@ -119,8 +119,12 @@ def read_variable(read: Any) -> Variable | None:
     """
     if read.type not in KINDS:
         return None
-    declared = read.declaredType
-    unit = read.unit or (declared.unit if declared is not None else None) or ""
     shape = tuple(int(d.start if d.start is not None else d.variable.start) for d in read.dimensions)
     names = element_names(read.name, shape)
-    return Variable(read.name, read.valueReference, read.type, read.causality, unit, read.description or "", names)
+    return Variable(read.name, read.valueReference, read.type, read.causality, unit_of(read), read.description or "", names)
+
+
+def unit_of(read: Any) -> str:
+    """The unit of a variable that FMPy read, or an empty text."""
+    declared = read.declaredType
+    return read.unit or (declared.unit if declared is not None else None) or ""

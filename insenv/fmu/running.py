@@ -12,7 +12,7 @@ import math
 import re
 import time
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from insenv.base.output import atomic
 from insenv.core.runner import Progress, check_progress
 from insenv.fmu.instance import Instance
 from insenv.fmu.reading import Array, Variable, element_names
+from insenv.fmu.stepping import DOING, STEPPING, Plan, Ports, make_steps, prepared
 from insenv.logs.readers import check_finite, read_table
 
 # Sampled inputs and outputs of an FMU as CSV: a column ``time``, s, and one for each element of each variable.
@@ -49,15 +50,14 @@ class Series:
 
     def named(self) -> dict[str, Array]:
         """Arrays by variable name: (rows,), (rows, n) or (rows, r, c)."""
-        found: dict[str, list[tuple[tuple[int, ...], Array]]] = {}
+        elements: dict[str, list[Array]] = {}
+        shapes: dict[str, tuple[int, ...]] = {}  # the place of the last element
         for name, column in self.columns().items():
             match = _ELEMENT.fullmatch(name)
-            place = tuple(map(int, match[2].split(","))) if match else ()
-            found.setdefault(match[1] if match else name, []).append((place, column))
-        return {
-            name: np.stack([column for _, column in parts], axis=1).reshape(-1, *parts[-1][0]) if parts[0][0] else parts[0][1]
-            for name, parts in found.items()
-        }
+            variable = match[1] if match else name
+            elements.setdefault(variable, []).append(column)
+            shapes[variable] = tuple(map(int, match[2].split(","))) if match else ()
+        return {name: np.stack(columns, axis=1).reshape(-1, *shapes[name]) for name, columns in elements.items()}
 
 
 def flattened(inputs: Mapping[str, Array]) -> dict[str, Array]:
@@ -101,9 +101,8 @@ def read_csv(path: str | Path, switched: Collection[str] = ()) -> Series:
         table = read_table(str(path), ",".join(plain).encode() + b"\n" + body, plain, delimiter=",", header_rows=1)
         check_finite(table, [plain[names.index(name)] for name in switched if name in names])
     except InputError as error:
-        shown = re.sub(r"'column(\d+)'", lambda found: repr(names[int(found[1]) - 1]), str(error))
-        shown = shown.partition("; skip_empty")[0]  # a key of the description of a log
-        raise InputError(shown) from None
+        message = re.sub(r"'column(\d+)'", lambda match: repr(names[int(match[1]) - 1]), str(error))
+        raise InputError(message.partition("; skip_empty")[0]) from None  # a key of the description of a log
     place = names.index("time")
     rest = [i for i in range(len(names)) if i != place]
     return Series(table.values[:, place], tuple(names[i] for i in rest), table.values[:, rest])
@@ -125,56 +124,25 @@ def write_csv(path: str | Path, series: Series) -> None:
         raise InsenvError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def uniform(time: Array, step: float, label: str) -> None:
-    """Raise `InputError` unless the times are `step` apart: each within a tenth, and on average within a thousandth."""
-    gaps = np.diff(time)
-    if not len(gaps):
-        return
-    mean = float(gaps.mean())
-    wrong = np.flatnonzero(np.abs(gaps - step) > 0.1 * step)
-    if abs(mean - step) > 1e-3 * step and abs(float(np.median(gaps)) - step) > 1e-3 * step:
-        raise InputError(f"{label}: rows are {np.median(gaps):.6g} s apart, steps are {step:g} s: set the step with --step")
-    if wrong.size:
-        k = int(wrong[0])
-        raise InputError(
-            f"{label}: time = {time[k + 1]:.9g} s in row {k + 2} follows {time[k]:.9g} s: allowed is a step of {step:g} s "
-            f"within a tenth; fill gaps first ({wrong.size} such row{'s' if wrong.size > 1 else ''})"
-        )
-
-
-def chosen(names: Sequence[str], given: Mapping[str, Array]) -> tuple[dict[str, Array], list[str], list[str]]:
-    """Columns that are inputs, names of the other columns, and inputs without a column.
-
-    Raises `InputError` for an array of which only some elements have columns.
-    """
-    used = {name: given[name] for name in names if name in given}
-    held = [name for name in names if name not in used]
-    partial = {name.rpartition("[")[0] for name in used} - {""}
-    for name in held:
-        if name.rpartition("[")[0] in partial:
-            raise InputError(f"input {name} has no column, but other elements of this array have one: give all or none")
-    return used, [name for name in given if name not in used], held
-
-
-MOST_STEPS = 10**9
+MAX_STEPS = 10**9
 
 
 @dataclass(frozen=True)
 class Outputs(Series):
-    """Outputs of a run of an FMU.
+    """Outputs of a run of an FMU, or of the FMUs of a system.
 
-    units: by element name.  step: s.  steps: number of steps recorded; fewer than asked for if the FMU ended the simulation
+    units: by element name.  step: s.  steps: number of steps recorded; fewer than requested if an FMU ended the simulation
     itself (`ended`).  seconds: wall-clock time of the steps.
-    passed_over: given columns that are not inputs of the FMU.  held: inputs without a column, which keep their start values.
+    passed_over: columns that are not inputs of the FMU.  held: inputs without a column, which keep their start values.
     """
 
     units: Mapping[str, str]
     step: float
     steps: int
     seconds: float
-    passed_over: tuple[str, ...]
-    held: tuple[str, ...]
     ended: bool = False
+    passed_over: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
 
 
 def run(
@@ -186,6 +154,7 @@ def run(
     step: float | None = None,
     stop_time: float | None = None,
     every: int = 1,
+    backend: str | None = None,
     progress: Progress | None = None,
 ) -> Outputs:
     """Run `fmu` (a file) over `inputs` and return its outputs after every `every` steps.
@@ -193,45 +162,88 @@ def run(
     inputs: a `Series`, or arrays by name with time along the first axis; SI.  The times of a `Series` are used: the first is
     the start time, and they must be `step` apart.  Columns that are not inputs of the FMU are ignored, but at least one must
     be an input.  parameters: values by name, set before initialization.  step: s; the FMU's own if None.  stop_time: s; with
-    inputs None is one step after the last of them, and a later time is refused.  Raises `InputError` for inputs or settings
-    that do not fit, `InsenvError` if the FMU fails.
+    inputs None is one step after the last of them, and a later time is refused.  backend: "native" (steps in compiled C),
+    "interpreter" (in Python), or None: as in `insenv.core.runner.make_runner`.  Raises `InputError` for inputs or settings that
+    do not fit, `InsenvError` if the FMU fails.
     """
     check_progress(progress)
     if isinstance(inputs, Series) and len(inputs.time):
         start_time = float(inputs.time[0])
-    given = inputs.columns() if isinstance(inputs, Series) else flattened(inputs or {})
+    columns = inputs.columns() if isinstance(inputs, Series) else flattened(inputs or {})
     with Instance(fmu, parameters, start_time=start_time) as instance:
-        step = instance.step if step is None else step
-        if step is None:
-            raise InputError(f"{fmu} declares no step: give one (step, --step)")
-        if not (math.isfinite(step) and step > 0.0):
-            raise InputError(f"{fmu}: step = {step}: allowed is a number of seconds above 0")
+        step = checked_step(fmu, instance.step if step is None else step)
         names = [name for variable in instance.inputs for name in variable.elements]
-        used, passed_over, held = chosen(names, given)
-        if given and not used:
-            raise InputError(f"no column is an input of {fmu} (columns: {some(list(given))}; inputs: {some(names)})")
+        used, passed_over, held = _chosen(names, columns)
+        if columns and not used:
+            raise InputError(f"no column is an input of {fmu} (columns: {some(list(columns))}; inputs: {some(names)})")
         if isinstance(inputs, Series):
-            uniform(inputs.time, step, "inputs")
+            _check_times(inputs.time, step)
         _check_types(fmu, instance.inputs, used)
         stop_time = instance.stop_time if stop_time is None and not used else stop_time
         steps = _steps(used, start_time, step, stop_time)
-        if not 1 <= every <= steps:
-            raise InputError(f"every = {every}: allowed is 1 to {steps}, the steps of this run")
-        begin = time.perf_counter()
-        values = instance.run(
-            {name: column[:steps] for name, column in used.items()},
-            steps,
-            start_time=start_time,
-            step=step,
-            every=every,
-            progress=progress,
-        )
-        seconds = time.perf_counter() - begin
-        ended = len(values) < steps // every
-        steps = len(values) * every if ended else steps
+        ports = instance.ports(used)
+        ports.follow({name: column[:steps] for name, column in used.items()})
         units = {name: variable.unit for variable in instance.outputs for name in variable.elements}
+        outputs = recorded([instance], [ports], units, start_time, step, steps, every, backend, progress)
+    return replace(outputs, passed_over=tuple(passed_over), held=tuple(held))
+
+
+def recorded(
+    instances: Sequence[Instance],
+    ports: Sequence[Ports],
+    units: Mapping[str, str],
+    start_time: float,
+    step: float,
+    steps: int,
+    every: int,
+    backend: str | None,
+    progress: Progress | None,
+) -> Outputs:
+    """Make `steps` steps of the instances in the order of the data; record all outputs, whose units are `units` by name.
+
+    Raises `InputError` for an `every` that is not 1 to `steps`, `InsenvError` with the messages of the FMU if a call fails.
+    """
+    if not 1 <= every <= steps:
+        raise InputError(f"every = {every}: allowed is 1 to {steps}, the steps of this run")
+    values = np.empty((steps // every, len(units)))
+    block = prepared(Plan(ports, values, start_time, step, every), backend)
+    begin = time.perf_counter()
+    done, stopped = make_steps(block, steps, progress)
+    seconds = time.perf_counter() - begin
+    if stopped is not None:
+        instance = instances[stopped.part]
+        if stopped.doing != STEPPING or not instance.ends(stopped.status):
+            raise instance.failure(DOING[stopped.doing], done, start_time + done * step, stopped.status)
+        values = values[: done // every]
+    ended = done < steps
     times = start_time + step * np.arange(every, every * len(values) + 1, every, dtype=np.float64)
-    return Outputs(times, tuple(units), values, units, step, steps, seconds, tuple(passed_over), tuple(held), ended)
+    steps = len(values) * every if ended else steps
+    return Outputs(times, tuple(units), values, units, step, steps, seconds, ended)
+
+
+def checked_step(label: str | Path, step: float | None) -> float:
+    """The communication step, s.  Raises `InputError` for none, and for one that is not above 0."""
+    if step is None:
+        raise InputError(f"{label} declares no step: give one (step, --step)")
+    if not (math.isfinite(step) and step > 0.0):
+        raise InputError(f"{label}: step = {step}: allowed is a number of seconds above 0")
+    return step
+
+
+def steps_between(start_time: float, step: float, stop_time: float | None) -> int:
+    """The number of steps to the stop time.  Raises `InputError` unless it is 1 to `MAX_STEPS`."""
+    steps = math.inf if stop_time is None else (stop_time - start_time) / step
+    if not 0.5 < steps <= MAX_STEPS:
+        raise InputError(
+            f"stop time {stop_time} s: allowed is one step, {step:g} s, to {MAX_STEPS:.0e} of them after {start_time:g} s "
+            "(stop_time, --stop; step, --step)"
+        )
+    return round(steps)
+
+
+def some(names: Sequence[str]) -> str:
+    """The first eight names, and how many more there are."""
+    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "") or "none"
 
 
 def _steps(used: Mapping[str, Array], start_time: float, step: float, stop_time: float | None) -> int:
@@ -252,6 +264,36 @@ def _steps(used: Mapping[str, Array], start_time: float, step: float, stop_time:
     return steps
 
 
+def _check_times(time: Array, step: float) -> None:
+    """Raise `InputError` unless the times are `step` apart: each within a tenth, and on average within a thousandth."""
+    gaps = np.diff(time)
+    if not len(gaps):
+        return
+    wrong = np.flatnonzero(np.abs(gaps - step) > 0.1 * step)
+    if min(abs(gap - step) for gap in (float(gaps.mean()), float(np.median(gaps)))) > 1e-3 * step:
+        raise InputError(f"inputs: rows are {np.median(gaps):.6g} s apart, steps are {step:g} s: set the step with --step")
+    if wrong.size:
+        k = int(wrong[0])
+        raise InputError(
+            f"inputs: time = {time[k + 1]:.9g} s in row {k + 2} follows {time[k]:.9g} s: allowed is a step of {step:g} s "
+            f"within a tenth; fill gaps first ({wrong.size} such row{'s' if wrong.size > 1 else ''})"
+        )
+
+
+def _chosen(names: Sequence[str], columns: Mapping[str, Array]) -> tuple[dict[str, Array], list[str], list[str]]:
+    """Columns that are inputs, names of the other columns, and inputs without a column.
+
+    Raises `InputError` for an array of which only some elements have columns.
+    """
+    used = {name: columns[name] for name in names if name in columns}
+    held = [name for name in names if name not in used]
+    partial = {name.rpartition("[")[0] for name in used} - {""}
+    for name in held:
+        if name.rpartition("[")[0] in partial:
+            raise InputError(f"input {name} has no column, but other elements of this array have one: give all or none")
+    return used, [name for name in columns if name not in used], held
+
+
 def _check_types(fmu: str | Path, variables: Sequence[Variable], used: Mapping[str, Array]) -> None:
     """Raise `InputError` for a value that the type of its input cannot hold, such as 0.5 for a Boolean."""
     for variable in variables:
@@ -259,19 +301,3 @@ def _check_types(fmu: str | Path, variables: Sequence[Variable], used: Mapping[s
             row = variable.first_wrong(used[name]) if name in used else None
             if row is not None:
                 raise InputError(f"{fmu}: input {name} = {used[name][row]:g} in row {row + 1}: {variable.allowed}")
-
-
-def steps_between(start_time: float, step: float, stop_time: float | None) -> int:
-    """The number of steps to the stop time.  Raises `InputError` unless it is 1 to `MOST_STEPS`."""
-    steps = math.inf if stop_time is None else (stop_time - start_time) / step
-    if not 0.5 < steps <= MOST_STEPS:
-        raise InputError(
-            f"stop time {stop_time} s: allowed is one step, {step:g} s, to {MOST_STEPS:.0e} of them after {start_time:g} s "
-            "(stop_time, --stop; step, --step)"
-        )
-    return round(steps)
-
-
-def some(names: Sequence[str]) -> str:
-    """The first eight names, and how many more there are."""
-    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "") or "none"

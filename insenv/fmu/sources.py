@@ -54,7 +54,7 @@ def amalgamated(files: Mapping[str, str], fmi: int) -> str:
 
     def whole(name: str) -> str:
         taken.add(name)
-        return _INCLUDE.sub(lambda found: "" if found.group(1) in taken else whole(found.group(1)), files[name])
+        return _INCLUDE.sub(lambda include: "" if include[1] in taken else whole(include[1]), files[name])
 
     return f"#define {OVERRIDE.format(fmi)}\n{whole(main_source(fmi))}"
 
@@ -92,8 +92,9 @@ def config(subject: Subject, variables: Sequence[Variable], arrays: bool) -> str
     inputs = {v.row.name: v for v in variables if v.kind is Kind.INPUT}
     defines["ONE_SAMPLE_A_STEP"] = int(subject.kind == "estimator")
     if subject.kind == "estimator" and "dt" in inputs:
-        own = {v.row.name: v.place for v in variables if v.kind is Kind.PARAMETER}
-        defines |= {"DT": inputs["dt"].place, STEP_IS_ONE_INCREMENT.name.upper(): own[STEP_IS_ONE_INCREMENT.name]}
+        name = STEP_IS_ONE_INCREMENT.name
+        place = next(v.place for v in variables if v.kind is Kind.PARAMETER and v.row.name == name)
+        defines |= {"DT": inputs["dt"].place, name.upper(): place}
     rows = [f"  {{{', '.join(_fields(v, inputs))}}}," for v in variables]
     start = [value for v in variables for value in (v.start if v.start is not None else [0.0] * v.row.size)]
     kinds = [str(_TUNABLE if v.tunable else int(v.kind)) for v in variables for _ in range(v.row.size)]

@@ -20,7 +20,9 @@ from xml.etree import ElementTree
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, check_output_file
 from insenv.estimators import Estimator, get
+from insenv.fmu.description import to_text
 from insenv.fmu.exporter import export_fmu, write_archive
+from insenv.fmu.reading import unit_of
 from insenv.fmu.subject import identifier
 from insenv.scenario import ScenarioLike, build, load
 
@@ -29,9 +31,12 @@ SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+for _prefix, _space in (("ssd", SSD), ("ssc", SSC), ("ssv", SSV), ("oms", OMS), ("osp", OSP)):
+    ElementTree.register_namespace(_prefix, _space)
 COMPONENTS = "Components.ssd"
 """The same system without connectors of its own: libcosim takes connections between components only."""
 PLANT, ESTIMATOR = "plant", "estimator"
+_SSD = f"{{{SSD}}}"
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _LIKE = {"Float64": "Real", "Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "Enumeration": "Integer"}
 
@@ -69,9 +74,9 @@ def export_ssp(
         for role, subject in ((PLANT, loaded), (ESTIMATOR, estimator)):
             export_fmu(subject, parts[role], fmi=fmi, arrays=False, platforms=platforms, settings=settings[role])
         read = {role: read_model_description(str(part)) for role, part in parts.items()}
-        shown = [v for v in read[ESTIMATOR].modelVariables if v.causality == "output"]
+        estimates = [v for v in read[ESTIMATOR].modelVariables if v.causality == "output"]
         ssd, inner = (
-            structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s, outputs) for outputs in (shown, ())
+            structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s, outputs) for outputs in (estimates, ())
         )
         files = {"SystemStructure.ssd": ssd, COMPONENTS: inner}
         files |= {f"resources/{role}.ssv": parameter_set(role, description) for role, description in read.items()}
@@ -81,75 +86,54 @@ def export_ssp(
     return {"step_s": plant.sample_interval, "stop_time_s": plant.duration_s, "connections": ends.count(ESTIMATOR)}
 
 
-def structure(title: str, plant: Any, estimator: Any, stop_time: float, shown: Sequence[Any]) -> bytes:
+def structure(title: str, plant: Any, estimator: Any, stop_time: float, exported: Sequence[Any]) -> bytes:
     """SystemStructure.ssd of two components; plant, estimator: their model descriptions as FMPy reads them.
 
-    stop_time: s.  shown: the outputs of the estimator that are outputs of the system.  Raises `InputError` if no output of the
-    plant has the name of an input of the estimator, or if their units differ.
+    stop_time: s.  exported: the outputs of the estimator that are outputs of the system.  Raises `InputError` if no output of
+    the plant has the name of an input of the estimator, or if their units differ.
     """
-    ElementTree.register_namespace("ssd", SSD)
-    ElementTree.register_namespace("ssc", SSC)
-    ElementTree.register_namespace("oms", OMS)
-    ElementTree.register_namespace("osp", OSP)
     outputs = {v.name: v for v in plant.modelVariables if v.causality == "output"}
     joined = [v for v in estimator.modelVariables if v.causality == "input" and v.name in outputs]
     if not joined:
         raise InputError(f"{estimator.modelName}: none of its inputs is an output of {plant.modelName}")
     for variable in joined:
-        if _unit(variable) != _unit(outputs[variable.name]):
-            raise InputError(
-                f"{variable.name}: {_unit(outputs[variable.name])} in the plant, {_unit(variable)} in the estimator"
-            )
+        units = unit_of(outputs[variable.name]), unit_of(variable)
+        if len(set(units)) > 1:
+            raise InputError(f"{variable.name}: {units[0]} in the plant, {units[1]} in the estimator")
 
     root = ElementTree.Element(
-        f"{{{SSD}}}SystemStructureDescription", version="1.0", name=identifier(title), generationTool="insenv"
+        _SSD + "SystemStructureDescription", version="1.0", name=identifier(title), generationTool="insenv"
     )
-    system = ElementTree.SubElement(
-        root, f"{{{SSD}}}System", name="loop", description=f"{plant.modelName}; {estimator.modelName}"
-    )
-    own = [v for v in estimator.modelVariables if v.causality == "output"]
+    system = _add(root, "System", name="loop", description=f"{plant.modelName}; {estimator.modelName}")
+    estimates = [v for v in estimator.modelVariables if v.causality == "output"]
     defined = _defined(plant, estimator)
-    exported = {v.name: _system_name(v.name) for v in shown}
-    if shown:
-        _connectors(system, shown, defined, exported)
-    elements = ElementTree.SubElement(system, f"{{{SSD}}}Elements")
+    names = {v.name: _system_name(v.name) for v in exported}
+    if exported:
+        _connectors(system, exported, defined, names)
+    elements = _add(system, "Elements")
     # an unconnected input gets no connector, because masters set every input that has one
     _component(elements, PLANT, plant, list(outputs.values()), left=0.0)
-    _component(elements, ESTIMATOR, estimator, [*joined, *own], left=400.0)
-    connections = ElementTree.SubElement(system, f"{{{SSD}}}Connections")
+    _component(elements, ESTIMATOR, estimator, [*joined, *estimates], left=400.0)
+    connections = _add(system, "Connections")
     for variable in joined:
-        ElementTree.SubElement(
-            connections,
-            f"{{{SSD}}}Connection",
-            startElement=PLANT,
-            startConnector=variable.name,
-            endElement=ESTIMATOR,
-            endConnector=variable.name,
-        )
-    for variable in shown:
-        ElementTree.SubElement(
-            connections,
-            f"{{{SSD}}}Connection",
-            startElement=ESTIMATOR,
-            startConnector=variable.name,
-            endConnector=exported[variable.name],
-        )
+        ends = {"startElement": PLANT, "startConnector": variable.name, "endElement": ESTIMATOR}
+        _add(connections, "Connection", **ends, endConnector=variable.name)
+    for name, connector in names.items():
+        _add(connections, "Connection", startElement=ESTIMATOR, startConnector=name, endConnector=connector)
     step = repr(float(plant.defaultExperiment.stepSize))
     openmodelica = _annotation(system, "org.openmodelica", f"{{{OMS}}}Annotations")
     information = ElementTree.SubElement(openmodelica, f"{{{OMS}}}SimulationInformation")
     tolerances = {"absoluteTolerance": "0.0001", "relativeTolerance": "0.0001"}
     ElementTree.SubElement(information, f"{{{OMS}}}FixedStepMaster", {"description": "oms-ma", "stepSize": step, **tolerances})
-    _units(root, SSD, [*outputs.values(), *own], defined)
-    experiment = ElementTree.SubElement(root, f"{{{SSD}}}DefaultExperiment", startTime="0", stopTime=repr(float(stop_time)))
+    _units(root, SSD, [*outputs.values(), *estimates], defined)
+    experiment = _add(root, "DefaultExperiment", startTime="0", stopTime=repr(float(stop_time)))
     algorithm = _annotation(experiment, "com.opensimulationplatform", f"{{{OSP}}}Algorithm")
     ElementTree.SubElement(algorithm, f"{{{OSP}}}FixedStepAlgorithm", baseStepSize=step)
-    return _text(root)
+    return to_text(root).encode()
 
 
 def parameter_set(name: str, description: Any) -> bytes:
     """The SSV file of a component: its parameters with the start values of its FMU, as FMPy reads its description."""
-    ElementTree.register_namespace("ssv", SSV)
-    ElementTree.register_namespace("ssc", SSC)
     defined = _defined(description)
     root = ElementTree.Element(f"{{{SSV}}}ParameterSet", version="1.0", name=name, generationTool="insenv")
     listed = ElementTree.SubElement(root, f"{{{SSV}}}Parameters")
@@ -158,13 +142,18 @@ def parameter_set(name: str, description: Any) -> bytes:
         parameter = ElementTree.SubElement(listed, f"{{{SSV}}}Parameter", name=variable.name)
         _typed(parameter, SSV, variable, defined, value=variable.start)
     _units(root, SSV, parameters, defined)
-    return _text(root)
+    return to_text(root).encode()
+
+
+def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
+    """A new element of a system structure description."""
+    return ElementTree.SubElement(parent, _SSD + tag, attributes)
 
 
 def _component(elements: ElementTree.Element, name: str, description: Any, variables: Sequence[Any], left: float) -> None:
-    component = ElementTree.SubElement(
+    component = _add(
         elements,
-        f"{{{SSD}}}Component",
+        "Component",
         name=name,
         description=description.description or description.modelName,
         type="application/x-fmu-sharedlibrary",
@@ -172,11 +161,9 @@ def _component(elements: ElementTree.Element, name: str, description: Any, varia
         implementation="CoSimulation",
     )
     _connectors(component, variables, _defined(description))
-    box = {"x1": repr(left), "y1": "0.0", "x2": repr(left + 200.0), "y2": "200.0"}
-    ElementTree.SubElement(component, f"{{{SSD}}}ElementGeometry", box)
-    bindings = ElementTree.SubElement(component, f"{{{SSD}}}ParameterBindings")
-    binding = {"type": "application/x-ssp-parameter-set", "source": f"resources/{name}.ssv"}
-    ElementTree.SubElement(bindings, f"{{{SSD}}}ParameterBinding", binding)
+    _add(component, "ElementGeometry", x1=repr(left), y1="0.0", x2=repr(left + 200.0), y2="200.0")
+    bindings = _add(component, "ParameterBindings")
+    _add(bindings, "ParameterBinding", type="application/x-ssp-parameter-set", source=f"resources/{name}.ssv")
 
 
 def _system_name(variable: str) -> str:
@@ -188,27 +175,22 @@ def _connectors(
     element: ElementTree.Element, variables: Sequence[Any], defined: Mapping[str, Any], names: Mapping[str, str] | None = None
 ) -> None:
     """Connectors of the variables, by their own names or by `names`."""
-    connectors = ElementTree.SubElement(element, f"{{{SSD}}}Connectors")
+    connectors = _add(element, "Connectors")
     for variable in variables:
         name = variable.name if names is None else names[variable.name]
-        connector = ElementTree.SubElement(connectors, f"{{{SSD}}}Connector", name=name, kind=variable.causality)
+        connector = _add(connectors, "Connector", name=name, kind=variable.causality)
         _typed(connector, SSC, variable, defined)
-
-
-def _text(root: ElementTree.Element) -> bytes:
-    ElementTree.indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
 
 
 def _annotation(element: ElementTree.Element, kind: str, tag: str) -> ElementTree.Element:
     """A new annotation of another tool (it gives the step of its master), as the last child of `element`."""
-    listed = ElementTree.SubElement(element, f"{{{SSD}}}Annotations")
-    return ElementTree.SubElement(ElementTree.SubElement(listed, f"{{{SSC}}}Annotation", type=kind), tag)
+    annotation = ElementTree.SubElement(_add(element, "Annotations"), f"{{{SSC}}}Annotation", type=kind)
+    return ElementTree.SubElement(annotation, tag)
 
 
 def _units(root: ElementTree.Element, space: str, variables: Sequence[Any], defined: Mapping[str, Mapping[str, str]]) -> None:
     """The units in use; space: namespace of the list.  defined: see `_defined`."""
-    used = [name for name in dict.fromkeys(map(_unit, variables)) if name in defined]
+    used = [name for name in dict.fromkeys(map(unit_of, variables)) if name in defined]
     if not used:
         return
     units = ElementTree.SubElement(root, f"{{{space}}}Units")
@@ -225,12 +207,7 @@ def _defined(*descriptions: Any) -> dict[str, dict[str, str]]:
 
 def _typed(element: ElementTree.Element, space: str, variable: Any, defined: Mapping[str, Any], **values: str) -> None:
     """The type of a variable, with its unit, as a child of `element`."""
-    kind, unit = _LIKE[variable.type], _unit(variable)
+    kind, unit = _LIKE[variable.type], unit_of(variable)
     if kind == "Real" and unit in defined:
         values["unit"] = unit
     ElementTree.SubElement(element, f"{{{space}}}{kind}", values)
-
-
-def _unit(variable: Any) -> str:
-    declared = variable.declaredType
-    return variable.unit or (declared.unit if declared is not None else None) or ""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -80,14 +81,12 @@ def subject(
 
     Raises `InputError` for an unknown name, for wrong settings, and for an estimator that the scenario does not suit.
     """
-    if estimator is not None:
-        if isinstance(what, Estimator) or (isinstance(what, str) and what in registry.names()):
+    if isinstance(what, Estimator) or (isinstance(what, str) and what in registry.names()):
+        if estimator is not None:
             raise InputError(f"estimator {what!r} behind an estimator: allowed is a scenario and an estimator")
-        return _loop(load(what), get(estimator), settings)
-    if isinstance(what, Estimator):
-        return _estimator(what, settings)
-    if isinstance(what, str) and what in registry.names():
         return _estimator(get(what), settings)
+    if estimator is not None:
+        return _loop(load(what), get(estimator), settings)
     if isinstance(what, str) and not what.endswith(".toml") and what not in names():
         raise InputError(f"no estimator or scenario {what!r}{nearest(what, [*registry.names(), *names()], LISTED)}")
     return _plant(load(what), settings)
@@ -101,9 +100,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
     if one_increment not in (0, 1) or "dt" not in estimator.model.inputs:
         reason = "allowed is true or false" if "dt" in estimator.model.inputs else f"{estimator.id!r} has no input dt"
         raise InputError(f"step_is_one_increment = {one_increment!r}: {reason}")
-    if interval != 1.0 / scenario.rate_hz:
-        scenario = _at_rate(scenario, 1.0 / interval)
-    plant = build(scenario)
+    plant = _plant_at(scenario, interval)
     left = {name.removeprefix(f"{estimator.id}."): value for name, value in left.items()}
     estimator = plant.adapted(estimator, {estimator.id: _choices(estimator, left)})
     known = replace(plant.knowledge, sample_interval=interval)
@@ -116,8 +113,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
         sample_interval=interval,
         stop_time=plant.duration_s,
         plant=plant,
-        values_from=f"The start values of the parameters are those that {estimator.id} has in the scenario {name}"
-        + (f", with {', '.join(settings)} as set at the export." if settings else "."),
+        values_from=_values_from(f"those that {estimator.id} has in the scenario {name}", settings),
         smooths=estimator.smooths,
         tunable=estimator.tunable,
         step_is_one_increment=bool(one_increment),
@@ -175,8 +171,7 @@ def _plant(scenario: Scenario, settings: Mapping[str, object]) -> Subject:
         sample_interval=plant.sample_interval,
         stop_time=plant.duration_s,
         plant=plant,
-        values_from=f"The start values of the parameters are those of the scenario {scenario.name}"
-        + (f", with {', '.join(settings)} as set at the export." if settings else "."),
+        values_from=_values_from(f"those of the scenario {scenario.name}", settings),
     )
 
 
@@ -189,9 +184,9 @@ def _loop(scenario: Scenario, estimator: Estimator, settings: Mapping[str, objec
             f"scenario {scenario.name!r} loses inertial samples: `insenv run` interpolates over the gap, which needs the next "
             "sample; an FMU does not have it"
         )
-    own = {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant}
-    estimator = alone.plant.adapted(estimator, {estimator.id: _choices(estimator, own)}, whole=False)
-    rows = _set(estimator, own)
+    of_estimator = {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant}
+    estimator = alone.plant.adapted(estimator, {estimator.id: _choices(estimator, of_estimator)}, whole=False)
+    rows = _set(estimator, of_estimator)
     started = alone.plant.parameters_of(estimator, rows, whole=False)
     model = loop_model(alone.model, estimator.model)
     return replace(
@@ -204,14 +199,17 @@ def _loop(scenario: Scenario, estimator: Estimator, settings: Mapping[str, objec
     )
 
 
-def _at_rate(scenario: Scenario, rate_hz: float) -> Scenario:
-    """The scenario sampled at another rate."""
-    changed = scenario.model_copy(update={"rate_hz": rate_hz})
-    try:
-        build(changed)
-    except InputError:  # its fixes or motion do not allow this rate: the reference signals keep the scenario's
-        return scenario
-    return changed
+def _values_from(origin: str, settings: Mapping[str, object]) -> str:
+    changes = f", with {', '.join(settings)} as set at the export" if settings else ""
+    return f"The start values of the parameters are {origin}{changes}."
+
+
+def _plant_at(scenario: Scenario, interval: float) -> Plant:
+    """The plant of the scenario, sampled at an interval (s) if its fixes and its motion allow that."""
+    if interval != 1.0 / scenario.rate_hz:
+        with suppress(InputError):
+            return build(scenario.model_copy(update={"rate_hz": 1.0 / interval}))
+    return build(scenario)
 
 
 def _sample_interval(value: object) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,7 @@ _FRAMES = {
     "w": "wander azimuth",
     "n at the start": "north, east, down at the start",
 }
+"""Frames in the words of a description."""
 _SAMPLED = ("delta_angle", "delta_velocity")
 _NOT_INTERPOLATED = "; one sample for each step, held over it and not interpolated"
 
@@ -76,8 +78,8 @@ class Variable:
         """Meaning and frame."""
         frame = _FRAMES.get(self.row.frame, self.row.frame)
         components = "scalar first" if self._is_quaternion else frame
-        told = not components or components in self.row.meaning or not self.row.shape
-        return self.row.meaning + ("" if told else f" ({components})") + self._further
+        is_named = not components or components in self.row.meaning or not self.row.shape
+        return self.row.meaning + ("" if is_named else f" ({components})") + self._further
 
     def element_description(self, element: int) -> str:
         """Meaning and axis of one element."""
@@ -102,29 +104,27 @@ def variables(subject: Subject) -> list[Variable]:
 
     Rows of kind NONE are not variables of the FMU.
     """
-    model = subject.model
-    found: list[tuple[Row, str, Kind, Vector | None]] = [(Row("time", "Time", "s"), "time", Kind.TIME, None)]
+    model, interval = subject.model, np.array([subject.sample_interval])
+    rows: list[tuple[Row, str, Kind, Vector | None]] = [(Row("time", "Time", "s"), "time", Kind.TIME, None)]
     if "sample_interval" not in model.parameters:
-        row = Row("sample_interval", "Time from one inertial sample to the next", "s", start=subject.sample_interval)
-        found.append((row, row.name, Kind.CONSTANT, row.flat_start()))
+        row = Row("sample_interval", "Time from one inertial sample to the next", "s")
+        rows.append((row, row.name, Kind.CONSTANT, interval))
     if subject.kind == "estimator" and "dt" in model.inputs:
-        row = replace(STEP_IS_ONE_INCREMENT, start=float(subject.step_is_one_increment))
-        found.append((row, PREFIX + row.name, Kind.PARAMETER, row.flat_start()))
+        row = STEP_IS_ONE_INCREMENT
+        rows.append((row, PREFIX + row.name, Kind.PARAMETER, np.array([float(subject.step_is_one_increment)])))
     for row in model.parameters:
-        given = subject.parameters[model.parameters.slice(row.name)]
+        name, kind = _name(subject, row.name, PREFIX), Kind.PARAMETER
         if row.name == "sample_interval":
-            found.append((row, row.name, Kind.CONSTANT, given))
-        else:
-            found.append((row, _name(subject, row.name, PREFIX), Kind.PARAMETER, given))
+            name, kind = row.name, Kind.CONSTANT
+        rows.append((row, name, kind, subject.parameters[model.parameters.slice(row.name)]))
     for row in model.inputs:
-        held = np.array([subject.sample_interval]) if row.name == "dt" else row.flat_start()
-        found.append((row, row.name, Kind.INPUT, held))
+        rows.append((row, row.name, Kind.INPUT, interval if row.name == "dt" else row.flat_start()))
     for row in model.outputs:
         kind = Kind.NONE if row.name == "time" else Kind.OUTPUT  # FMI has its own variable for the time
-        found.append((row, _name(subject, row.name), kind, None))
+        rows.append((row, _name(subject, row.name), kind, None))
 
     result, place = [], 0
-    for number, (row, name, kind, start) in enumerate(found):
+    for number, (row, name, kind, start) in enumerate(rows):
         result.append(Variable(row, name, kind, number, place, start, kind is Kind.PARAMETER and row.name in subject.tunable))
         place += row.size
     names = [v.name for v in result if v.kind is not Kind.NONE]
@@ -144,28 +144,13 @@ def _name(subject: Subject, row: str, prefix: str = "") -> str:
 #
 # FMI writes a unit as integer powers of the base units.  A unit with a half power (rad/s^0.5) has a name only.
 
-_MICRO_G = 1e-6 * STANDARD_GRAVITY
 
-
-@dataclass(frozen=True)
-class DisplayUnit:
+class DisplayUnit(NamedTuple):
     """A display unit: ``shown = factor * SI + offset``."""
 
     name: str
     factor: float
     offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit of the tables.
-
-    name: as in FMUs.  exponents: of the base units, by FMI's names; None if not all are integers.  displays: display units.
-    """
-
-    name: str
-    exponents: dict[str, int] | None
-    displays: tuple[DisplayUnit, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -179,74 +164,83 @@ class Quantity:
     nominal: float = 1.0
 
 
+@dataclass(frozen=True)
+class Unit:
+    """A unit of the tables.
+
+    name: as in FMUs.  exponents: of the base units, by FMI's names; None if not all are integers.  type, physical, nominal: of
+    the declared type; by default the type is named after the unit, or has the name of the physical quantity.  displays: display
+    units; the type has the first if `displayed`.
+    """
+
+    name: str
+    exponents: dict[str, int] | None
+    type: str = ""
+    displays: tuple[DisplayUnit, ...] = ()
+    physical: str = ""
+    nominal: float = 1.0
+    displayed: bool = True
+
+    @property
+    def quantity(self) -> Quantity:
+        """The declared type of values in this unit."""
+        words = "".join(letter if letter.isalnum() else "_" for letter in self.name).strip("_")
+        display = self.displays[0].name if self.displays and self.displayed else ""
+        return Quantity(self.type or f"Quantity_{words}", self.physical or self.type, self.name, display, self.nominal)
+
+
+_DEG, _DEG_H, _UG = 1 / DEGREE, HOUR / DEGREE, 1 / (1e-6 * STANDARD_GRAVITY)
+
 UNITS = {
     unit.name: unit
     for unit in (
-        Unit("1", {}),
-        Unit("s", {"s": 1}),
-        Unit("m", {"m": 1}),
-        Unit("rad", {"rad": 1}, (DisplayUnit("deg", 1 / DEGREE),)),
-        Unit("m/s", {"m": 1, "s": -1}),
-        Unit("rad/s", {"rad": 1, "s": -1}, (DisplayUnit("deg/s", 1 / DEGREE), DisplayUnit("deg/h", HOUR / DEGREE))),
-        Unit("m/s^2", {"m": 1, "s": -2}, (DisplayUnit("ug", 1 / _MICRO_G),)),
-        Unit("rad/s^2", {"rad": 1, "s": -2}, (DisplayUnit("deg/s^2", 1 / DEGREE),)),
+        Unit("1", {}, "Number", physical="Dimensionless"),
+        Unit("s", {"s": 1}, "Time"),
+        Unit("m", {"m": 1}, "Length", nominal=10.0),
+        Unit("rad", {"rad": 1}, "Angle", (DisplayUnit("deg", _DEG),)),
+        Unit("m/s", {"m": 1, "s": -1}, "Velocity", nominal=10.0),
+        Unit("rad/s", {"rad": 1, "s": -1}, "AngularVelocity", (DisplayUnit("deg/s", _DEG), DisplayUnit("deg/h", _DEG_H)),
+             nominal=0.1),
+        Unit("m/s^2", {"m": 1, "s": -2}, "Acceleration", (DisplayUnit("ug", _UG),), nominal=10.0, displayed=False),
+        Unit("rad/s^2", {"rad": 1, "s": -2}, "AngularAcceleration", (DisplayUnit("deg/s^2", _DEG),), nominal=0.1),
         Unit("m^2/s^3", {"m": 2, "s": -3}),
-        Unit("rad^2", {"rad": 2}),
+        Unit("rad^2", {"rad": 2}, "AngleVariance", nominal=1e-4),
         Unit("1/rad^2", {"rad": -2}),
         Unit("1/m", {"m": -1}),
-        Unit("K", {"K": 1}, (DisplayUnit("degC", 1.0, -ZERO_CELSIUS),)),
-        Unit("rad/s/K", {"rad": 1, "s": -1, "K": -1}, (DisplayUnit("deg/h/K", HOUR / DEGREE),)),
-        Unit("m/s^2/K", {"m": 1, "s": -2, "K": -1}, (DisplayUnit("ug/K", 1 / _MICRO_G),)),
-        Unit("(rad/s)/(m/s^2)", {"rad": 1, "s": 1, "m": -1}, (DisplayUnit("deg/h/g", HOUR * STANDARD_GRAVITY / DEGREE),)),
-        Unit("T", {"kg": 1, "s": -2, "A": -1}, (DisplayUnit("nT", 1e9),)),
-        Unit("T/m", {"kg": 1, "m": -1, "s": -2, "A": -1}, (DisplayUnit("nT/km", 1e12),)),
+        Unit("K", {"K": 1}, "Temperature", (DisplayUnit("degC", 1.0, -ZERO_CELSIUS),), "ThermodynamicTemperature", 300.0),
+        Unit("rad/s/K", {"rad": 1, "s": -1, "K": -1}, "", (DisplayUnit("deg/h/K", _DEG_H),)),
+        Unit("m/s^2/K", {"m": 1, "s": -2, "K": -1}, "", (DisplayUnit("ug/K", _UG),)),
+        Unit("(rad/s)/(m/s^2)", {"rad": 1, "s": 1, "m": -1}, "", (DisplayUnit("deg/h/g", HOUR * STANDARD_GRAVITY / DEGREE),)),
+        Unit("T", {"kg": 1, "s": -2, "A": -1}, "MagneticFluxDensity", (DisplayUnit("nT", 1e9),), nominal=1e-5),
+        Unit("T/m", {"kg": 1, "m": -1, "s": -2, "A": -1}, "", (DisplayUnit("nT/km", 1e12),)),
         Unit("s^2/m", {"s": 2, "m": -1}),
-        Unit("rad/(m/s^2)", {"rad": 1, "s": 2, "m": -1}, (DisplayUnit("deg/(m/s^2)", 1 / DEGREE),)),
-        Unit("rad/s^0.5", None, (DisplayUnit("deg/sqrt(h)", HOUR**0.5 / DEGREE),)),
-        Unit("m/s^1.5", None, (DisplayUnit("ug/sqrt(Hz)", 1 / _MICRO_G),)),
-        Unit("rad/s/sqrt(s)", None, (DisplayUnit("deg/h/sqrt(h)", HOUR**1.5 / DEGREE),)),
-        Unit("m/s^2/sqrt(s)", None, (DisplayUnit("ug/sqrt(h)", HOUR**0.5 / _MICRO_G),)),
+        Unit("rad/(m/s^2)", {"rad": 1, "s": 2, "m": -1}, "", (DisplayUnit("deg/(m/s^2)", _DEG),)),
+        Unit("rad/s^0.5", None, "AngleRandomWalk", (DisplayUnit("deg/sqrt(h)", HOUR**0.5 / DEGREE),), nominal=1e-6),
+        Unit("m/s^1.5", None, "VelocityRandomWalk", (DisplayUnit("ug/sqrt(Hz)", _UG),), nominal=1e-4),
+        Unit("rad/s/sqrt(s)", None, "", (DisplayUnit("deg/h/sqrt(h)", HOUR**1.5 / DEGREE),)),
+        Unit("m/s^2/sqrt(s)", None, "", (DisplayUnit("ug/sqrt(h)", HOUR**0.5 / (1e-6 * STANDARD_GRAVITY)),)),
     )
-}
+}  # fmt: skip
 """Every unit of the tables, by its name in FMUs."""
-
-_SMALL = ("bias", "sigma", "drift", "instability")
-
-_QUANTITIES = {
-    "1": Quantity("Number", "Dimensionless", "1"),
-    "s": Quantity("Time", "Time", "s"),
-    "m": Quantity("Length", "Length", "m", nominal=10.0),
-    "rad": Quantity("Angle", "Angle", "rad", "deg"),
-    "m/s": Quantity("Velocity", "Velocity", "m/s", nominal=10.0),
-    "rad/s": Quantity("AngularVelocity", "AngularVelocity", "rad/s", "deg/s", nominal=0.1),
-    "m/s^2": Quantity("Acceleration", "Acceleration", "m/s^2", nominal=10.0),
-    "rad/s^2": Quantity("AngularAcceleration", "AngularAcceleration", "rad/s^2", "deg/s^2", nominal=0.1),
-    "rad^2": Quantity("AngleVariance", "AngleVariance", "rad^2", nominal=1e-4),
-    "T": Quantity("MagneticFluxDensity", "MagneticFluxDensity", "T", "nT", nominal=1e-5),
-    "K": Quantity("Temperature", "ThermodynamicTemperature", "K", "degC", nominal=300.0),
-    "rad/s^0.5": Quantity("AngleRandomWalk", "AngleRandomWalk", "rad/s^0.5", "deg/sqrt(h)", nominal=1e-6),
-    "m/s^1.5": Quantity("VelocityRandomWalk", "VelocityRandomWalk", "m/s^1.5", "ug/sqrt(Hz)", nominal=1e-4),
+_SENSOR_ERRORS = {
+    "rad/s": Quantity("GyroError", "AngularVelocity", "rad/s", "deg/h", nominal=1e-7),
+    "m/s^2": Quantity("AccelerometerError", "Acceleration", "m/s^2", "ug", nominal=1e-3),
 }
-_GYRO_ERROR = Quantity("GyroError", "AngularVelocity", "rad/s", "deg/h", nominal=1e-7)
-_ACCEL_ERROR = Quantity("AccelerometerError", "Acceleration", "m/s^2", "ug", nominal=1e-3)
+"""Declared types of small values, which are displayed in data-sheet units."""
+_SMALL = ("bias", "sigma", "drift", "instability")
 
 
 def parts(row: Row) -> tuple[str, ...]:
     """The units of the equal parts of a row: one, several (an innovation in m, then m/s), or none if the row is mixed."""
-    if row.unit == "SI":
-        return ()
-    return tuple(row.unit.split(", "))
+    return () if row.unit == "SI" else tuple(row.unit.split(", "))
+
+
+def unit_of(name: str) -> Unit:
+    """The unit of this name."""
+    return UNITS.get(name) or Unit(name, None)
 
 
 def quantity(row: Row, unit: str) -> Quantity:
-    """The declared type of a row's elements in `unit`; sensor errors are displayed in data-sheet units."""
-    if any(word in row.name for word in _SMALL):
-        if unit == "rad/s":
-            return _GYRO_ERROR
-        if unit == "m/s^2":
-            return _ACCEL_ERROR
-    if unit in _QUANTITIES:
-        return _QUANTITIES[unit]
-    known = UNITS.get(unit, Unit(unit, None))
-    words = "".join(letter if letter.isalnum() else "_" for letter in unit).strip("_")
-    return Quantity(f"Quantity_{words}", "", unit, known.displays[0].name if known.displays else "")
+    """The declared type of a row's elements in `unit`."""
+    small = any(word in row.name for word in _SMALL)
+    return (small and _SENSOR_ERRORS.get(unit)) or unit_of(unit).quantity

@@ -5,15 +5,18 @@ import re
 import pytest
 from command_line import call, refused, strict
 
+from insenv.base import shipped
 from insenv.cli.lists import What
+from insenv.sensors import GNSS_GRADES, IMU_GRADES
 
 
 def test_the_names_fit_a_screen():
     status, out, err = call("list")
     lines = out.splitlines()
     assert (status, err) == (0, "") and len(lines) < 24 and max(map(len, lines)) <= 80
-    names = re.split(r"[\s,]+", out)
-    assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(names)
+    assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(re.split(r"[\s,]+", out))
+    assert tuple(name for name in IMU_GRADES if not name.startswith("paper-")) == shipped.IMU_GRADES
+    assert tuple(GNSS_GRADES) == shipped.GNSS_GRADES
     refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")
 
 

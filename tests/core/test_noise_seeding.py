@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from insenv.core.noise import FEW, first_uniforms
+from insenv.core.noise import FEW_SEEDS, first_uniforms
 
 
-@pytest.mark.parametrize("number", [0, 1, FEW, FEW + 1, 300])
+@pytest.mark.parametrize("number", [0, 1, FEW_SEEDS, FEW_SEEDS + 1, 300])
 def test_they_are_the_numbers_of_numpy(number):
     edges = [0, 1, 2**32 - 1, 2**32, 2**53, 2**64 - 1]
     seeds = [*edges, *np.random.default_rng(7).integers(0, 2**53, 294).tolist()][:number]

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from insenv.core.numeric import KEPT_COUNT, vectorized
+from insenv.core.numeric import MAX_IDLE_COUNT, vectorized
 
 
 def affine(A, x, scale):
@@ -34,7 +34,7 @@ def test_broadcasts_leading_axes_and_keeps_rows_as_rows():
     np.testing.assert_array_equal(diagonal([[1, 2], [3, 4]]), [[[1, 0], [0, 2]], [[3, 0], [0, 4]]])
 
 
-@pytest.mark.parametrize("count", [KEPT_COUNT, KEPT_COUNT + 1])
+@pytest.mark.parametrize("count", [MAX_IDLE_COUNT, MAX_IDLE_COUNT + 1])
 def test_results_of_a_call_outlive_the_next_one_and_it_is_traced_once(count):
     traces, rows = [], np.arange(float(count))
     twice = vectorized(lambda x: traces.append(x) or 2.0 * x, ())

@@ -15,7 +15,7 @@ from insenv.core.runner import make_runner
 from insenv.estimators import get
 
 MODEL = get("gyrocompass").model
-IDENTITY = identity(MODEL)
+IDENTITY, FINGERPRINT = identity(MODEL), MODEL.fingerprint
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_a_damaged_file_is_not_read_but_written_again(file, tracings, damage):
     assert damaged != whole
     file.write_bytes(damaged)
     assert traces.read(IDENTITY) is None
-    assert replace(MODEL).fingerprint == MODEL.fingerprint and tracings == [MODEL.id] * 2
+    assert replace(MODEL).fingerprint == FINGERPRINT and tracings == [MODEL.id] * 2
     assert file.read_bytes() == whole
 
 
@@ -101,15 +101,15 @@ def test_without_a_usable_folder_or_an_identity_nothing_is_kept(file, tmp_path, 
     assert tracings == ["toy"] * 2 and not file.parent.exists()
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("INSENV_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    assert [replace(MODEL).fingerprint for _ in range(2)] == [MODEL.fingerprint] * 2
+    assert [replace(MODEL).fingerprint for _ in range(2)] == [FINGERPRINT] * 2
     assert tracings[2:] == [MODEL.id] * 2 and traces.read(IDENTITY) is None
 
 
 def test_the_oldest_files_go(file, monkeypatch):
-    monkeypatch.setattr(traces, "MOST_FILES", 3)
+    monkeypatch.setattr(traces, "MAX_FILES", 3)
     names = [f"{k:032x}" for k in range(5)]
     for age, name in enumerate(reversed(names)):  # the name does not tell the age
         traces.keep(name, MODEL.kernels)
         os.utime(traces._path(name), (age, age))
     assert sorted(path.name for path in file.parent.iterdir()) == names[:3]
-    assert traces.read(names[0]).fingerprint == MODEL.fingerprint
+    assert traces.read(names[0]).fingerprint == FINGERPRINT

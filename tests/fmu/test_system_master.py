@@ -10,9 +10,9 @@ from fmu_tools import scratch
 
 from insenv import run
 from insenv.base.errors import InputError, InsenvError
-from insenv.fmu import export_ssp, run_ssp, system
-from insenv.fmu.instance import Instance, Ports, Step
-from insenv.fmu.system import KINDS, STEP, Plan, Stopped, interpreted, native
+from insenv.fmu import export_ssp, run_ssp, running
+from insenv.fmu.instance import Instance
+from insenv.fmu.stepping import KINDS, STEPPING, Plan, Ports, Stopped, interpreted, native
 
 backends = pytest.mark.parametrize("backend", ("native", "interpreter"))
 LOOP = ("ship-swaying", "qakf-improved", 2)
@@ -56,9 +56,9 @@ def test_a_failed_step_is_reported_with_its_component_and_reason(path, backend):
 
 def test_a_component_that_ends_the_simulation_gives_the_rows_until_then(path, monkeypatch):
     whole = run_ssp(path, stop_time=0.5)
-    stopped = Stopped(0, STEP, 3)
+    stopped = Stopped(0, STEPPING, 3)
     monkeypatch.setattr(Instance, "ends", lambda self, status: True)
-    monkeypatch.setattr(system, "make_steps", lambda block, steps, progress: (block(0, 42)[0], stopped))
+    monkeypatch.setattr(running, "make_steps", lambda block, steps, progress: (block(0, 42)[0], stopped))
     found = run_ssp(path, stop_time=0.5, every=4)
     assert found.ended and not whole.ended
     assert (found.steps, len(found.time)) == (40, 10)
@@ -69,6 +69,10 @@ def flags_of():
     return (ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double())
 
 
+STEP_2 = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+DO_STEP = {2: ctypes.CFUNCTYPE(ctypes.c_int, *STEP_2), 3: ctypes.CFUNCTYPE(ctypes.c_int, *STEP_2, *[ctypes.c_void_p] * 4)}
+
+
 def test_values_of_all_types_pass_natively_as_in_python():
     kinds = [np.dtype(kind) for kind in KINDS]
     pairs = [(a, b) for a in kinds for b in kinds if np.can_cast(a, b, "safe")]
@@ -76,14 +80,10 @@ def test_values_of_all_types_pass_natively_as_in_python():
     limits = {kind: (0, 1) if kind.kind == "b" else (-7, 9) for kind in kinds}
     limits |= {kind: (np.iinfo(kind).min, np.iinfo(kind).max) for kind in kinds if kind.kind in "iu"}
     rows = {kind: np.array(limits[kind], dtype=kind) for kind in kinds}
-    function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double)(lambda instance, now: 0)
-    address = ctypes.cast(function, ctypes.c_void_p).value
 
     def outputs(make, version):
-        first, second = (
-            Ports(name, version, n, [], [], {}, {}, Step(lambda now, step: 0, address, flags_of()))
-            for n, name in ((1, "a"), (2, "b"))
-        )
+        do_step = DO_STEP[version](lambda *arguments: 0)
+        first, second = (Ports(name, version, n, [], [], {}, {}, do_step, flags_of()) for n, name in ((1, "a"), (2, "b")))
         for kind, row in rows.items():
             first.outputs |= {f"{kind}[{i}]": (row, i) for i in range(2)}
         for a, b in pairs:
@@ -106,21 +106,18 @@ def test_values_of_all_types_pass_natively_as_in_python():
 def test_the_flag_of_fmi_3_ends_the_simulation(make):
     flags = flags_of()
 
-    def advance(instance, now, step):
+    def advance(instance, now, *others):
         flags[1].value = now >= 3.0
         return 0
 
-    function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)(advance)
-    step = Step(lambda now, step: advance(1, now, step), ctypes.cast(function, ctypes.c_void_p).value, flags)
-    part = Ports("part", 3, 1, [], [], {}, {"y": (np.zeros(1), 0)}, step)
-    assert make(Plan([part], np.empty((9, 1)), 0.0, 1.0, 1))(0, 9) == (3, Stopped(0, STEP, 0))
+    part = Ports("part", 3, 1, [], [], {}, {"y": (np.zeros(1), 0)}, DO_STEP[3](advance), flags)
+    assert make(Plan([part], np.empty((9, 1)), 0.0, 1.0, 1))(0, 9) == (4, Stopped(0, STEPPING, 0))
 
 
 def test_a_connection_that_loses_values_is_refused():
-    row, flags, step = np.zeros(1), np.zeros(1, dtype=bool), Step(lambda now, step: 0, 0, ())
-    source = Ports("a", 3, 0, [], [], {}, {"y": (row, 0)}, step)
+    flags, source = np.zeros(1, dtype=bool), Ports("a", 3, 0, [], [], {}, {"y": (np.zeros(1), 0)}, None, ())
     with pytest.raises(InputError, match=r"a connection from a\.y \(float64\) to b\.u \(bool\) would lose values"):
-        Ports("b", 3, 0, [], [], {"u": (flags, 0)}, {}, step).connect("u", source, "y")
+        Ports("b", 3, 0, [], [], {"u": (flags, 0)}, {}, None, ()).connect("u", source, "y")
 
 
 def changed(path, output, name, old, new):
