@@ -14,7 +14,7 @@ import casadi as ca
 
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
-from insenv.geodesy.position import bounded_place_rows, place_rows
+from insenv.geodesy import bounded_place_rows, place_rows
 
 _TURN = 2 * math.pi
 _LARGEST = 1e12
