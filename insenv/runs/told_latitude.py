@@ -18,7 +18,7 @@ from insenv import attitude, geodesy
 from insenv.base.errors import InsenvError
 from insenv.estimators import Estimator, Knowledge
 from insenv.estimators.parts.rows import aid_health, reported_aids
-from insenv.estimators.velocity_integration.log import finds_north
+from insenv.estimators.velocity_integration.source import finds_north
 from insenv.logs import RecordedLog
 from insenv.logs.rest import LEAST_REST, STEADY_S, rest_of, rest_rows
 from insenv.runs.follower import Follower

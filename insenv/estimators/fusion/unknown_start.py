@@ -43,8 +43,7 @@ from insenv.estimators.parts.finding import SIGMA, TIME, Finding, Reached
 from insenv.estimators.parts.kalman import innovation_variance
 from insenv.estimators.velocity_integration import estimator as alignment
 from insenv.estimators.velocity_integration import source, wahba
-from insenv.estimators.velocity_integration.errors import q_ni
-from insenv.estimators.velocity_integration.wahba import VelocityIntegration
+from insenv.estimators.velocity_integration.wahba import VelocityIntegration, q_ni
 
 PREFIX = "alignment_"
 FOUND = radians(7.0)
@@ -126,7 +125,7 @@ def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Re
     if not _uncertain(Values(**parameters)):
         return ()
     sentence = (
-        f"heading found after {TIME} s, to {SIGMA} deg (1 sigma), {alignment.MEANS[way]}; from then on the filter runs with "
+        f"heading found after {TIME} s, to {SIGMA} deg (1 sigma), {way.source.means}; from then on the filter runs with "
         "all its aids"
     )
     return (Reached("attitude_sigma", sentence, (LINEAR_TILT, LINEAR_TILT, FOUND)),)

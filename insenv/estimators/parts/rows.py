@@ -26,6 +26,16 @@ def chosen(table: Table, *names: str, **start: Any) -> Table:
     return Table(tuple(replace(row, start=start.get(row.name, row.start)) for row in rows))
 
 
+def at_start(table: Table) -> dict[str, Any]:
+    """State rows at their start values: sums over an interval begin anew."""
+    return vars(table.symbols(ca.SX(ca.DM(table.start_vector()))))
+
+
+def carried(x: Any, table: Table) -> dict[str, Any]:
+    """Those values of `x` that are rows of `table`."""
+    return {name: getattr(x, name) for name in table.names}
+
+
 PLACE = Table(bounded_place_rows())
 """Parameters: the place of a vehicle that stays in place."""
 

@@ -45,16 +45,29 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
+from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import exp, maximum, select, sin_cos
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame, lever_arm, rows
-from insenv.estimators.parts.error_model import bias_sigma
+from insenv.estimators.parts.error_model import bias_sigma, variances
 from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA, davenport, largest_eigenvector
+from insenv.estimators.parts.kalman import propagate
 from insenv.estimators.parts.strapdown import MEMORY
-from insenv.estimators.velocity_integration.errors import collected, covariance, q_ni, variance_n
-from insenv.estimators.velocity_integration.source import KEPT, LARGEST_LINEAR, SUM, N, Source
+from insenv.estimators.velocity_integration.source import (
+    ACCEL,
+    ALPHA,
+    DRIFT,
+    EARTH_AXIS,
+    GYRO,
+    KEPT,
+    LARGEST_LINEAR,
+    MEAN,
+    SUM,
+    N,
+    Source,
+)
 
 COVARIANCE_S = 1.0  # s: longest step of the covariance
 UNKNOWN = LARGEST_HEADING_SIGMA  # rad
@@ -71,6 +84,13 @@ PARAMETERS = (
     + Table((rows.START_BIASES["start_gyro_bias"], rows.START_BIASES["start_gyro_bias_error"]))
 )
 
+STRETCH = Table((
+    Row("stretch", "Time since the last step of the covariance", "s"),
+    Row("stretch_alpha", "Change of alpha in it", "m/s", (3,), "i"),
+    Row("stretch_C_ib", "Integral of the attitude since the start over it", "s", (3, 3), "i"),
+    Row("stretch_angle", "Sum of the delta angles in it", "rad", (3,), "b"),
+))  # fmt: skip
+
 STATE = (
     Table((
         frozen_frame.FRAME["q_ib"],
@@ -83,10 +103,7 @@ STATE = (
     + Table((
         Row("force", "Specific force as it was `rate_lag` ago: half the age of the last measurement", "m/s^2", (3,), "i"),
         Row("dt", "Interval of the last sample", "s", start=0.01),
-        Row("stretch", "Time since the last step of the covariance", "s"),
-        Row("stretch_alpha", "Change of alpha in it", "m/s", (3,), "i"),
-        Row("stretch_C_ib", "Integral of the attitude since the start over it", "s", (3, 3), "i"),
-        Row("stretch_angle", "Sum of the delta angles in it", "rad", (3,), "b"),
+        *STRETCH,
         Row("covariance_due", "1 when the covariance is to be propagated", "1"),
         Row("covariance", "Of the errors: upper triangle", "SI", (symmetric.triangle_size(N),)),
         Row("epoch", "Time of the last measurement", "s"),
@@ -114,9 +131,8 @@ class VelocityIntegration:
     """The alignment by one source of velocities."""
 
     source: Source
-    title: str
 
-    @cached_property
+    @property
     def parameters(self) -> Table:
         """Those of the unit, then those of the source."""
         return PARAMETERS + self.source.parameters
@@ -126,7 +142,7 @@ class VelocityIntegration:
         """The alignment as a model."""
         return Model(
             id="velocity-integration",
-            title=self.title,
+            title=f"alignment on the move {self.source.title}, from an unknown attitude (Wahba's problem)",
             parameters=self.parameters,
             state=STATE + self.source.state,
             inputs=rows.SAMPLE_INPUTS + self.source.inputs,
@@ -255,3 +271,51 @@ class VelocityIntegration:
             "q_nb": attitude.normalize(attitude.multiply(q, x.q_ib)),
             "attitude_sigma": ca.vertcat(*[select(sigma[i] < largest[i], sigma[i], UNKNOWN) for i in range(3)]),
         }
+
+
+# The attitude by an answer, and the covariance of its errors.
+
+
+def q_ni(x: Any, q_i0i: Any) -> Any:
+    """Takes b components at the start to n components now (4)."""
+    since = select(x.count == 0, 0.0, x.time - x.epoch)
+    latitude, longitude, _ = geodesy.geodetic_from_ned_offset(x.velocity_n * since, x.latitude, x.longitude, x.height)
+    q_ne = attitude.conjugate(geodesy.q_ew_from_geodetic(latitude, longitude, 0.0))
+    q_ei = attitude.multiply(attitude.conjugate(frozen_frame.q_n0n(x.half_turn, ca.SX(EARTH_AXIS))), q_i0i)
+    return attitude.multiply(q_ne, q_ei)
+
+
+def variance_n(P: Any, C_ni: Any) -> Any:
+    """Variances of the attitude by the answer kept, about n (3, rad^2)."""
+    both = P[KEPT, KEPT] + P[DRIFT, DRIFT] + P[KEPT, DRIFT] + P[DRIFT, KEPT]
+    return ca.diag(C_ni @ both @ C_ni.T)
+
+
+def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Propagate the covariance: drift' = C b_g + noise, (delta alpha)' = -f x drift + C b_a + noise."""
+    A = ca.SX(N, N)
+    A[ALPHA, DRIFT] = -skew(x.stretch_alpha)
+    A[DRIFT, GYRO] = A[ALPHA, ACCEL] = x.stretch_C_ib
+    by_rotation, _ = variances(p, x.stretch_angle, ca.SX.zeros(3))
+    noise = ca.vertcat(
+        ca.repmat(p.angle_random_walk**2 * x.stretch + by_rotation, 3, 1),
+        ca.repmat(p.velocity_random_walk**2 * x.stretch, 3, 1),
+        ca.SX.zeros(N - 6),
+    )
+    return {"covariance": propagate(x.covariance, A, noise), **rows.at_start(STRETCH)}
+
+
+def collected(stored: Any, dalpha: Any, keep: Any, share: Any, product: Any, error: Any, variance: Any) -> Any:
+    """Covariance triangle after a measurement. With e = error x - noise, the error of alpha less that of the measurement,
+
+    mean' = mean + share (e - mean),   y' = keep y + product [dalpha x]^T (e - mean)
+
+    error: 3xN. variance: of each component of the noise, m^2/s^2.
+    """
+    across = product * skew(dalpha).T
+    Phi, by_noise = ca.SX.eye(N), ca.SX(N, 3)
+    Phi[MEAN, :], by_noise[MEAN, :] = share * error, share * ca.SX.eye(3)
+    Phi[MEAN, MEAN] = (1 - share) * ca.SX.eye(3)
+    Phi[SUM, :], by_noise[SUM, :] = across @ error, across
+    Phi[SUM, MEAN], Phi[SUM, SUM] = -across, keep * ca.SX.eye(3)
+    return symmetric.triangle(Phi @ symmetric.full(stored, N) @ Phi.T + variance * by_noise @ by_noise.T)
