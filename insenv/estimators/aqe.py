@@ -347,7 +347,7 @@ def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
         "position_sigma": sigma(C_nw, POSITION),
         "velocity_sigma": sigma(C_nw, VELOCITY),
         "attitude_sigma": sigma(tilt, DQ),
-        **rows.carried(x, rows.BIASES + rows.FIX_RESIDUALS + rows.FIX_HEALTH),
+        **rows.carried(x, (rows.BIASES + rows.FIX_RESIDUALS + rows.FIX_HEALTH).names),
     }
 
 

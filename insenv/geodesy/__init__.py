@@ -95,6 +95,11 @@ def normal_gravity_about_axis(axis: ca.SX, height: Scalar) -> ca.SX:
     return ca.vertcat(-per_cosine * axis[0], -per_cosine * axis[1], normal_gravity(sin_latitude, height))
 
 
+def normal_gravity_e(C_en: ca.SX, height: Scalar) -> ca.SX:
+    """Normal gravity (3x1, m/s^2, e) where C_en (3x3) takes n to e components; height: m above the ellipsoid."""
+    return C_en @ normal_gravity_about_axis(C_en[2, :].T, height)
+
+
 GRAVITY_CHANGE = 2.0 * SOMIGLIANA + E2
 """Twice the relative change of normal gravity with sin^2 L, at the equator: dg/dL is GRAVITY_CHANGE g sin L cos L to 1 %."""
 _NORTH = (

@@ -31,9 +31,9 @@ def at_start(table: Table) -> dict[str, Any]:
     return vars(table.symbols(ca.SX(ca.DM(table.start_vector()))))
 
 
-def carried(x: Any, table: Table) -> dict[str, Any]:
-    """Those values of `x` that are rows of `table`."""
-    return {name: getattr(x, name) for name in table.names}
+def carried(x: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Those values of `x` by name."""
+    return {name: getattr(x, name) for name in names}
 
 
 PLACE = Table(bounded_place_rows())

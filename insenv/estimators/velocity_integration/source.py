@@ -101,9 +101,8 @@ def at_point(x: Any, arm: Any, age: Any) -> tuple[Any, Any, Any, Any]:
 def pull_rate(velocity_n: Any, latitude: Any, longitude: Any, height: Any, q_i0e: Any) -> Any:
     """Rate of beta's integral (3, m/s^2, i0), omega_ie x v - g, at a velocity over the Earth and a place."""
     C_en = geodesy.C_en(latitude, longitude)
-    gravity = C_en @ geodesy.normal_gravity_about_axis(C_en[2, :].T, height)
     coriolis = ca.cross(geodesy.OMEGA_IE * ca.SX(EARTH_AXIS), C_en @ velocity_n)
-    return attitude.rotate(q_i0e, coriolis - gravity)
+    return attitude.rotate(q_i0e, coriolis - geodesy.normal_gravity_e(C_en, height))
 
 
 def earth_turn(x: Any, age: Any) -> Any:
