@@ -16,6 +16,7 @@ import casadi as ca
 
 from insenv import attitude
 from insenv.core.elementary import maximum, select
+from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame
 
@@ -38,13 +39,17 @@ def due(x: Any, time: Any) -> Any:
     return time >= maximum(GROWTH * x.answer_times[0], FIRST)
 
 
-def kept(x: Any, answer: Any) -> dict[str, Any]:
-    """Rows of `STATE` with the answer (4, a unit quaternion) kept."""
-    return {
-        "answers": ca.vertcat(answer.T, x.answers[:-1, :]),
-        "answer_times": ca.vertcat(x.time, x.answer_times[:-1]),
-        "answer_due": 0,
-    }
+def keeping(answer: Callable[[Any], Any]) -> Step:
+    """The step that keeps an answer; answer: ``x -> (4)``, a unit quaternion."""
+
+    def keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
+        return {
+            "answers": ca.vertcat(answer(x).T, x.answers[:-1, :]),
+            "answer_times": ca.vertcat(x.time, x.answer_times[:-1]),
+            "answer_due": 0,
+        }
+
+    return Step(keep, when="answer_due")
 
 
 def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any], unknown: Any) -> Any:
