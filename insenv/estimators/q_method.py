@@ -140,7 +140,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     q, lost, sigma = answer(x), DELAY * p.smoothing_time, partial(sensor_sigma, p, x)
     return {
         "q_nb": frozen_frame.q_nb(x, q),
-        "attitude_sigma": settling.stated(x, q, lost, sigma, inertial_vectors.LARGEST_HEADING_SIGMA),
+        "attitude_sigma": settling.stated(x, q, lost, sigma),
     }
 
 

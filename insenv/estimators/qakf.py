@@ -183,7 +183,7 @@ def profile_update(x: Any, H: Any, residual: Any) -> dict[str, Any]:
 
 
 def windowed(p: Any, x: Any, u: Any) -> tuple[dict[str, Any], Any, Any]:
-    """Rows of `inertial_vectors.CARRIED` and `WINDOW` after one inertial sample; alpha and beta (3x1, m/s^2) from the window."""
+    """Rows of `inertial_vectors.CARRIED` and `WINDOW` after a sample; alpha and beta (3x1, m/s^2) from the window."""
     changed, measured, expected = inertial_vectors.carried(p, x, u)
     fade = fade_in(x.time + u.dt / 2, FADE_IN * p.smoothing_time)
     alpha, alpha_rate = low_pass(x.alpha, x.alpha_rate, fade * measured, p.smoothing_time, u.dt)

@@ -122,13 +122,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
     own = ca.diag(C_n0n.T @ covariance @ C_n0n)
 
-    stated = settling.stated(
-        x,
-        x.q_start,
-        0.0,
-        lambda time: inertial_vectors.stated_sigma(p, x, time, 0.0, time / 2, time / 2),
-        inertial_vectors.LARGEST_HEADING_SIGMA,
-    )
+    stated = settling.stated(x, x.q_start, 0.0, lambda time: inertial_vectors.stated_sigma(p, x, time, 0.0, time / 2, time / 2))
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
         "attitude_sigma": minimum(ca.sqrt(stated**2 + own), qakf.LARGEST_SIGMA),

@@ -19,6 +19,7 @@ from insenv.core.elementary import maximum, select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame
+from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA
 
 KEPT = 2  # answers: one alone may agree by chance
 GROWTH = 1.25  # of the time from one kept answer to the next
@@ -52,11 +53,11 @@ def keeping(answer: Callable[[Any], Any]) -> Step:
     return Step(keep, when="answer_due")
 
 
-def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any], unknown: Any) -> Any:
+def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any]) -> Any:
     """Stated standard deviations of attitude about n (3, rad).
 
     answer: that of now (4). lost: time that the windows leave out of the run, s. sigma: standard deviations (3, rad)
-    that sensor errors set after a time (s). unknown: standard deviation of a heading that is unknown, rad.
+    that sensor errors set after a time (s).
     """
     now, back = sigma(x.time), frozen_frame.q_n0n(x.half_turn, x.axis_n)
     excess = ca.SX.zeros(3)
@@ -65,5 +66,5 @@ def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any], unknown:
         expected = EXPECTED**2 * maximum(sigma(x.answer_times[i]) ** 2 - now**2, 0.0)
         excess = maximum(excess, moved**2 - expected)
     unsettled = ca.logic_and(lost > 0, x.time < SETTLED * lost)
-    rough = ca.vertcat(UNSETTLED_TILT, UNSETTLED_TILT, unknown)
+    rough = ca.vertcat(UNSETTLED_TILT, UNSETTLED_TILT, LARGEST_HEADING_SIGMA)
     return select(unsettled, maximum(rough, now), ca.sqrt(now**2 + excess))
