@@ -119,7 +119,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     stretch = x.stretch + u.dt
     due = ca.logic_or(stretch + u.dt / 2 > p.filter_interval, ca.logic_or(u.gnss_valid, u.standing))
     return {
-        **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
+        **moved.rows,
         "dt": u.dt,
         "since_fix": x.since_fix + u.dt,
         "stretch": stretch,
@@ -129,7 +129,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "stretch_C": x.stretch_C + (C + attitude.to_dcm(turn)) * (u.dt / 2),
         "omega_ie_w": moved.omega_ie_w,
         "omega_ew_w": moved.omega_ew_w,
-        "acceleration_w": (moved.velocity_w - x.velocity_w) / u.dt,
+        "acceleration_w": (moved.rows["velocity_w"] - x.velocity_w) / u.dt,
         **lever_arm.followed(x, delta_angle / u.dt, u.dt, x.samples == 0),
         "predict_due": select(due, 1.0, 0.0),
     }
