@@ -115,8 +115,8 @@ def _wrapped(angle: float) -> float:
 
 # Whether a filter that finds rest by itself has taken a vehicle for a moving one that its log began at rest.
 #
-# Detection of rest asks whether the estimate agrees (`insenv.estimators.parts.standing`).  Once the estimate is a few standard
-# deviations off it does not, and from then on nothing holds it.  A log that says that the vehicle stays in place needs none.
+# Detection of rest (`insenv.estimators.fusion.zero_velocity`) asks whether the estimate agrees.  Once the estimate is a few
+# standard deviations off it does not, and from then on nothing holds it.  A log of a vehicle that stays in place needs none.
 
 AID = "zero_velocity"
 LATEST_S = 30.0
