@@ -97,13 +97,13 @@ STATE = strapdown.STATE + rows.BIASES + Table((
 
 def start(p: Any) -> dict[str, Any]:
     """The given start; frame w is NED there."""
-    given = strapdown.start_state(p)
+    navigation = strapdown.start_state(p)
     return {
-        **given,
-        "stretch_q_wb": given["q_wb"],
+        **navigation,
+        "stretch_q_wb": navigation["q_wb"],
         "gyro_bias": p.start_gyro_bias,
         "accel_bias": p.start_accel_bias,
-        "covariance": symmetric.triangle(start_covariance(p, given["q_wb"])),
+        "covariance": symmetric.triangle(start_covariance(p, navigation["q_wb"])),
     }
 
 
@@ -347,7 +347,7 @@ def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
         "position_sigma": sigma(C_nw, POSITION),
         "velocity_sigma": sigma(C_nw, VELOCITY),
         "attitude_sigma": sigma(tilt, DQ),
-        **rows.carried(x, (rows.BIASES + rows.FIX_RESIDUALS + rows.FIX_HEALTH).names),
+        **rows.values_of(x, (rows.BIASES + rows.FIX_RESIDUALS + rows.FIX_HEALTH).names),
     }
 
 

@@ -142,14 +142,14 @@ STATE = _new(Table((
     Row("innovation", "Last innovation of velocity", "m/s", (3,), "e"),
 )), COARSE.state)  # fmt: skip
 
-SHOWN = ("misalignment_e", "gyro_bias", "accel_bias", "innovation")
+ESTIMATES = ("misalignment_e", "gyro_bias", "accel_bias", "innovation")
 """State rows that are outputs."""
 
 
 def outputs(state: Table) -> Table:
     """Output rows of a filter with these state rows."""
     covariance = Row("attitude_covariance", "Covariance of the attitude error", "rad^2", (3, 3), "n")
-    return rows.ALIGNMENT + Table((covariance,)) + rows.chosen(state, *SHOWN)
+    return rows.ALIGNMENT + Table((covariance,)) + rows.chosen(state, *ESTIMATES)
 
 
 def transition(duration: Any, delta_velocity_e: Any, C_integral: Any) -> Any:
@@ -409,7 +409,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
         "q_nb": select(x.coarse, rough["q_nb"], fine),
         "attitude_sigma": ca.sqrt(ca.diag(covariance)),
         "attitude_covariance": covariance,
-        **rows.carried(x, SHOWN),
+        **rows.values_of(x, ESTIMATES),
     }
 
 

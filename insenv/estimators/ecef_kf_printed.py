@@ -64,10 +64,10 @@ STATE = Table((
 def start(p: Any) -> dict[str, Any]:
     """The given attitude, its covariance, and gravity."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
-    given = ecef_kf.given_attitude(p, q_en)
+    filter_rows = ecef_kf.given_attitude(p, q_en)
     return {
-        **given,
-        "q_eb_before": given["q_eb"],
+        **filter_rows,
+        "q_eb_before": filter_rows["q_eb"],
         "gravity_e": geodesy.normal_gravity_e(attitude.to_dcm(q_en), p.height),
     }
 
@@ -117,7 +117,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
         "q_nb": attitude.normalize(attitude.multiply(attitude.conjugate(q_en), x.q_eb)),
         "attitude_sigma": ca.sqrt(ca.diag(covariance) * maximum(x.misfit, 1.0)),
         "attitude_covariance": covariance,
-        **rows.carried(x, ecef_kf.SHOWN),
+        **rows.values_of(x, ecef_kf.ESTIMATES),
     }
 
 

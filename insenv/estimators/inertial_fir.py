@@ -113,8 +113,8 @@ def noise_times(elapsed: Any, memory: Any) -> tuple[Any, Any]:
     printed = memory < interval
     recent = minimum(elapsed, memory)
     whole = interval * START + recent
-    kept = exp(-2.0 * (elapsed - recent) / whole)  # of the squares of the oldest weights
-    longer = whole * whole * 2.0 / (1.0 + kept)
+    faded = exp(-2.0 * (elapsed - recent) / whole)  # of the squares of the oldest weights
+    longer = whole * whole * 2.0 / (1.0 + faded)
     first = interval * BASELINE
     return (
         select(printed, first * first / (first - PRINTED_SMEAR), longer / (whole - SMEAR)),

@@ -124,7 +124,7 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def _ready(p: Any, x: Any) -> Any:
-    """1 when the inputs show the heading; a machine on raw inputs is not asked."""
+    """1 when the inputs show the heading; for a machine on raw inputs always."""
     return select(ca.logic_or(p.raw_inputs > 0.0, differences.heading_sigma(x) < READY), 1.0, 0.0)
 
 
@@ -204,10 +204,10 @@ class TrainedMachine:
     @property
     def seeds(self) -> dict[str, set[int]]:
         """Seeds it was trained on, by scenario."""
-        found: dict[str, set[int]] = {}
+        seeds: dict[str, set[int]] = {}
         for run in self.training["runs"]:
-            found.setdefault(run["scenario"], set()).update(run["seeds"])
-        return found
+            seeds.setdefault(run["scenario"], set()).update(run["seeds"])
+        return seeds
 
     def save(self, path: str | Path) -> None:
         """Write the file, under a temporary name first. Raises `InsenvError` if it cannot be written."""
@@ -287,8 +287,8 @@ def _text(content: Mapping[str, Any]) -> str:
     parts = []
     for key, value in machine.items():
         nested = isinstance(value, list) and bool(value) and isinstance(value[0], list)
-        shown = "[\n" + ",\n".join(json.dumps(row) for row in value) + "]" if nested else json.dumps(value)
-        parts.append(f'"{key}": {shown}')
+        text = "[\n" + ",\n".join(json.dumps(row) for row in value) + "]" if nested else json.dumps(value)
+        parts.append(f'"{key}": {text}')
     return rest[:-2] + ',\n "machine": {\n' + ",\n".join(parts) + "}\n}\n"
 
 

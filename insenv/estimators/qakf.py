@@ -247,11 +247,11 @@ def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
     # successive residuals are equal over the correlation time of the low-pass, so as many samples count as one
     alike = 1 + CORRELATION * p.smoothing_time * x.samples / maximum(x.time, 1e-9)
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
-    own = 4 * ca.diag(C_n0n.T @ symmetric.full(x.covariance, 3) @ C_n0n) * alike * SURPLUS**2
-    own *= (1 + own[2] / LINEAR**2) ** 2
+    by_filter = 4 * ca.diag(C_n0n.T @ symmetric.full(x.covariance, 3) @ C_n0n) * alike * SURPLUS**2
+    by_filter *= (1 + by_filter[2] / LINEAR**2) ** 2
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
-        "attitude_sigma": minimum(ca.sqrt(limit**2 + own), LARGEST_SIGMA),
+        "attitude_sigma": minimum(ca.sqrt(limit**2 + by_filter), LARGEST_SIGMA),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,
     }

@@ -85,9 +85,9 @@ def updated(p: Any, x: Any, H: Any) -> dict[str, Any]:
     """Rows of the filter after the observation 0 = H Q + v."""
     P, q = symmetric.full(x.covariance, 4), x.q_start
     innovation = -(H @ q)
-    kept = x.kept_share * p.forgetting
+    power = x.kept_share * p.forgetting
     newest = p.forgetting == 1.0
-    share = select(newest, 1 / (x.samples + 1), (1 - p.forgetting) / select(newest, 1.0, 1 - kept))
+    share = select(newest, 1 / (x.samples + 1), (1 - p.forgetting) / select(newest, 1.0, 1 - power))
     excess = (ca.sumsqr(innovation) - p.subtracted * ca.trace(H @ P @ H.T)) / 4
     least, known = (p.least_noise_sigma / NOMINAL_GRAVITY) ** 2, (p.noise_sigma / NOMINAL_GRAVITY) ** 2
     estimated = maximum((1 - share) * x.noise_variance + share * excess, least)
@@ -99,7 +99,7 @@ def updated(p: Any, x: Any, H: Any) -> dict[str, Any]:
         "q_start": attitude.normalize(q + correction),
         "covariance": symmetric.triangle(P),
         "noise_variance": variance,
-        "kept_share": kept,
+        "kept_share": power,
     }
 
 
@@ -120,12 +120,12 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     turn = 2 * product[1:, :]
     covariance = turn @ symmetric.full(x.covariance, 4) @ turn.T
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
-    own = ca.diag(C_n0n.T @ covariance @ C_n0n)
+    by_filter = ca.diag(C_n0n.T @ covariance @ C_n0n)
 
     stated = settling.stated(x, x.q_start, 0.0, lambda time: inertial_vectors.stated_sigma(p, x, time, 0.0, time / 2, time / 2))
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
-        "attitude_sigma": minimum(ca.sqrt(stated**2 + own), qakf.LARGEST_SIGMA),
+        "attitude_sigma": minimum(ca.sqrt(stated**2 + by_filter), qakf.LARGEST_SIGMA),
         "filter_sigma": minimum(ca.sqrt(ca.diag(covariance)), 10.0),
         "noise_variance": x.noise_variance,
     }

@@ -339,7 +339,7 @@ def _covariance(P: Any, x: Any, own: Values, state: Values, taken: Any, back: An
     """
     C_wi = attitude.to_dcm(back) @ strapdown.C_nw(x.q_ew).T @ attitude.to_dcm(q_ni(state, state.q_i0i))
     turn = ca.SX(3, source.N)
-    turn[:, source.KEPT] = turn[:, source.DRIFT] = C_wi
+    turn[:, source.ANSWER] = turn[:, source.DRIFT] = C_wi
     shared = turn @ symmetric.full(state.covariance, source.N)
     stated = (shared @ turn.T + own.thrust_error**2 * ca.SX.eye(3)) * (taken @ taken.T)
     stated += ca.trace(stated) ** 2 * ca.diag(taken)  # products of two errors, which linearisation leaves out

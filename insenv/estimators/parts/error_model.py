@@ -119,10 +119,10 @@ def covariance_after(update: Update, n: int, share: Any = 1.0) -> Any:
 
 def adjoint_before(adjoint: Any, psi: Any) -> Any:
     """T^T s for the adjoint s (n) of the error after a correction psi."""
-    found = ca.SX(adjoint)
+    before = ca.SX(adjoint)
     for part in TURNING:
-        found[part] = turn_of(psi).T @ adjoint[part]
-    return found
+        before[part] = turn_of(psi).T @ adjoint[part]
+    return before
 
 
 # From a coarse alignment in place to an error-state filter: the covariance of attitude and sensor biases.
@@ -135,7 +135,7 @@ def adjoint_before(adjoint: Any, psi: Any) -> Any:
 #
 # A filter that starts without these correlations takes the attitude for a measurement of its own, and states too little.
 
-LEAST_NOISE = 1e-12  # rad^2
+LEAST_VARIANCE = 1e-12  # rad^2
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ def aligned(sigma: Any, latitude: Any, gravity: Any, gyro_bias_sigma: Any, accel
     by_gyro[2, 1] = 1 / (geodesy.OMEGA_IE * c)
     tilt_accel, tilt_gyro = by_accel * accel_bias_sigma**2, by_gyro * gyro_bias_sigma**2
     biases = tilt_accel @ by_accel.T + tilt_gyro @ by_gyro.T
-    noise = maximum(sigma**2 - ca.diag(biases), LEAST_NOISE)
+    noise = maximum(sigma**2 - ca.diag(biases), LEAST_VARIANCE)
     return Aligned(biases + ca.diag(noise), tilt_accel, tilt_gyro)
 
 

@@ -31,7 +31,7 @@ def at_start(table: Table) -> dict[str, Any]:
     return vars(table.symbols(ca.SX(ca.DM(table.start_vector()))))
 
 
-def carried(x: Any, names: Iterable[str]) -> dict[str, Any]:
+def values_of(x: Any, names: Iterable[str]) -> dict[str, Any]:
     """Those values of `x` by name."""
     return {name: getattr(x, name) for name in names}
 

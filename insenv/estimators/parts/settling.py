@@ -1,8 +1,8 @@
 """Is an answer settled? How far it has moved since earlier answers, as a part of its stated accuracy.
 
 An alignment in place on a swaying base converges steeply, and nothing that is known in advance shows how large the sway
-is. Its own earlier answers do: they are kept at times that grow by the factor `GROWTH`, and the answer now is compared
-with the last `KEPT`. The difference of two efficient estimates has the variance that the later one has less than the
+is. Its earlier answers do: they are stored at times that grow by the factor `GROWTH`, and the answer now is compared
+with the last `ANSWERS`. The difference of two efficient estimates has the variance that the later one has less than the
 earlier one, so a difference of up to `EXPECTED` standard deviations is noise, which is stated already; the rest is
 motion that has not averaged out.
 """
@@ -21,16 +21,17 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame
 from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA
 
-KEPT = 2  # answers: one alone may agree by chance
-GROWTH = 1.25  # of the time from one kept answer to the next
-FIRST = 1.0  # s: time of the first kept answer
+ANSWERS = 2  # stored: a single one may agree by chance
+GROWTH = 1.25  # of the time from one stored answer to the next
+FIRST = 1.0  # s: time of the first stored answer
 EXPECTED = 1.0  # standard deviations
 SETTLED = 1.6  # an answer counts from this multiple of the time that the windows lose
 UNSETTLED_TILT = 0.05  # rad: level before that, from the mean force of a base that sways
 
 STATE = Table((
-    Row("answers", "The last answers kept, youngest first: take b components at the start to n at the start", "1", (KEPT, 4)),
-    Row("answer_times", "Their times", "s", (KEPT,)),
+    Row("answers", "The last answers kept, youngest first: take b components at the start to n at the start", "1",
+        (ANSWERS, 4)),
+    Row("answer_times", "Their times", "s", (ANSWERS,)),
     Row("answer_due", "1 when the answer is to be kept", "1"),
 ))  # fmt: skip
 
@@ -61,7 +62,7 @@ def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any]) -> Any:
     """
     now, back = sigma(x.time), frozen_frame.q_n0n(x.half_turn, x.axis_n)
     excess = ca.SX.zeros(3)
-    for i in range(KEPT):
+    for i in range(ANSWERS):
         moved = attitude.rotate_inverse(back, attitude.error_rotation_vector(answer, x.answers[i, :].T))
         expected = EXPECTED**2 * maximum(sigma(x.answer_times[i]) ** 2 - now**2, 0.0)
         excess = maximum(excess, moved**2 - expected)

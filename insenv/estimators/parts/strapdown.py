@@ -229,11 +229,11 @@ def turned(q: Any, first: Any, second: Any) -> Any:
     """
     start, middle, end = (ca.vertcat(0, w) for w in (3 * first - second, first + second, 3 * second - first))
     product = attitude.multiply
-    one = ca.SX([1, 0, 0, 0])
+    identity = ca.SX([1, 0, 0, 0])
     r = (
-        one
+        identity
         + (end + 4 * middle + start) / 12
-        + product(product(start, middle), one + end / 4) / 12
+        + product(product(start, middle), identity + end / 4) / 12
         + product(middle - start / 2, end) / 12
     )
     return product(q, r)

@@ -21,22 +21,21 @@ from insenv.estimators.parts import frozen_frame, lever_arm, rows
 from insenv.estimators.parts.error_model import bias_sigma
 from insenv.sensors.instruments import DVL, GNSS_TOLD
 
-DRIFT, ALPHA, MEAN, SUM, KEPT, GYRO, ACCEL, OF_VECTOR = (slice(i, i + 3) for i in range(0, 24, 3))
+DRIFT, ALPHA, MEAN, SUM, ANSWER, GYRO, ACCEL, OF_VECTOR = (slice(i, i + 3) for i in range(0, 24, 3))
 OF_SCALAR, N = 24, 25
-"""Errors: drift of C_b^i (rad), of alpha and of its mean (m/s), y, phi of the answer kept (rad), biases (rad/s, m/s^2), and a
-vector and a scalar of constant errors of the instrument.
-"""
+"""Errors: drift of C_b^i (rad), of alpha and of its mean (m/s), y, phi of the current answer (rad), biases (rad/s, m/s^2), and
+a vector and a scalar of constant errors of the instrument."""
 LARGEST_LINEAR = 0.35  # rad: a larger standard deviation is that of no linear problem
 EARTH_AXIS = (0.0, 0.0, 1.0)  # in e
 
 
 @dataclass(frozen=True)
-class Seen:
+class Measurement:
     """One measurement.
 
     alpha (3, m/s, i): without what the module's docstring leaves to beta; error (3xN): its derivative by the errors.
     velocity (3, m/s, i0): the velocity in beta; pull_rate (3, m/s^2, i0): the rate of beta's integral.
-    variance: of each component of the noise, m^2/s^2.  place: rows `latitude`, `longitude`, `height`, `velocity_n`, own ones.
+    variance: of each component of the noise, m^2/s^2.  place: rows of the place, `velocity_n`, and those of `Source.state`.
     """
 
     alpha: Any
@@ -55,8 +54,8 @@ class Source:
     shows_heading: ``parameters by row name -> sentence`` about what shows the heading.
     arrives: the input row that is 1 with a measurement; age: that of its age (s).  inputs, parameters, state: its rows.
     sigma: ``p -> (4)``, standard deviations of its constant errors, vector and scalar.  start: ``p -> state rows``.
-    seen: ``(p, x, u, kept) -> Seen``; kept: ``(p, x) -> (4), 1 or 0``, takes i components to n components by the answer kept,
-        and whether its heading is known.
+    measurement: ``(p, x, u, q_ni) -> Measurement``; q_ni: ``(p, x) -> (4), 1 or 0``, takes i components to n components by the
+        current answer, and whether its heading is known.
     largest_heading: ``p -> rad``; a larger standard deviation of the heading is stated as unknown.
     longest_gap: longest time (s) between two measurements that the integral of beta, a trapezoid, spans; None: any.
     exact: ``(p, that of alpha and i, that of beta and i0) -> the one that has no noise of measurements``.
@@ -74,7 +73,7 @@ class Source:
     inputs: Table
     parameters: Table
     sigma: Callable[[Any], Any]
-    seen: Callable[[Any, Any, Any, Callable[[Any, Any], tuple[Any, Any]]], Seen]
+    measurement: Callable[[Any, Any, Any, Callable[[Any, Any], tuple[Any, Any]]], Measurement]
     exact: Callable[[Any, Any, Any], Any]
     largest_heading: Callable[[Any], Any] = field(default=lambda p: LARGEST_LINEAR)
     state: Table = field(default_factory=Table)
@@ -123,7 +122,7 @@ LONGEST_GAP = 20.0
 SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
 
 
-def _fix_seen(p: Any, x: Any, u: Any, kept: Any) -> Seen:
+def _of_fix(p: Any, x: Any, u: Any, q_ni: Any) -> Measurement:
     q_i0e = earth_turn(x, u.gnss_age)
     place = {"latitude": u.gnss_latitude, "longitude": u.gnss_longitude, "height": u.gnss_height}
     C_en = geodesy.C_en(u.gnss_latitude, u.gnss_longitude)
@@ -131,7 +130,7 @@ def _fix_seen(p: Any, x: Any, u: Any, kept: Any) -> Seen:
     error = ca.SX(3, N)
     # of the velocity that a delay misses, gravity's part is a constant and counts as little as that of alpha and beta
     error[:, ALPHA], error[:, OF_VECTOR], error[:, OF_SCALAR] = ca.SX.eye(3), by_arm, alpha_rate
-    return Seen(
+    return Measurement(
         alpha=alpha,
         error=error,
         velocity=attitude.rotate(q_i0e, C_en @ u.gnss_velocity_n),
@@ -143,11 +142,14 @@ def _fix_seen(p: Any, x: Any, u: Any, kept: Any) -> Seen:
 
 def _by_motion(parameters: Mapping[str, Any]) -> str:
     row, bias = _bias(parameters)
-    kept = math.degrees(LARGEST_LINEAR) * 3600 / max(bias, 1e-30)
-    lost = (
-        f". Gyros with a bias of {bias:.0f} deg/h ({row}) lose it again in {kept:.2g} s: if the unit is better, state its grade"
+    sentence = "turns or changes of speed show it, a straight line at constant speed does not"
+    lost_after = LARGEST_LINEAR / max(bias, 1e-30)
+    if lost_after >= SHORT:
+        return sentence
+    return (
+        f"{sentence}. Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h ({row}) lose it again in {lost_after:.2g} s: "
+        "if the unit is better, state its grade"
     )
-    return "turns or changes of speed show it, a straight line at constant speed does not" + (lost if kept < SHORT else "")
 
 
 FIXES = Source(
@@ -161,7 +163,7 @@ FIXES = Source(
     inputs=rows.FIX_INPUTS,
     parameters=rows.LEVER_ARM + GNSS_TOLD,
     sigma=lambda p: ca.vertcat(p.antenna_lever_arm_sigma, p.gnss_delay_sigma),
-    seen=_fix_seen,
+    measurement=_of_fix,
     exact=lambda p, of_alpha, of_beta: of_alpha,
     longest_gap=LONGEST_GAP,
 )
@@ -179,20 +181,20 @@ LARGEST_HEADING = 0.12
 enters linearly only where it is small.
 """
 LEAST_NOISE = 1e-3
-"""m/s: standard deviation of a log that is told to have no noise."""
+"""m/s: standard deviation of a log without stated noise."""
 
 
-def _log_seen(p: Any, x: Any, u: Any, kept: Any) -> Seen:
+def _of_log(p: Any, x: Any, u: Any, q_ni: Any) -> Measurement:
     since = x.time - u.dvl_age - x.epoch
     alpha, _, _, C_ib = at_point(x, p.dvl_lever_arm_b, u.dvl_age)
     velocity_i = C_ib @ u.dvl_velocity_b
-    q_ni, known = kept(p, x)
-    velocity_n, gone_n = (known * attitude.rotate(q_ni, vector) for vector in (velocity_i, x.way))
+    into_n, known = q_ni(p, x)
+    velocity_n, gone_n = (known * attitude.rotate(into_n, vector) for vector in (velocity_i, x.way))
     place = geodesy.geodetic_from_ned_offset(x.velocity_n * since + gone_n, x.latitude, x.longitude, x.height)
     error = ca.SX(3, N)
     error[:, ALPHA], error[:, DRIFT] = ca.SX.eye(3), skew(velocity_i)
     error[:, OF_VECTOR], error[:, OF_SCALAR] = -C_ib @ skew(u.dvl_velocity_b), -velocity_i
-    return Seen(
+    return Measurement(
         alpha=alpha - velocity_i,
         error=error,
         velocity=ca.SX.zeros(3),
@@ -242,7 +244,7 @@ LOG = Source(
     inputs=DVL.measurement,
     parameters=rows.chosen(DVL.told, *_TOLD) + rows.chosen(rows.START, "start_latitude", "start_longitude", "start_height"),
     sigma=lambda p: ca.vertcat(ca.repmat(p.dvl_misalignment_sigma, 3, 1), p.dvl_scale_factor_sigma),
-    seen=_log_seen,
+    measurement=_of_log,
     state=Table((Row("way", "Way over the ground before the heading was known", "m", (3,), "i"),)),
     exact=_exact,
     largest_heading=lambda p: select(_finds_north(p), LARGEST_HEADING, 0.0),

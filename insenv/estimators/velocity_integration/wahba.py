@@ -29,10 +29,10 @@ that of alpha and beta which has no noise of measurements, so that noise is not 
 line at constant speed N by GNSS is zero about the vertical, and the heading is stated as unknown.
 
 Over a stretch without measurements longer than `Source.longest_gap` the sums would miss the turns of the way: they begin anew
-after it, and the answer kept carries on.  While none comes, the place that turns e to n is the one that the last velocity
+after it, and the current answer carries on.  While none comes, the place that turns e to n is the one that the last velocity
 gives, and the error that a vehicle makes of it by turning is stated: the way since then over the radius of the Earth.
 
-Heading and level of the answer of a measurement replace those that are kept where they are stated to be better, each for
+Heading and level of the answer of a measurement replace those of the current one where they are stated to be better, each for
 itself. So the gyros carry the heading over a stretch that shows none, which the weights would forget.
 """
 
@@ -58,10 +58,10 @@ from insenv.estimators.parts.strapdown import MEMORY
 from insenv.estimators.velocity_integration.source import (
     ACCEL,
     ALPHA,
+    ANSWER,
     DRIFT,
     EARTH_AXIS,
     GYRO,
-    KEPT,
     LARGEST_LINEAR,
     MEAN,
     SUM,
@@ -75,7 +75,7 @@ SOON = 3.0
 """s: after a measurement, for which its velocity gives the place well enough; intervals and ages are shorter."""
 MEASURED = "measured"
 """The step of a measurement."""
-LEAST = 1e-13  # information about the heading over that about the level, below which there is none
+LEAST_INFORMATION = 1e-13  # information about the heading over that about the level, below which there is none
 
 PARAMETERS = (
     Table((Row("memory_time", "Time over which the weight of a measurement fades", "s", start=60.0, lower=1.0, upper=1e9),))
@@ -164,7 +164,7 @@ class VelocityIntegration:
         return {**self.source.start(p), "covariance": symmetric.triangle(ca.diag(sigma * sigma))}
 
     def sample(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
-        """One inertial sample, less the gyro bias that was told."""
+        """One inertial sample, less the gyro bias known at the start."""
         u = Values(**{**vars(u), "delta_angle": u.delta_angle - p.start_gyro_bias * u.dt})
         changed, force = frozen_frame.advanced(x, u)
         stretch = x.stretch + u.dt
@@ -188,23 +188,23 @@ class VelocityIntegration:
         age = getattr(u, self.source.age)
         epoch = x.time - age
         since = select(x.count == 0, 0.0, epoch - x.epoch)
-        seen = self.source.seen(p, x, u, self.kept)
-        pull = x.pull + (x.pull_rate + seen.pull_rate) * (since / 2)
+        at = self.source.measurement(p, x, u, self.current)
+        pull = x.pull + (x.pull_rate + at.pull_rate) * (since / 2)
 
         keep = exp(-since / p.memory_time)
         if self.source.longest_gap is not None:
             keep = select(since > self.source.longest_gap, 0.0, keep)
         before = keep * x.weight
-        weight = before + 1 / seen.variance
-        share = 1 / (seen.variance * weight)
-        dalpha, dbeta = seen.alpha - x.mean_alpha, seen.velocity + pull - x.mean_beta
+        weight = before + 1 / at.variance
+        share = 1 / (at.variance * weight)
+        dalpha, dbeta = at.alpha - x.mean_alpha, at.velocity + pull - x.mean_beta
         product = before * share
         exact = self.source.exact(p, dalpha, dbeta)
         return {
-            "covariance": collected(x.covariance, dalpha, keep, share, product, seen.error, seen.variance),
+            "covariance": collected(x.covariance, dalpha, keep, share, product, at.error, at.variance),
             "epoch": epoch,
             "pull": pull,
-            "pull_rate": seen.pull_rate,
+            "pull_rate": at.pull_rate,
             "weight": weight,
             "count": keep * x.count + 1,
             "mean_alpha": x.mean_alpha + share * dalpha,
@@ -212,35 +212,35 @@ class VelocityIntegration:
             "moment": keep * x.moment + product * exact @ exact.T,
             "profile": keep * x.profile + product * dbeta @ dalpha.T,
             "answer_due": 1.0,
-            **seen.place,
+            **at.place,
             **lever_arm.lagged(age),
         }
 
     def answer(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
-        """Level and heading of the answer of the measurement take the place of those that are kept where they are better."""
-        q_found = largest_eigenvector(davenport(x.profile))
-        found, kept = attitude.normalize(q_ni(x, q_found)), q_ni(x, x.q_i0i)
-        C_ni = attitude.to_dcm(found)
-        C_moment = self.source.exact(p, C_ni, C_ni @ attitude.to_dcm(q_found).T)
+        """Level and heading of the answer of the measurement take the place of the current ones where they are better."""
+        q_measured = largest_eigenvector(davenport(x.profile))
+        latest, current = attitude.normalize(q_ni(x, q_measured)), q_ni(x, x.q_i0i)
+        C_ni = attitude.to_dcm(latest)
+        C_moment = self.source.exact(p, C_ni, C_ni @ attitude.to_dcm(q_measured).T)
         # with what is known of an unknown attitude, and more than rounding, so that there is an inverse
-        known = 1 / UNKNOWN**2 + LEAST * ca.trace(x.moment)
+        known = 1 / UNKNOWN**2 + LEAST_INFORMATION * ca.trace(x.moment)
         information = (ca.trace(x.moment) + known) * ca.SX.eye(3) - x.moment
         inverse = ca.inv_minor(C_moment @ information @ C_moment.T)
 
         def replaced(part: Any) -> tuple[Any, Any]:
-            """Covariance with this part (3, about n) of the answer kept replaced, and the variances of the attitude."""
+            """Covariance with this part (3, about n) of the current answer replaced, and the variances of the attitude."""
             Phi, new = ca.SX.eye(N), ca.diag(part) @ inverse
-            Phi[KEPT, KEPT] = C_ni.T @ ca.diag(1 - part) @ C_ni
-            Phi[KEPT, SUM] = C_ni.T @ new @ C_ni
+            Phi[ANSWER, ANSWER] = C_ni.T @ ca.diag(1 - part) @ C_ni
+            Phi[ANSWER, SUM] = C_ni.T @ new @ C_ni
             P = Phi @ symmetric.full(x.covariance, N) @ Phi.T
-            P[KEPT, KEPT] += C_ni.T @ new @ new.T @ C_ni * (known * UNKNOWN) ** 2
+            P[ANSWER, ANSWER] += C_ni.T @ new @ new.T @ C_ni * (known * UNKNOWN) ** 2
             return P, variance_n(P, C_ni)
 
         now, other = variance_n(symmetric.full(x.covariance, N), C_ni), replaced(ca.SX.ones(3))[1]
         level, heading = other[0] + other[1] < now[0] + now[1], other[2] < now[2]
         part = ca.vertcat(level, level, heading)
-        apart = attitude.error_rotation_vector(found, kept)
-        q = attitude.multiply(attitude.from_rotation_vector((part - 1) * apart), found)
+        apart = attitude.error_rotation_vector(latest, current)
+        q = attitude.multiply(attitude.from_rotation_vector((part - 1) * apart), latest)
         back = attitude.conjugate(q_ni(x, ca.vertcat(1, 0, 0, 0)))
         return {
             "covariance": symmetric.triangle(replaced(part)[0]),
@@ -248,8 +248,8 @@ class VelocityIntegration:
             "answer_due": 0.0,
         }
 
-    def kept(self, p: Any, x: Any) -> tuple[Any, Any]:
-        """Takes i components to n components now by the answer kept (4), and 1 where its heading is known."""
+    def current(self, p: Any, x: Any) -> tuple[Any, Any]:
+        """Takes i components to n components now by the current answer (4), and 1 where its heading is known."""
         q = attitude.normalize(q_ni(x, x.q_i0i))
         variance = variance_n(symmetric.full(x.covariance, N), attitude.to_dcm(q))[2]
         return q, select(variance < self.source.largest_heading(p) ** 2, 1.0, 0.0)
@@ -286,8 +286,8 @@ def q_ni(x: Any, q_i0i: Any) -> Any:
 
 
 def variance_n(P: Any, C_ni: Any) -> Any:
-    """Variances of the attitude by the answer kept, about n (3, rad^2)."""
-    both = P[KEPT, KEPT] + P[DRIFT, DRIFT] + P[KEPT, DRIFT] + P[DRIFT, KEPT]
+    """Variances of the attitude by the current answer, about n (3, rad^2)."""
+    both = P[ANSWER, ANSWER] + P[DRIFT, DRIFT] + P[ANSWER, DRIFT] + P[DRIFT, ANSWER]
     return ca.diag(C_ni @ both @ C_ni.T)
 
 
