@@ -349,7 +349,7 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
     accept, correction = select(moving, x.fix_waiting, 1.0), ca.SX.zeros(N)
     H = select(moving, fix_H, observation(A, 0.5))
     for i in range(3):
-        stored, correction = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
+        stored, correction, _ = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
     return {
         **corrected(x, correction),
         "covariance": stored,

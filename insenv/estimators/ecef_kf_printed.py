@@ -96,7 +96,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         H = ca.SX(1, N)
         H[0, i] = 1
         square += velocity[i] ** 2 / innovation_variance(stored, H, p.zero_velocity_sigma**2) / 3
-        stored, correction = measure(stored, correction, H, velocity[i], p.zero_velocity_sigma**2, 1)
+        stored, correction, _ = measure(stored, correction, H, velocity[i], p.zero_velocity_sigma**2, 1)
     moved = Values(**{**vars(x), "q_eb": q_eb, "velocity_e": velocity})
     return {
         **ecef_kf.corrected(moved, correction),
