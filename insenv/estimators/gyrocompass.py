@@ -67,7 +67,7 @@ def loop(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "displacement": moved,
         "displacement_square": x.displacement_square + fresh * (ca.sumsqr(moved) / 2 - x.displacement_square),
         "velocity_n": ca.vertcat((1 - K1 * T) * velocity[:2], 0),
-        **frozen_frame.block_done(),
+        **rows.at_start(frozen_frame.BLOCK),
     }
 
 

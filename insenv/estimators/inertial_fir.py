@@ -2,8 +2,7 @@
 
 No coarse alignment is needed, at any attitude. In the frozen frame i, specific force is minus gravity, which moves
 slowly along a cone with the Earth, plus disturbances above 1/15 Hz. Means over blocks of 0.1 s pass three symmetric
-low-passes and two decimations. From the filtered vectors f at times t_M - D/2, t_M and
-t_M + D/2, with f = -g:
+low-passes and two decimations. From the filtered vectors f at times t_M - D/2, t_M and t_M + D/2, with f = -g:
 
     U = f(t_M) / |f(t_M)|,   E along f(t_M + D/2) - f(t_M - D/2),   N = U x E                               (3), (6)
     C_i^nM = [N E -U]^T  (the paper's n is north, up, east)                                               (5)
@@ -183,7 +182,7 @@ def block(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "first_inputs": _pushed(x.first_inputs, x.force_sum / x.block_time),
         "blocks": blocks,
         "first_due": _every(STRIDES[1], blocks),
-        **frozen_frame.block_done(),
+        **rows.at_start(frozen_frame.BLOCK),
     }
 
 

@@ -74,7 +74,8 @@ MACHINE = Table((
         lower=0.0, upper=2.0),
 ))  # fmt: skip
 """The machine as parameter rows: all zero, it leaves the SINS at its start attitude."""
-_SHAPES = {"support": (-1, FEATURES), "coefficients": (-1, 3), "offset": (3,), "scale": (FEATURES,), "machine_sigma": (3,)}
+_SHAPES = {row.name: tuple(-1 if n == SUPPORT else n for n in row.shape) for row in MACHINE if row.shape}
+"""Shapes of the arrays in a file, -1 for its number of support vectors."""
 
 PARAMETERS = differences.PARAMETERS + rows.chosen(
     rows.START_SIGMAS, "tilt_sigma", "heading_sigma", tilt_sigma=1.0, heading_sigma=1.0
@@ -237,10 +238,9 @@ def load(path: str | Path) -> TrainedMachine:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InputError(f"{name!r} is not a trained machine: its format is not {FORMAT!r}")
     version = content.get("version")
-    if isinstance(version, int) and version > VERSION:
-        raise InputError(f"{name!r} has version {version}: this insenv reads up to {VERSION}; use a newer insenv")
     if version != VERSION:
-        raise InputError(f"{name!r} has version {version!r}: allowed is {VERSION}")
+        newer = "; use a newer insenv" if isinstance(version, int) and version > VERSION else ""
+        raise InputError(f"{name!r} has version {version!r}: this insenv reads version {VERSION}{newer}")
     machine, training = content.get("machine"), content.get("training")
     if not isinstance(machine, dict) or not isinstance(training, dict):
         raise InputError(f"{name!r} is damaged: it lacks its machine or the conditions of its training")

@@ -47,11 +47,15 @@ PARAMETERS = (
     + rows.chosen(rows.NOISES, angle_random_walk=1e-6, velocity_random_walk=1e-4)
 )
 
-STATE = FRAME + Table((
+BLOCK = Table((
     Row("force_sum", "Integral of specific force since the start of the block", "m/s", (3,), "i"),
     Row("block_time", "Time since the start of the block", "s"),
     Row("block_count", "Samples since the start of the block", "1"),
     Row("block_due", "1 when the block is complete", "1"),
+))  # fmt: skip
+"""After a block has been used, these rows begin anew (`rows.at_start`)."""
+
+STATE = FRAME + BLOCK + Table((
     Row("begin", "1 before the first sample", "1", start=1.0),
     Row("time", "Time since the start", "s"),
 )) + MEMORY  # fmt: skip
@@ -135,11 +139,6 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "block_due": x.block_count + 1 >= p.block_samples,
         "time": x.time + u.dt,
     }
-
-
-def block_done() -> dict[str, Any]:
-    """State rows after a block has been used."""
-    return {"force_sum": ca.SX.zeros(3), "block_time": 0, "block_count": 0, "block_due": 0}
 
 
 def block_velocity_n(x: Any) -> Any:
