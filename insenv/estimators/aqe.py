@@ -7,9 +7,9 @@ Source: the LS-SVM large misalignment paper; the error model and its equations a
 `aqe-ekf` linearises it at the estimate: of (9) it keeps 2 Y^T(dQ) U(Q_hat) f.
 
 `aqe-sukf` is a simplified unscented Kalman filter: the measurement is linear, so only the time update uses sigma
-points. Only those that differ in dQ matter. With the Cholesky factor of the state begun at dQ, which has three
-dimensions on the tangent of the unit sphere, these are 6 of the 27 points of the paper's 13 states, and the centre;
-along the others the model is linear.
+points, and of these only the ones that differ in dQ, because the model is linear in the other states. With dQ first in
+the Cholesky factor, with its three dimensions on the tangent of the unit sphere, these are the centre and 6 of the 27
+points of the paper's 13 states.
 
 - The points lie at +-sqrt(3) times the columns of the factor (n + kappa = 3 matches the fourth moment of a normal
   distribution).
@@ -23,9 +23,9 @@ along the others the model is linear.
 
 After a measurement the estimate is normalised and the covariance moved to its new tangent: dQ by left multiplication
 with the rotation from the old to the new estimate, dv and dr by its matrix, as errors that are fixed in the body. So
-the rotation about the specific force, which gravity cannot show, is still unknown after the correction. With a mere
-projection onto the new tangent the filter becomes overconfident in its heading while it levels: errors of degrees at
-a stated tenth of a degree.
+the rotation about the specific force, which gravity cannot show, is still unknown after the correction. With a
+projection onto the new tangent instead, the filter becomes overconfident in its heading while it levels: errors of
+degrees at a stated tenth of a degree.
 """
 
 from __future__ import annotations
@@ -58,7 +58,6 @@ from insenv.estimators.parts.quaternion_error import (
     Spread,
     U,
     Y,
-    decayed,
     left,
     process_noise,
     sensitivity,
@@ -139,7 +138,7 @@ def predicted(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """State rows of a time update over the samples since the last one, without those of `STRETCH`."""
     P = symmetric.full(x.covariance, N)
     part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
-    Phi = decayed(p, transition(x, part), x.stretch)
+    Phi = transition(p, x, part)
     gyro_decay, accel_decay = decays(p, x.stretch)
     moved = attitude.rotate(x.stretch_q_wb, x.stretch_velocity) + ca.vertcat(0, 0, geodesy.NOMINAL_GRAVITY * x.stretch)
     motion = variances(p, attitude.to_rotation_vector(x.stretch_turn), moved)

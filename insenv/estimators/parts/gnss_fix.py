@@ -1,9 +1,9 @@
 """A GNSS fix at its own time, predicted from a navigation state in the wander-azimuth frame.
 
-A fix comes with its age: the time from its validity to the end of the last inertial sample, which need not be a whole
-number of samples. The position and velocity of the antenna at that time follow from the present state, the acceleration
-and rate of the last sample and the angular acceleration (`insenv.estimators.parts.lever_arm`), so a fix may lie between
-two samples or be some tenths of a second late.
+The age of a fix is the time from its validity to the end of the last inertial sample, not necessarily a whole number of
+samples. Position and velocity of the antenna at that time follow from the present state, the acceleration and rate of the
+last sample and the angular acceleration (`insenv.estimators.parts.lever_arm`), so a fix may lie between two samples or be
+some tenths of a second late.
 """
 
 from __future__ import annotations

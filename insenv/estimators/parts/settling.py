@@ -1,10 +1,9 @@
-"""Is an answer settled? How far it has moved since earlier answers, as a part of its stated accuracy.
+"""Whether an alignment has settled: the change of its answer since earlier answers is a part of its stated accuracy.
 
-An alignment in place on a swaying base converges steeply, and nothing that is known in advance shows how large the sway
-is. Its earlier answers do: they are stored at times that grow by the factor `GROWTH`, and the answer now is compared
-with the last `ANSWERS`. The difference of two efficient estimates has the variance that the later one has less than the
-earlier one, so a difference of up to `EXPECTED` standard deviations is noise, which is stated already; the rest is
-motion that has not averaged out.
+An alignment in place on a swaying base converges steeply, and the size of the sway is not known in advance. Answers are
+therefore stored at times that grow by the factor `GROWTH`, and the present one is compared with the last `ANSWERS`. The
+difference of two efficient estimates has the difference of their variances as its variance, so a change of up to `EXPECTED`
+standard deviations is noise, which is stated already; the rest is motion that has not averaged out.
 """
 
 from __future__ import annotations

@@ -14,26 +14,26 @@ has the term -C_b^i v^b, and beta is without C_e^i0 v. Q is constant, from b at 
 
     C_b^n = C_e^n C_i0^e C(Q) C_b^i
 
-The constant is the velocity at the start, of which no measurement is better than another: alpha and beta count less their
-weighted means. Q is the eigenvector of the largest eigenvalue of Davenport's matrix of B, the sum of w dbeta dalpha^T
-over the measurements (Markley and Crassidis 2014, section 5.3). The weights w are their inverse variances and fade
-over `memory_time`.
+The constant is the velocity at the start; the weighted means of alpha and beta eliminate it. Q is the eigenvector of the
+largest eigenvalue of Davenport's matrix of B, the sum of w dbeta dalpha^T over the measurements (Markley and Crassidis
+2014, section 5.3), d being the difference from the mean. The weights w are the inverse variances of the measurements and
+fade over `memory_time`.
 
 Stated accuracy. To first order the error of C(Q) is the rotation phi (i) with
 
     N phi = y,   y = sum of w [dalpha x]^T (d(delta alpha) - noise),   N = sum of w [dalpha x]^T [dalpha x]
 
 The covariance of the drift of C_b^i, of delta alpha, of its weighted mean, of y and of the constant errors follows from
-linear recursions with the noises of the data sheets; that of the attitude is that of phi plus the drift. N comes from
-that of alpha and beta which has no noise of measurements, so that noise is not taken for information: along a straight
+linear recursions with the noises of the data sheets; that of the attitude is that of phi plus the drift. N is formed
+from the one of alpha and beta that has no measurement noise, so that noise does not count as information: along a straight
 line at constant speed N by GNSS is zero about the vertical, and the heading is stated as unknown.
 
-Over a stretch without measurements longer than `Source.longest_gap` the sums would miss the turns of the way: they begin anew
-after it, and the current answer carries on.  While none comes, the place that turns e to n is the one that the last velocity
-gives, and the error that a vehicle makes of it by turning is stated: the way since then over the radius of the Earth.
+After a gap between measurements longer than `Source.longest_gap` the sums, which would miss the turns in it, begin anew; the
+current answer stays. During a gap the position is extrapolated with the last velocity; the error of n that a turn can cause
+is stated: the distance since then over the radius of the Earth.
 
-Heading and level of the answer of a measurement replace those of the current one where they are stated to be better, each for
-itself. So the gyros carry the heading over a stretch that shows none, which the weights would forget.
+Level and heading of the answer after a measurement replace those of the current answer if their stated accuracy is better,
+each for itself. So the gyros carry the heading through phases that do not show it.
 """
 
 from __future__ import annotations
