@@ -69,7 +69,9 @@ from insenv.estimators.parts.strapdown import compensated
 SPREAD = 3.0  # n + kappa
 _ROOT = 1.7320508075688772
 
-PARAMETERS = rows.AIDED_PARAMETERS + rows.STANDING_SIGMA + rows.FIX_WANDER + rows.MOTION_ERRORS + Table((
+PARAMETERS = rows.START + rows.START_SIGMAS + rows.START_BIASES + rows.chosen(
+    rows.SENSORS, gyro_bias_sigma=1e-6, accel_bias_sigma=1e-2, angle_random_walk=1e-5, velocity_random_walk=1e-3
+) + rows.LEVER_ARM + rows.STANDING_SIGMA + rows.FIX_WANDER + rows.MOTION_ERRORS + Table((
     Row("filter_interval", "Longest interval between time updates", "s", start=1.0, lower=0.0, upper=10.0),
 ))  # fmt: skip
 
@@ -91,7 +93,8 @@ STATE = strapdown.STATE + rows.BIASES + Table((
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     Row("predict_due", "1 when the time update is due"),
-)) + rows.SINCE_FIX + lever_arm.MEMORY + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
+    Row("since_fix", "Time since the epoch of the last fix", "s", start=1e9),
+)) + lever_arm.MEMORY + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -371,7 +374,7 @@ def estimator(id: str, title: str, form: Form, applicability: Notes | None, cave
         title=title,
         parameters=PARAMETERS + form.parameters,
         state=STATE,
-        inputs=rows.AIDED_INPUTS,
+        inputs=rows.SAMPLE_INPUTS + rows.FIX_INPUTS + rows.STANDING_INPUT,
         outputs=rows.AIDED_OUTPUTS,
         steps={
             "sample": Step(sample),

@@ -151,13 +151,6 @@ def reported_aids(outputs: Iterable[str]) -> tuple[str, ...]:
 
 # GNSS/INS filters: `aqe-ekf`, `aqe-sukf`, and in part those of `fusion`
 
-AIDED_PARAMETERS = (
-    START
-    + START_SIGMAS
-    + START_BIASES
-    + chosen(SENSORS, gyro_bias_sigma=1e-6, accel_bias_sigma=1e-2, angle_random_walk=1e-5, velocity_random_walk=1e-3)
-    + LEVER_ARM
-)
 FIX_WANDER = Table((
     Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
     Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
@@ -167,8 +160,6 @@ MOTION_ERRORS = Table((
     Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
         lower=0, upper=1.0),
 ))  # fmt: skip
-SINCE_FIX = Table((Row("since_fix", "Time since the epoch of the last fix", "s", start=1e9),))
-AIDED_INPUTS = SAMPLE_INPUTS + FIX_INPUTS + STANDING_INPUT
 AIDED_OUTPUTS = NAVIGATION + BIASES + Table((
     Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),
     Row("velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n"),
