@@ -197,10 +197,10 @@ class TrainedMachine:
         count = len(self.support)
         if count > room:
             raise InputError(f"machine of {count} support vectors: allowed is up to {room}")
-        support, coefficients = np.zeros((room, FEATURES)), np.zeros((room, 3))
-        support[:count], coefficients[:count] = self.support, self.coefficients
-        rest = {name: getattr(self, name) for name in ("offset", "scale", "machine_sigma")}
-        return {"support": support, "coefficients": coefficients, **rest, "raw_inputs": float(self.raw_inputs)}
+        arrays = {name: getattr(self, name) for name in _SHAPES}
+        for name in ("support", "coefficients"):
+            arrays[name] = np.pad(arrays[name], ((0, room - count), (0, 0)))
+        return {**arrays, "raw_inputs": float(self.raw_inputs)}
 
     @property
     def seeds(self) -> dict[str, set[int]]:
