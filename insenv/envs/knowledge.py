@@ -14,7 +14,6 @@ from insenv import attitude, geodesy
 from insenv.core.model import Model
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import ImuDataSheet, Knowledge
-from insenv.geodesy.position import bounded_place_rows
 from insenv.scenario import Scenario, reported_attitude, start_errors
 from insenv.sensors.data_sheet import motion_errors
 from insenv.sensors.imu_tables import HUGE
@@ -24,7 +23,7 @@ _FIELDS = {field.name for field in fields(ImuDataSheet)}
 
 KNOWN = Table((
     Row("known_sample_interval", "Time between inertial samples", "s", lower=0.0, upper=1.0),
-    *bounded_place_rows("known_", " of the start as reported, the reference of positions"),
+    *geodesy.bounded_place_rows("known_", " of the start as reported, the reference of positions"),
     Row("known_position_sigma", "Reported standard deviation of that position", "m", (3,), "n", lower=0.0, upper=1e7),
     Row("known_velocity_n", "Reported velocity at the start", "m/s", (3,), "n", lower=-1e4, upper=1e4),
     Row("known_velocity_sigma", "Reported standard deviation of that velocity", "m/s", (3,), "n", lower=0.0, upper=1e4),

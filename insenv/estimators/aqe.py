@@ -7,9 +7,9 @@ Source: the LS-SVM large misalignment paper; the error model and its equations a
 `aqe-ekf` linearises it at the estimate: of (9) it keeps 2 Y^T(dQ) U(Q_hat) f.
 
 `aqe-sukf` is a simplified unscented Kalman filter: the measurement is linear, so only the time update uses sigma
-points. Only those that differ in dQ matter. With the Cholesky factor of the state begun at dQ, which has three
-dimensions on the tangent of the unit sphere, these are 6 of the 27 points of the paper's 13 states, and the centre;
-along the others the model is linear.
+points, and of these only the ones that differ in dQ, because the model is linear in the other states. With dQ first in
+the Cholesky factor, with its three dimensions on the tangent of the unit sphere, these are the centre and 6 of the 27
+points of the paper's 13 states.
 
 - The points lie at +-sqrt(3) times the columns of the factor (n + kappa = 3 matches the fourth moment of a normal
   distribution).
@@ -23,13 +23,16 @@ along the others the model is linear.
 
 After a measurement the estimate is normalised and the covariance moved to its new tangent: dQ by left multiplication
 with the rotation from the old to the new estimate, dv and dr by its matrix, as errors that are fixed in the body. So
-the rotation about the specific force, which gravity cannot show, is still unknown after the correction. With a mere
-projection onto the new tangent the filter becomes overconfident in its heading while it levels: errors of degrees at
-a stated tenth of a degree.
+the rotation about the specific force, which gravity cannot show, is still unknown after the correction. With a
+projection onto the new tangent instead, the filter becomes overconfident in its heading while it levels: errors of
+degrees at a stated tenth of a degree.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -55,7 +58,6 @@ from insenv.estimators.parts.quaternion_error import (
     Spread,
     U,
     Y,
-    decayed,
     left,
     process_noise,
     sensitivity,
@@ -67,35 +69,43 @@ from insenv.estimators.parts.strapdown import compensated
 SPREAD = 3.0  # n + kappa
 _ROOT = 1.7320508075688772
 
-PARAMETERS = rows.AIDED_PARAMETERS + rows.STANDING_SIGMA + rows.FIX_WANDER + rows.MOTION_ERRORS + Table((
+PARAMETERS = rows.START + rows.START_SIGMAS + rows.START_BIASES + rows.chosen(
+    rows.SENSORS, gyro_bias_sigma=1e-6, accel_bias_sigma=1e-2, angle_random_walk=1e-5, velocity_random_walk=1e-3
+) + rows.LEVER_ARM + rows.STANDING_SIGMA + rows.FIX_WANDER + rows.MOTION_ERRORS + Table((
     Row("filter_interval", "Longest interval between time updates", "s", start=1.0, lower=0.0, upper=10.0),
 ))  # fmt: skip
 
-STATE = strapdown.STATE + rows.BIASES + Table((
-    Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(N),)),
-    Row("dt", "Interval of the last sample", "s", start=1.0),
+STRETCH = Table((
     Row("stretch", "Time since the last time update", "s"),
     Row("stretch_q_wb", "Attitude at the last time update", "1", (4,), "w", (1, 0, 0, 0)),
     Row("stretch_turn", "Rotation since: takes b components to components in b then", "1", (4,), "b then", (1, 0, 0, 0)),
     Row("stretch_velocity", "Integral of the specific force since", "m/s", (3,), "b then"),
     Row("stretch_distance", "Its integral", "m", (3,), "b then"),
     Row("stretch_C", "Integral of the matrix of that rotation", "s", (3, 3), "b then"),
+))  # fmt: skip
+"""What is integrated from one time update or correction to the next."""
+
+STATE = strapdown.STATE + rows.BIASES + Table((
+    Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(N),)),
+    Row("dt", "Interval of the last sample", "s", start=1.0),
+    *STRETCH,
     Row("omega_ie_w", "Earth rate at the last sample", "rad/s", (3,), "w"),
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     Row("predict_due", "1 when the time update is due"),
-)) + rows.SINCE_FIX + lever_arm.MEMORY + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
+    Row("since_fix", "Time since the epoch of the last fix", "s", start=1e9),
+)) + lever_arm.MEMORY + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
     """The given start; frame w is NED there."""
-    given = strapdown.start_state(p)
+    navigation = strapdown.start_state(p)
     return {
-        **given,
-        "stretch_q_wb": given["q_wb"],
+        **navigation,
+        "stretch_q_wb": navigation["q_wb"],
         "gyro_bias": p.start_gyro_bias,
         "accel_bias": p.start_accel_bias,
-        "covariance": symmetric.triangle(start_covariance(p, given["q_wb"])),
+        "covariance": symmetric.triangle(start_covariance(p, navigation["q_wb"])),
     }
 
 
@@ -111,7 +121,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     stretch = x.stretch + u.dt
     due = ca.logic_or(stretch + u.dt / 2 > p.filter_interval, ca.logic_or(u.gnss_valid, u.standing))
     return {
-        **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
+        **moved.rows,
         "dt": u.dt,
         "since_fix": x.since_fix + u.dt,
         "stretch": stretch,
@@ -121,22 +131,17 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "stretch_C": x.stretch_C + (C + attitude.to_dcm(turn)) * (u.dt / 2),
         "omega_ie_w": moved.omega_ie_w,
         "omega_ew_w": moved.omega_ew_w,
-        "acceleration_w": (moved.velocity_w - x.velocity_w) / u.dt,
+        "acceleration_w": (moved.rows["velocity_w"] - x.velocity_w) / u.dt,
         **lever_arm.followed(x, delta_angle / u.dt, u.dt, x.samples == 0),
         "predict_due": select(due, 1.0, 0.0),
     }
 
 
-def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
-    """The time update over the samples since the last one."""
-    return {**_updated(p, x, spread), **interval_start(x.q_wb)}
-
-
-def _updated(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
-    """State rows of a time update, without those of the interval."""
+def predicted(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
+    """State rows of a time update over the samples since the last one, without those of `STRETCH`."""
     P = symmetric.full(x.covariance, N)
     part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
-    Phi = decayed(p, transition(x, part), x.stretch)
+    Phi = transition(p, x, part)
     gyro_decay, accel_decay = decays(p, x.stretch)
     moved = attitude.rotate(x.stretch_q_wb, x.stretch_velocity) + ca.vertcat(0, 0, geodesy.NOMINAL_GRAVITY * x.stretch)
     motion = variances(p, attitude.to_rotation_vector(x.stretch_turn), moved)
@@ -150,11 +155,6 @@ def _updated(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
         "accel_bias": accel_decay * x.accel_bias,
         "covariance": symmetric.triangle(P),
     }
-
-
-def at_sample(p: Any, x: Any, spread: Spread) -> Any:
-    """The state with its time update up to the last sample: what the filter knows between two time updates."""
-    return Values(**{**vars(x), **_updated(p, x, spread)})
 
 
 def linearised(q_hat: Any, P: Any, velocity: Any, distance: Any) -> Nonlinear:
@@ -240,28 +240,42 @@ def fix_sensitivity(p: Any, x: Any, age: Any, antenna: gnss_fix.Antenna) -> Any:
     return H
 
 
-def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
+def gnss(p: Any, x: Any, u: Any, form: Form) -> dict[str, Any]:
     """One fix, position and, where it has one, velocity, component by component in n, with feedback."""
     antenna = gnss_fix.antenna(p, x, u.gnss_age)
     C_nw = strapdown.C_nw(x.q_ew)
     innovation = gnss_fix.innovation(x, u, antenna)
     H = ca.diagcat(C_nw, C_nw) @ fix_sensitivity(p, x, u.gnss_age, antenna)
-    P = symmetric.full(x.covariance, N)[DQ, DQ]
-    variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2 + _curvature(p, antenna, P)
-    since = maximum(x.since_fix - u.gnss_age, 0.0)  # between the epochs of the two fixes
-    variance = variance + ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
     present = gnss_fix.present(u)
-    changed, test_ratio = fused(x, innovation, H, variance, present)
-    reported = {"innovation": innovation * present, "test_ratio": test_ratio, "since_fix": u.gnss_age}
-    counted = gnss_fix.counted(x, present, present, test_ratio)  # there is no gate
-    return {**changed, **lever_arm.lagged(u.gnss_age), **counted, **reported}
+    changed, test_ratio = fused(x, innovation, H, form.fix_variance(p, x, u, antenna), present, partial(form.turn, p))
+    return {
+        **changed,
+        **lever_arm.lagged(u.gnss_age),
+        **gnss_fix.counted(x, present, present, test_ratio),  # there is no gate
+        "innovation": innovation * present,
+        "test_ratio": test_ratio,
+        "since_fix": form.since_fix(u.gnss_age),
+    }
 
 
-def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
+def zero_velocity(p: Any, x: Any, u: Any, form: Form) -> dict[str, Any]:
     """The vehicle is known to be at rest: its velocity is zero within `standing_sigma`."""
     H = ca.SX(3, N)
     H[:, VELOCITY] = ca.SX.eye(3)
-    return fused(x, x.velocity_w, H, ca.repmat(p.standing_sigma**2, 3, 1), [1, 1, 1])[0]
+    return fused(x, x.velocity_w, H, ca.repmat(p.standing_sigma**2, 3, 1), [1, 1, 1], partial(form.turn, p))[0]
+
+
+def receiver_variance(p: Any, x: Any, u: Any, antenna: gnss_fix.Antenna) -> Any:
+    """Variances (6) of position and velocity of a fix, as the receiver states them."""
+    return ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2
+
+
+def fix_variance(p: Any, x: Any, u: Any, antenna: gnss_fix.Antenna) -> Any:
+    """`receiver_variance`, what the sensitivity to dQ omits, and what the error shares with that of the last fix."""
+    P = symmetric.full(x.covariance, N)[DQ, DQ]
+    variance = receiver_variance(p, x, u, antenna) + _curvature(p, antenna, P)
+    since = maximum(x.since_fix - u.gnss_age, 0.0)  # between the epochs of the two fixes
+    return variance + ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
 
 
 def _curvature(p: Any, antenna: gnss_fix.Antenna, P: Any) -> Any:
@@ -274,58 +288,55 @@ def _curvature(p: Any, antenna: gnss_fix.Antenna, P: Any) -> Any:
     return ca.vertcat(*[position] * 3, *[velocity] * 3)
 
 
-def fused(x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple[dict[str, Any], Any]:
+@dataclass(frozen=True)
+class Form:
+    """What the filters of the error model differ in.
+
+    spread: ``p -> Spread``, the nonlinear part of a time update.
+    fix_variance: ``(p, x, u, antenna) -> (6)``, variances of position (m^2) and velocity (m^2/s^2) of a fix, n.
+    turn: ``(p, q) -> (4)``, by which the errors turn where a correction turns the attitude by q.
+    since_fix: row `since_fix` after a fix of some age (s).  parameters: further rows.
+    """
+
+    spread: Callable[[Any], Spread]
+    fix_variance: Callable[[Any, Any, Any, gnss_fix.Antenna], Any] = fix_variance
+    turn: Callable[[Any, Any], Any] = lambda p, q: q
+    since_fix: Callable[[Any], Any] = lambda age: age
+    parameters: Table = field(default_factory=Table)
+
+
+def fused(
+    x: Any, innovation: Any, H: Any, variance: Any, present: Any, turn: Callable[[Any], Any] = lambda q: q
+) -> tuple[dict[str, Any], Any]:
     """State rows after the measurements `innovation` = H error + noise with feedback, and the test ratios.
 
-    The measurements are processed one after another, those with `present` 1.
+    The measurements are processed one after another, those with `present` 1. turn: of the turn of the attitude, that
+    of the errors.
     """
-    P, correction, ratios = measured(x, innovation, H, variance, present)
-    q_wb = attitude.normalize(x.q_wb - correction[DQ])
-    return fed_back(x, P, correction, q_wb, attitude.multiply(q_wb, attitude.conjugate(x.q_wb))), ratios
-
-
-def measured(x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple[Any, Any, Any]:
-    """Covariance (N x N) and estimated error (N) after the measurements, one after another, and their test ratios."""
     P, correction, ratios = symmetric.full(x.covariance, N), ca.SX.zeros(N), []
     for i in range(H.shape[0]):
         P, correction, ratio = measure_joseph(P, correction, H[i, :], innovation[i], variance[i], present[i])
         ratios.append(ratio)
-    return P, correction, ca.vertcat(*ratios)
-
-
-def fed_back(x: Any, P: Any, correction: Any, q_wb: Any, step: Any) -> dict[str, Any]:
-    """State rows with an estimated error taken out; the errors turn with the attitude.
-
-    q_wb: attitude after it.  step: quaternion by which the errors turn.
-    """
-    turn = attitude.to_dcm(step)
-    P = turned(P, ((DQ, left(step)), (VELOCITY, turn), (POSITION, turn)))
-    return {
+    q_wb = attitude.normalize(x.q_wb - correction[DQ])
+    step = turn(attitude.multiply(q_wb, attitude.conjugate(x.q_wb)))
+    C = attitude.to_dcm(step)
+    P = turned(P, ((DQ, left(step)), (VELOCITY, C), (POSITION, C)))
+    changed = {
         **strapdown.moved_back(x, correction[POSITION])[1],
         "velocity_w": x.velocity_w - correction[VELOCITY],
-        **interval_start(q_wb),
+        **rows.at_start(STRETCH),
+        "stretch_q_wb": q_wb,
         "q_wb": q_wb,
         "gyro_bias": x.gyro_bias + correction[GYRO],
         "accel_bias": x.accel_bias + correction[ACCEL],
         "covariance": symmetric.triangle(P),
     }
-
-
-def interval_start(q_wb: Any) -> dict[str, Any]:
-    """State rows of a new interval that starts with attitude q_wb."""
-    return {
-        "stretch": 0,
-        "stretch_q_wb": q_wb,
-        "stretch_turn": ca.vertcat(1, 0, 0, 0),
-        "stretch_velocity": ca.SX.zeros(3),
-        "stretch_distance": ca.SX.zeros(3),
-        "stretch_C": ca.SX.zeros(3, 3),
-    }
+    return changed, ca.vertcat(*ratios)
 
 
 def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """Navigation in n, and standard deviations; the misalignment about n is 2 Y^T(Q_hat) dQ to first order."""
-    x = at_sample(p, x, spread)
+    x = Values(**{**vars(x), **predicted(p, x, spread)})  # what the filter knows between two time updates
     C_nw = strapdown.C_nw(x.q_ew)
     P = symmetric.full(x.covariance, N)
     tilt = 2 * C_nw @ Y(x.q_wb).T
@@ -335,12 +346,10 @@ def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
 
     return {
         **strapdown.navigation_outputs(x),
-        "gyro_bias": x.gyro_bias,
-        "accel_bias": x.accel_bias,
         "position_sigma": sigma(C_nw, POSITION),
         "velocity_sigma": sigma(C_nw, VELOCITY),
         "attitude_sigma": sigma(tilt, DQ),
-        **{row.name: getattr(x, row.name) for row in rows.FIX_RESIDUALS + rows.FIX_HEALTH},
+        **rows.values_of(x, (rows.BIASES + rows.FIX_RESIDUALS + rows.FIX_HEALTH).names),
     }
 
 
@@ -354,21 +363,26 @@ def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, A
     return ca.vertcat(velocity, offset, turn - theta), selected @ P @ selected.T
 
 
-def _estimator(id: str, title: str, spread: Spread, applicability: Notes) -> Estimator:
+def estimator(id: str, title: str, form: Form, applicability: Notes) -> Estimator:
+    """A filter of the error model."""
+
+    def predict(p: Any, x: Any, u: Any) -> dict[str, Any]:
+        return {**predicted(p, x, form.spread(p)), **rows.at_start(STRETCH), "stretch_q_wb": x.q_wb}
+
     model = Model(
         id=id,
         title=title,
-        parameters=PARAMETERS,
+        parameters=PARAMETERS + form.parameters,
         state=STATE,
-        inputs=rows.AIDED_INPUTS,
+        inputs=rows.SAMPLE_INPUTS + rows.FIX_INPUTS + rows.STANDING_INPUT,
         outputs=rows.AIDED_OUTPUTS,
         steps={
             "sample": Step(sample),
-            "predict": Step(lambda p, x, u: predict(p, x, spread), when="predict_due"),
-            "gnss": Step(gnss, when="gnss_valid"),
-            "zero_velocity": Step(zero_velocity, when="standing"),
+            "predict": Step(predict, when="predict_due"),
+            "gnss": Step(lambda p, x, u: gnss(p, x, u, form), when="gnss_valid"),
+            "zero_velocity": Step(lambda p, x, u: zero_velocity(p, x, u, form), when="standing"),
         },
-        output=lambda p, x: output(p, x, spread),
+        output=lambda p, x: output(p, x, form.spread(p)),
         start=start,
     )
     return Estimator(
@@ -381,13 +395,14 @@ def _estimator(id: str, title: str, spread: Spread, applicability: Notes) -> Est
     )
 
 
-_TITLE = "large misalignment: additive quaternion error"
+BOTH = together(unseen_heading, unmodelled_motion)
+TITLE = "large misalignment: additive quaternion error"
 ESTIMATORS = (
-    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, together(linear_start, unmodelled_motion)),
-    _estimator(
-        "aqe-sukf",
-        f"{_TITLE}, simplified unscented Kalman filter",
-        unscented,
-        together(unseen_heading, unmodelled_motion),
+    estimator(
+        "aqe-ekf",
+        f"{TITLE}, extended Kalman filter",
+        Form(lambda p: linearised),
+        together(linear_start, unmodelled_motion),
     ),
+    estimator("aqe-sukf", f"{TITLE}, simplified unscented Kalman filter", Form(lambda p: unscented), BOTH),
 )

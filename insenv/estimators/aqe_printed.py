@@ -25,16 +25,10 @@ import casadi as ca
 
 from insenv import attitude
 from insenv.core.elementary import maximum
-from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import aqe
-from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import gnss_fix, lever_arm, rows, strapdown
-from insenv.estimators.parts.applicability import printed, together, unmodelled_motion, unseen_heading
+from insenv.estimators.parts.applicability import printed, together
 from insenv.estimators.parts.quaternion_error import (
-    DQ,
-    VELOCITY,
-    N,
     Nonlinear,
     Spread,
     U,
@@ -43,7 +37,7 @@ from insenv.estimators.parts.quaternion_error import (
 )
 
 POINT_SPREAD = 13.0
-PARAMETERS = aqe.PARAMETERS + Table((
+PARAMETERS = Table((
     Row("point_spread", "n + kappa of the unscented transform, n = 13", "1", start=POINT_SPREAD, lower=1.0, upper=1e3),
     Row("covariance_kept", "1: feedback leaves the covariance as it is", lower=0, upper=1, flag=True),
 ))  # fmt: skip
@@ -65,63 +59,16 @@ def transform(p: Any) -> Spread:
     return spread
 
 
-def predict(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The time update over the samples since the last one."""
-    return aqe.predict(p, x, transform(p))
-
-
-def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One fix, position and, where it has one, velocity, component by component in n, with feedback."""
-    antenna = gnss_fix.antenna(p, x, u.gnss_age)
-    C_nw = strapdown.C_nw(x.q_ew)
-    innovation = gnss_fix.innovation(x, u, antenna)
-    H = ca.diagcat(C_nw, C_nw) @ aqe.fix_sensitivity(p, x, u.gnss_age, antenna)
-    variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2
-    present = gnss_fix.present(u)
-    changed, test_ratio = fused(p, x, innovation, H, variance, present)
-    since = {"innovation": innovation * present, "test_ratio": test_ratio, "since_fix": maximum(u.gnss_age, 0.0)}
-    return {**changed, **lever_arm.lagged(u.gnss_age), **gnss_fix.counted(x, present, present, test_ratio), **since}
-
-
-def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The vehicle is known to be at rest: its velocity is zero within `standing_sigma`."""
-    H = ca.SX(3, N)
-    H[:, VELOCITY] = ca.SX.eye(3)
-    return fused(p, x, x.velocity_w, H, ca.repmat(p.standing_sigma**2, 3, 1), [1, 1, 1])[0]
-
-
-def fused(p: Any, x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple[dict[str, Any], Any]:
-    """State rows after the measurements, one after another, with feedback; and their test ratios."""
-    P, correction, ratios = aqe.measured(x, innovation, H, variance, present)
-    q_wb = attitude.normalize(x.q_wb - correction[DQ])
-    one = ca.SX([1, 0, 0, 0])
-    step = one + (1 - p.covariance_kept) * (attitude.multiply(q_wb, attitude.conjugate(x.q_wb)) - one)
-    return aqe.fed_back(x, P, correction, q_wb, step), ratios
-
-
-MODEL = Model(
-    id="aqe-sukf-printed",
-    title="large misalignment: simplified unscented Kalman filter with the points and weights of its paper",
-    parameters=PARAMETERS,
-    state=aqe.STATE,
-    inputs=rows.AIDED_INPUTS,
-    outputs=rows.AIDED_OUTPUTS,
-    steps={
-        "sample": Step(aqe.sample),
-        "predict": Step(predict, when="predict_due"),
-        "gnss": Step(gnss, when="gnss_valid"),
-        "zero_velocity": Step(zero_velocity, when="standing"),
-    },
-    output=lambda p, x: aqe.output(p, x, transform(p)),
-    start=aqe.start,
-)
-ESTIMATOR = Estimator(
-    MODEL,
-    kind="navigation",
-    sensors=("gnss",),
-    error=aqe.consistency_error,
-    applicability=together(
-        printed("from a large misalignment its stated sigma can be too small", "aqe-sukf"), unseen_heading, unmodelled_motion
+_ONE = ca.SX([1, 0, 0, 0])
+ESTIMATOR = aqe.estimator(
+    "aqe-sukf-printed",
+    "large misalignment: simplified unscented Kalman filter with the points and weights of its paper",
+    aqe.Form(
+        spread=transform,
+        fix_variance=aqe.receiver_variance,
+        turn=lambda p, q: _ONE + (1 - p.covariance_kept) * (q - _ONE),
+        since_fix=lambda age: maximum(age, 0.0),
+        parameters=PARAMETERS,
     ),
-    oldest_s=gnss_fix.OLDEST,
+    together(printed("from a large misalignment its stated sigma can be too small", "aqe-sukf"), aqe.BOTH),
 )

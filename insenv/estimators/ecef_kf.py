@@ -57,7 +57,6 @@ from insenv.estimators.parts.kalman import decays, driven_variance, measure, pro
 from insenv.estimators.parts.strapdown import turned, velocity_change
 
 COARSE = q_method.MODEL
-_COARSE_START = COARSE.start or (lambda p: {})
 AXIS_E = ca.SX([0, 0, geodesy.OMEGA_IE])  # rad/s
 GATE = 3.0  # a velocity beyond this many standard deviations counts as sway at once
 SWAYING = 5.0  # sway of this many times velocity_sigma selects the long windows
@@ -99,6 +98,15 @@ INPUTS = rows.SAMPLE_INPUTS + rows.chosen(
     rows.FIX_INPUTS, *[name for name in rows.FIX_INPUTS.names if name != "gnss_position_sigma"]
 ) + rows.STANDING_INPUT  # fmt: skip
 
+WINDOW = Table((
+    Row("window", "Time since the last observation", "s"),
+    Row("window_moment_e", "Integral of velocity times the time in the window", "m s", (3,), "e"),
+    Row("window_square", "Integral of the square of velocity", "m^2/s", (3,), "e"),
+    Row("window_force_e", "Integral of specific force over it", "m/s", (3,), "e"),
+    Row("window_velocity_e", "Integral of velocity over it", "m", (3,), "e"),
+    Row("window_C_eb", "Integral of the attitude matrix over it", "s", (3, 3), "e"),
+))  # fmt: skip
+
 STATE = _new(Table((
     Row("q_eb", "Attitude after the last pair: takes b components to e components", "1", (4,), "e", (1, 0, 0, 0)),
     Row("velocity_e", "Velocity over the Earth after the last pair", "m/s", (3,), "e"),
@@ -115,12 +123,7 @@ STATE = _new(Table((
     Row("held_dt", "Its interval", "s"),
     Row("holding", "1 when a first sample waits for its second"),
     Row("pair_due", "1 when the sample completes a pair"),
-    Row("window", "Time since the last observation", "s"),
-    Row("window_moment_e", "Integral of velocity times the time in the window", "m s", (3,), "e"),
-    Row("window_square", "Integral of the square of velocity", "m^2/s", (3,), "e"),
-    Row("window_force_e", "Integral of specific force over it", "m/s", (3,), "e"),
-    Row("window_velocity_e", "Integral of velocity over it", "m", (3,), "e"),
-    Row("window_C_eb", "Integral of the attitude matrix over it", "s", (3, 3), "e"),
+    *WINDOW,
     Row("acceleration_e", "Acceleration in the last pair", "m/s^2", (3,), "e"),
     Row("rate_b", "Angular rate at its end, relative to e", "rad/s", (3,), "b"),
     Row("rate_change_b", "Angular acceleration there", "rad/s^2", (3,), "b"),
@@ -139,10 +142,14 @@ STATE = _new(Table((
     Row("innovation", "Last innovation of velocity", "m/s", (3,), "e"),
 )), COARSE.state)  # fmt: skip
 
-OUTPUTS = rows.ALIGNMENT + Table((
-    Row("attitude_covariance", "Covariance of the attitude error", "rad^2", (3, 3), "n"),
-    STATE["misalignment_e"],
-)) + rows.BIASES + Table((STATE["innovation"],))  # fmt: skip
+ESTIMATES = ("misalignment_e", "gyro_bias", "accel_bias", "innovation")
+"""State rows that are outputs."""
+
+
+def outputs(state: Table) -> Table:
+    """Output rows of a filter with these state rows."""
+    covariance = Row("attitude_covariance", "Covariance of the attitude error", "rad^2", (3, 3), "n")
+    return rows.ALIGNMENT + Table((covariance,)) + rows.chosen(state, *ESTIMATES)
 
 
 def transition(duration: Any, delta_velocity_e: Any, C_integral: Any) -> Any:
@@ -176,18 +183,22 @@ def start(p: Any) -> dict[str, Any]:
     """The given attitude, its covariance, and the place."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
     coarse = (p.coarse_time > 0) * (1 - p.moving)
-    given = ca.SX(3, 3)
-    level = ca.diag(ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma) ** 2)
-    q_nb = attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)
     return {
-        **_COARSE_START(p),
+        **q_method.start(p),
         "place": ca.vertcat(p.latitude, p.longitude, p.height),
-        "gravity_e": _gravity_e(p.latitude, p.longitude, p.height),
+        "gravity_e": geodesy.normal_gravity_e(geodesy.C_en(p.latitude, p.longitude), p.height),
         "coarse": coarse,
         "swaying": ca.logic_or(p.sway_sigma > 0, coarse),
         "velocity_e": attitude.rotate(q_en, p.start_velocity_n),
-        **_filter_start(p, q_en, q_nb, Aligned(level, given, given), p.velocity_sigma_start),
+        **given_attitude(p, q_en),
     }
+
+
+def given_attitude(p: Any, q_en: Any) -> dict[str, Any]:
+    """State rows of a filter that starts with the given attitude, where n has attitude q_en."""
+    tilt = ca.diag(ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma) ** 2)
+    q_nb = attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)
+    return _filter_start(p, q_en, q_nb, Aligned(tilt, ca.SX(3, 3), ca.SX(3, 3)), p.velocity_sigma_start)
 
 
 def _filter_start(p: Any, q_en: Any, q_nb: Any, known: Aligned, velocity_sigma: Any) -> dict[str, Any]:
@@ -208,17 +219,17 @@ def coarse(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One sample of the coarse alignment."""
     spent = x.coarse_spent + u.dt
     over = select(spent + u.dt / 2 > p.coarse_time, 1.0, 0.0)
-    return {**COARSE.steps["sample"].function(p, x, u), "coarse_spent": spent, "coarse_over": over}
+    return {**q_method.sample(p, x, u), "coarse_spent": spent, "coarse_over": over}
 
 
 def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Start the filter from the result of the coarse alignment."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
-    found = COARSE.output(p, x)
+    rough = q_method.output(p, x)
     gravity = ca.sqrt(ca.sumsqr(x.gravity_e))
-    known = aligned(found["attitude_sigma"], p.latitude, gravity, p.gyro_bias_sigma, p.accel_bias_sigma)
+    known = aligned(rough["attitude_sigma"], p.latitude, gravity, p.gyro_bias_sigma, p.accel_bias_sigma)
     return {
-        **_filter_start(p, q_en, found["q_nb"], known, UNKNOWN_VELOCITY),
+        **_filter_start(p, q_en, rough["q_nb"], known, UNKNOWN_VELOCITY),
         "velocity_e": ca.SX.zeros(3),
         **dict.fromkeys(("coarse", "coarse_over", "holding", "pair_due"), 0),
     }
@@ -295,7 +306,7 @@ def carry(p: Any, x: Any, u: Any) -> dict[str, Any]:
     moved = attitude.rotate_inverse(geodesy.q_ew_from_geodetic(latitude, longitude, 0), x.velocity_e) * x.window
     east = moved[1] / ((normal + height) * maximum(cosine, 1e-6))
     place = ca.vertcat(latitude + moved[0] / (meridian + height), longitude + east, height - moved[2])
-    return {"place": place, "gravity_e": _gravity_e(place[0], place[1], place[2])}
+    return {"place": place, "gravity_e": geodesy.normal_gravity_e(geodesy.C_en(place[0], place[1]), place[2])}
 
 
 def observe_window(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -338,7 +349,7 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
     accept, correction = select(moving, x.fix_waiting, 1.0), ca.SX.zeros(N)
     H = select(moving, fix_H, observation(A, 0.5))
     for i in range(3):
-        stored, correction = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
+        stored, correction, _ = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
     return {
         **corrected(x, correction),
         "covariance": stored,
@@ -347,12 +358,7 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
         "observing": time,
         "innovation": innovation,
         "fix_waiting": 0,
-        "window": 0,
-        "window_force_e": ca.SX.zeros(3),
-        "window_velocity_e": ca.SX.zeros(3),
-        "window_moment_e": ca.SX.zeros(3),
-        "window_square": ca.SX.zeros(3),
-        "window_C_eb": ca.SX.zeros(3, 3),
+        **rows.at_start(WINDOW),
     }
 
 
@@ -392,30 +398,25 @@ def corrected(x: Any, correction: Any) -> dict[str, Any]:
 
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now and its covariance; during the coarse alignment those of the q-method."""
-    rough = COARSE.output(p, x)
+    rough = q_method.output(p, x)
     q_en = geodesy.q_ew_from_geodetic(x.place[0], x.place[1], 0)
     # a held sample rotates the attitude on
     ahead = x.held_delta_angle - (attitude.rotate_inverse(x.q_eb, AXIS_E) + x.gyro_bias) * x.held_dt
     q_eb = attitude.multiply(x.q_eb, attitude.from_small_rotation_vector(x.holding * ahead))
     fine = attitude.normalize(attitude.multiply(attitude.conjugate(q_en), q_eb))
-    C_en = attitude.to_dcm(q_en)
-    covariance = C_en.T @ symmetric.full(x.covariance, N)[TILT, TILT] @ C_en
-    covariance = select(x.coarse, ca.diag(rough["attitude_sigma"] ** 2), covariance)
+    covariance = select(x.coarse, ca.diag(rough["attitude_sigma"] ** 2), covariance_n(x, q_en))
     return {
         "q_nb": select(x.coarse, rough["q_nb"], fine),
         "attitude_sigma": ca.sqrt(ca.diag(covariance)),
         "attitude_covariance": covariance,
-        "misalignment_e": x.misalignment_e,
-        "gyro_bias": x.gyro_bias,
-        "accel_bias": x.accel_bias,
-        "innovation": x.innovation,
+        **rows.values_of(x, ESTIMATES),
     }
 
 
-def _gravity_e(latitude: Any, longitude: Any, height: Any) -> Any:
-    """Normal gravity (3, m/s^2, e)."""
-    C_en = geodesy.C_en(latitude, longitude)
-    return C_en @ geodesy.normal_gravity_about_axis(C_en[2, :].T, height)
+def covariance_n(x: Any, q_en: Any) -> Any:
+    """Covariance of the misalignment about n (3x3, rad^2), where n has attitude q_en."""
+    C_en = attitude.to_dcm(q_en)
+    return C_en.T @ symmetric.full(x.covariance, N)[TILT, TILT] @ C_en
 
 
 MODEL = Model(
@@ -424,7 +425,7 @@ MODEL = Model(
     parameters=PARAMETERS,
     state=STATE,
     inputs=INPUTS,
-    outputs=OUTPUTS,
+    outputs=outputs(STATE),
     steps={
         "sample": Step(sample),
         "coarse": Step(coarse, when="coarse"),
@@ -442,9 +443,9 @@ MODEL = Model(
 
 def prepare(known: Knowledge) -> dict[str, Any]:
     """Parameters from what is known, with a coarse alignment."""
-    given = {**known.rows_of(PARAMETERS), **inertial_vectors.prepare(known)}
-    del given["velocity_sigma"]  # the row of that name is about a velocity of zero
-    return given | {"coarse_time": COARSE_TIME, "velocity_sigma_start": float(known.velocity_sigma.max())}
+    values = {**known.rows_of(PARAMETERS), **inertial_vectors.prepare(known)}
+    del values["velocity_sigma"]  # the row of that name is about a velocity of zero
+    return values | {"coarse_time": COARSE_TIME, "velocity_sigma_start": float(known.velocity_sigma.max())}
 
 
 def needs(parameters: Mapping[str, Any]) -> float:

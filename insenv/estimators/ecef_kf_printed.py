@@ -26,12 +26,12 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
-from insenv.core import symmetric
 from insenv.core.elementary import maximum, select
-from insenv.core.model import Model, Step
+from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.estimators.contract import Estimator, Notes
-from insenv.estimators.ecef_kf import ACCEL, AXIS_E, GYRO, TILT, VELOCITY, N, transition
+from insenv.estimators import ecef_kf
+from insenv.estimators.contract import Estimator
+from insenv.estimators.ecef_kf import AXIS_E, N, transition
 from insenv.estimators.parts import applicability, rows
 from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
 from insenv.estimators.parts.strapdown import turned
@@ -39,11 +39,11 @@ from insenv.estimators.parts.strapdown import turned
 MISFIT_TIME = 10.0
 """s: time over which the squared innovations over their variances are averaged."""
 
-PARAMETERS = rows.PLACE + rows.START_ATTITUDE + rows.chosen(
-    rows.START_SIGMAS, "tilt_sigma", "heading_sigma", tilt_sigma=0.01, heading_sigma=0.05
+PARAMETERS = rows.chosen(
+    ecef_kf.PARAMETERS, *rows.PLACE.names, *rows.START_ATTITUDE.names, "tilt_sigma", "heading_sigma"
 ) + Table((
     Row("zero_velocity_sigma", "Noise of the velocity of zero at each sample", "m/s", start=1e-3, lower=1e-9, upper=1e3),
-    Row("velocity_sigma_start", "Standard deviation of the velocity at the start", "m/s", start=0.1, lower=1e-9, upper=1e3),
+    ecef_kf.PARAMETERS["velocity_sigma_start"],
     Row("gravity_noise", "White noise density of the gravity disturbance", "m/s^1.5", lower=0.0, upper=1.0),
 )) + rows.chosen(rows.NOISES, angle_random_walk=1e-6, velocity_random_walk=1e-4)  # fmt: skip
 
@@ -52,37 +52,23 @@ STATE = Table((
     Row("q_eb_before", "The same one sample before", "1", (4,), "e", (1, 0, 0, 0)),
     Row("previous_delta_angle", "Delta angle of the last sample", "rad", (3,), "b"),
     Row("velocity_e", "Velocity over the Earth", "m/s", (3,), "e"),
-    rows.BIASES["accel_bias"],
-    rows.BIASES["gyro_bias"],
-    Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(N),)),
+    *rows.chosen(ecef_kf.STATE, "accel_bias", "gyro_bias", "covariance"),
     Row("gravity_e", "Gravity", "m/s^2", (3,), "e"),
     Row("misalignment_e", "Rotation that feedback has removed since the start", "rad", (3,), "e"),
-    Row("innovation", "Last innovation of velocity", "m/s", (3,), "e"),
+    ecef_kf.STATE["innovation"],
     Row("misfit", "Mean squared innovation over its variance", "1", start=1.0),
     Row("samples", "Number of samples so far", "1"),
 ))  # fmt: skip
-
-OUTPUTS = rows.ALIGNMENT + Table((
-    Row("attitude_covariance", "Covariance of the attitude error", "rad^2", (3, 3), "n"),
-    STATE["misalignment_e"],
-)) + rows.BIASES + Table((STATE["innovation"],))  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
     """The given attitude, its covariance, and gravity."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
-    C_en = attitude.to_dcm(q_en)
-    q_eb = attitude.normalize(attitude.multiply(q_en, attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)))
-    P = ca.SX(N, N)
-    P[VELOCITY, VELOCITY] = ca.SX.eye(3) * p.velocity_sigma_start**2
-    P[TILT, TILT] = C_en @ ca.diag(ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma) ** 2) @ C_en.T
-    P[ACCEL, ACCEL] = ca.SX.eye(3) * p.accel_bias_sigma**2
-    P[GYRO, GYRO] = ca.SX.eye(3) * p.gyro_bias_sigma**2
+    filter_rows = ecef_kf.given_attitude(p, q_en)
     return {
-        "q_eb": q_eb,
-        "q_eb_before": q_eb,
-        "covariance": symmetric.triangle(P),
-        "gravity_e": C_en @ geodesy.normal_gravity_about_axis(C_en[2, :].T, p.height),
+        **filter_rows,
+        "q_eb_before": filter_rows["q_eb"],
+        "gravity_e": geodesy.normal_gravity_e(attitude.to_dcm(q_en), p.height),
     }
 
 
@@ -110,17 +96,13 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         H = ca.SX(1, N)
         H[0, i] = 1
         square += velocity[i] ** 2 / innovation_variance(stored, H, p.zero_velocity_sigma**2) / 3
-        stored, correction = measure(stored, correction, H, velocity[i], p.zero_velocity_sigma**2, 1)
-    turn = attitude.from_small_rotation_vector(correction[TILT])
+        stored, correction, _ = measure(stored, correction, H, velocity[i], p.zero_velocity_sigma**2, 1)
+    moved = Values(**{**vars(x), "q_eb": q_eb, "velocity_e": velocity})
     return {
-        "q_eb": attitude.normalize(attitude.multiply(turn, q_eb)),
-        "q_eb_before": attitude.normalize(attitude.multiply(turn, x.q_eb)),
+        **ecef_kf.corrected(moved, correction),
+        "q_eb_before": ecef_kf.corrected(x, correction)["q_eb"],
         "previous_delta_angle": u.delta_angle,
-        "velocity_e": velocity - correction[VELOCITY],
-        "accel_bias": x.accel_bias + correction[ACCEL],
-        "gyro_bias": x.gyro_bias + correction[GYRO],
         "covariance": stored,
-        "misalignment_e": x.misalignment_e + correction[TILT],
         "innovation": velocity,
         "misfit": x.misfit + (square - x.misfit) * u.dt / (MISFIT_TIME + u.dt),
         "samples": x.samples + 1,
@@ -130,16 +112,12 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now and its covariance."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
-    C_en = attitude.to_dcm(q_en)
-    covariance = C_en.T @ symmetric.full(x.covariance, N)[TILT, TILT] @ C_en
+    covariance = ecef_kf.covariance_n(x, q_en)
     return {
         "q_nb": attitude.normalize(attitude.multiply(attitude.conjugate(q_en), x.q_eb)),
         "attitude_sigma": ca.sqrt(ca.diag(covariance) * maximum(x.misfit, 1.0)),
         "attitude_covariance": covariance,
-        "misalignment_e": x.misalignment_e,
-        "gyro_bias": x.gyro_bias,
-        "accel_bias": x.accel_bias,
-        "innovation": x.innovation,
+        **rows.values_of(x, ecef_kf.ESTIMATES),
     }
 
 
@@ -149,7 +127,7 @@ MODEL = Model(
     parameters=PARAMETERS,
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
-    outputs=OUTPUTS,
+    outputs=ecef_kf.outputs(STATE),
     steps={"sample": Step(sample)},
     output=output,
     start=start,
@@ -157,5 +135,5 @@ MODEL = Model(
 
 
 PRINTED = applicability.printed("a sway of the base is taken for tilt, and no stated sigma covers that", "ecef-kf or q-method")
-NOTES: Notes = applicability.together(applicability.notes, applicability.linear_start, PRINTED)
+NOTES = applicability.together(applicability.notes, applicability.linear_start, PRINTED)
 ESTIMATOR = Estimator(MODEL, kind="alignment", applicability=NOTES)

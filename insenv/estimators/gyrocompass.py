@@ -42,15 +42,10 @@ PARAMETERS = frozen_frame.PARAMETERS + Table((
 ))  # fmt: skip
 
 STATE = frozen_frame.STATE + Table((
-    Row("velocity_n", "Velocity over the Earth by integration, fed back", "m/s", (3,), "n"),
+    frozen_frame.VELOCITY,
     Row("displacement", "Its integral, with a leak", "m", (2,), "n"),
     Row("displacement_square", "Mean square of the displacement, per axis", "m^2"),
 ))  # fmt: skip
-
-
-def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Level by the first sample, at the given heading."""
-    return frozen_frame.levelled(u, p.start_heading)
 
 
 def loop(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -72,7 +67,7 @@ def loop(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "displacement": moved,
         "displacement_square": x.displacement_square + fresh * (ca.sumsqr(moved) / 2 - x.displacement_square),
         "velocity_n": ca.vertcat((1 - K1 * T) * velocity[:2], 0),
-        **frozen_frame.block_done(),
+        **rows.at_start(frozen_frame.BLOCK),
     }
 
 
@@ -91,8 +86,6 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     tilt = p.accel_bias_sigma / g
     # impulse response of the loop tau^-3 t^2/2 exp(-t/tau): integrals of its square and of its slope's square
     noise = p.angle_random_walk**2 * (0.1875 / tau) + (p.velocity_random_walk / g) ** 2 / (16 * tau**3)
-    slope = x.axis_n[2] / (x.axis_n[0] + 1e-12)
-    square = (p.gyro_bias_sigma**2 + noise) / earth_rate**2 + (tilt * slope) ** 2
     # the start heading error decays as (1 + s + s^2/2) exp(-s), s in time constants
     levelling = x.time <= p.levelling_time
     s = select(levelling, 0.0, (x.time - p.levelling_time) / tau)
@@ -100,7 +93,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     # the loop turns by the sine of the error, so the tangent of its half decays: a large error takes longer
     half = minimum(p.start_heading_sigma / 2, LARGEST_HALF)
     rest = 2 * atan2(sin(half) * left, cos(half))
-    heading = minimum(ca.sqrt(square + rest * rest), PI)
+    heading = minimum(ca.sqrt(frozen_frame.heading_variance(p, x, noise) + rest * rest), PI)
     # of the first sample's level, by a double pole, then of the sway at the end of levelling, by the triple pole
     fine = p.levelling_constant
     s = minimum(x.time, p.levelling_time) / fine
@@ -120,7 +113,7 @@ MODEL = Model(
     inputs=rows.SAMPLE_INPUTS,
     outputs=rows.ALIGNMENT,
     steps={
-        "begin": Step(begin, when="begin"),
+        "begin": frozen_frame.levelling(lambda p: p.start_heading),
         "sample": Step(frozen_frame.sample),
         "loop": Step(loop, when="block_due"),
     },

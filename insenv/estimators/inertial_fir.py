@@ -2,8 +2,7 @@
 
 No coarse alignment is needed, at any attitude. In the frozen frame i, specific force is minus gravity, which moves
 slowly along a cone with the Earth, plus disturbances above 1/15 Hz. Means over blocks of 0.1 s pass three symmetric
-low-passes and two decimations (`insenv.estimators.parts.fir`). From the filtered vectors f at times t_M - D/2, t_M and
-t_M + D/2, with f = -g:
+low-passes and two decimations. From the filtered vectors f at times t_M - D/2, t_M and t_M + D/2, with f = -g:
 
     U = f(t_M) / |f(t_M)|,   E along f(t_M + D/2) - f(t_M - D/2),   N = U x E                               (3), (6)
     C_i^nM = [N E -U]^T  (the paper's n is north, up, east)                                               (5)
@@ -37,16 +36,51 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability, frozen_frame, rows
-from insenv.estimators.parts.fir import BLOCK_S, CASCADE, filtered
+from insenv.estimators.parts.frozen_frame import BLOCK_S
 
-TAPS = tuple(len(h) for h in CASCADE.filters)
-STRIDE = CASCADE.strides[-1]
-"""Blocks from one filtered vector to the next."""
+# The cascade of low-passes: each sub-filter is of odd length and symmetric, so its delay is exactly half its length at every
+# frequency. The coefficients are those of the shortest sub-filters that keep the specification below, by the exchange of Parks
+# and McClellan (SciPy 1.17.1), rounded to 1e-12. They are constants, so that results do not depend on the installed SciPy; the
+# tests design them again and compare. Source: section 1 of the paper: two decimations, three sub-filters, pass-band ripple
+# 0.01, disturbances above 1/15 Hz.
+PASS_HZ = 0.002
+"""Edge of the pass-band: in the inertial frame gravity turns at 1.16e-5 Hz."""
+STOP_HZ = 1.0 / 15.0
+"""Edge of the stop-band: disturbances lie above it."""
+STOP_DB = 100.0
+"""Attenuation, dB. Of a sway of 0.5 m/s^2 at most 5e-6 m/s^2 remains: below 0.01 deg of heading."""
+
+# First half and centre of each symmetric sub-filter.
+# fmt: off
+FIRST = (
+    0.000119304809, 0.000779186969, 0.00293764973, 0.008150885028, 0.018242956898, 0.034508416729,
+    0.056691206986, 0.082274471112, 0.106638565787, 0.124285966081, 0.130742779742,
+)
+SECOND = (
+    0.000152628606, 0.001088344856, 0.004321658822, 0.012303499383, 0.027649709056, 0.051505777724,
+    0.081803854968, 0.112695970895, 0.136072961275, 0.14481118883,
+)
+THIRD = (
+    3.5758884e-05, 0.000177501735, 0.000573978431, 0.001467513019, 0.003198907039, 0.006179465245,
+    0.010825072271, 0.017456255688, 0.026181783221, 0.036794845097, 0.048715268683, 0.061005716851,
+    0.072473578057, 0.081847771199, 0.087996837056, 0.090139495049,
+)
+# fmt: on
+
+FILTERS = tuple(half + half[-2::-1] for half in (FIRST, SECOND, THIRD))
+"""Coefficients of the sub-filters, newest sample first."""
+STRIDES = (1, 5, 20)
+"""Blocks between two inputs of each sub-filter; the last is also that from one filtered vector to the next."""
+STRIDE = STRIDES[-1]
+CASCADE_SPAN = 1 + sum((len(h) - 1) * stride for h, stride in zip(FILTERS, STRIDES, strict=True))
+"""Blocks that one filtered vector depends on."""
+CASCADE_DELAY = (CASCADE_SPAN - 1) / 2
+"""Blocks from the time of a filtered vector to the middle of the last block, exact."""
 BASELINE = 54
 """Steps from the oldest filtered vector to the newest in the difference of the first fix: D = 108 s."""
-SPAN = -(-CASCADE.span // STRIDE) * STRIDE + BASELINE * STRIDE
+SPAN = -(-CASCADE_SPAN // STRIDE) * STRIDE + BASELINE * STRIDE
 """Blocks until the first fix."""
-DELAY = 0.5 + CASCADE.delay + BASELINE * STRIDE / 2
+DELAY = 0.5 + CASCADE_DELAY + BASELINE * STRIDE / 2
 """Blocks from t_M to the end of the last block, exact."""
 END = (0.746, 0.278, -0.005, -0.14, -0.169, -0.136, -0.073, -0.006, 0.052, 0.1, 0.147, 0.206)
 """Weights of the vectors of an end, from its edge inwards: those of the least noise of heading after 240 s, for N of 0.002
@@ -56,7 +90,7 @@ LAG = sum(j * weight for j, weight in enumerate(END))
 """Steps from the edge to the mean time of an end."""
 START = BASELINE - 2 * LAG
 """Steps between the two ends at the first fix."""
-STEP_DELAY = 0.5 + CASCADE.delay + (LAG + 0.5) * STRIDE
+STEP_DELAY = 0.5 + CASCADE_DELAY + (LAG + 0.5) * STRIDE
 """Blocks from the middle of the newest step to the end of the last block."""
 PRINTED_SMEAR, PRINTED_ENDS = 9.859, 0.06397
 SMEAR, ENDS = 16.135, 0.04164
@@ -78,8 +112,8 @@ def noise_times(elapsed: Any, memory: Any) -> tuple[Any, Any]:
     printed = memory < interval
     recent = minimum(elapsed, memory)
     whole = interval * START + recent
-    kept = exp(-2.0 * (elapsed - recent) / whole)  # of the squares of the oldest weights
-    longer = whole * whole * 2.0 / (1.0 + kept)
+    faded = exp(-2.0 * (elapsed - recent) / whole)  # of the squares of the oldest weights
+    longer = whole * whole * 2.0 / (1.0 + faded)
     first = interval * BASELINE
     return (
         select(printed, first * first / (first - PRINTED_SMEAR), longer / (whole - SMEAR)),
@@ -94,9 +128,9 @@ PARAMETERS = frozen_frame.PARAMETERS + Table((
 ))  # fmt: skip
 
 STATE = frozen_frame.STATE + Table((
-    Row("first_inputs", "Inputs of the first sub-filter, newest first", "m/s^2", (TAPS[0], 3), "i"),
-    Row("second_inputs", "Inputs of the second sub-filter", "m/s^2", (TAPS[1], 3), "i"),
-    Row("third_inputs", "Inputs of the third sub-filter", "m/s^2", (TAPS[2], 3), "i"),
+    Row("first_inputs", "Inputs of the first sub-filter, newest first", "m/s^2", (len(FIRST) * 2 - 1, 3), "i"),
+    Row("second_inputs", "Inputs of the second sub-filter", "m/s^2", (len(SECOND) * 2 - 1, 3), "i"),
+    Row("third_inputs", "Inputs of the third sub-filter", "m/s^2", (len(THIRD) * 2 - 1, 3), "i"),
     Row("filtered", "Filtered specific force, newest first", "m/s^2", (BASELINE + 1, 3), "i"),
     Row("blocks", "Blocks since the start", "1"),
     Row("first_due", "1 when the first sub-filter is due", "1"),
@@ -105,16 +139,11 @@ STATE = frozen_frame.STATE + Table((
     Row("fix_due", "1 when the filtered vectors give a fix", "1"),
     Row("fixes", "Number of fixes", "1"),
     Row("level_due", "1 when a block for levelling is complete", "1"),
-    Row("velocity_n", "Velocity over the Earth by integration, fed back", "m/s", (3,), "n"),
+    frozen_frame.VELOCITY,
     Row("velocity_variance", "Its variance in a horizontal channel", "m^2/s^2"),
     Row("tilt_variance", "Variance of the tilt of that channel", "rad^2"),
     Row("velocity_tilt", "Their covariance", "m/s"),
 ))  # fmt: skip
-
-
-def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Level by the first sample, at heading 0: the attitude until the first fix."""
-    return frozen_frame.levelled(u, 0.0)
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -152,26 +181,26 @@ def block(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {
         "first_inputs": _pushed(x.first_inputs, x.force_sum / x.block_time),
         "blocks": blocks,
-        "first_due": _every(CASCADE.decimation[0], blocks),
-        **frozen_frame.block_done(),
+        "first_due": _every(STRIDES[1], blocks),
+        **rows.at_start(frozen_frame.BLOCK),
     }
 
 
 def first(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """First sub-filter and decimation."""
-    y = filtered(CASCADE.filters[0], x.first_inputs)
+    y = filtered(FILTERS[0], x.first_inputs)
     return {"second_inputs": _pushed(x.second_inputs, y), "first_due": 0, "second_due": _every(STRIDE, x.blocks)}
 
 
 def second(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Second sub-filter and decimation."""
-    y = filtered(CASCADE.filters[1], x.second_inputs)
+    y = filtered(FILTERS[1], x.second_inputs)
     return {"third_inputs": _pushed(x.third_inputs, y), "second_due": 0, "third_due": 1}
 
 
 def third(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Third sub-filter."""
-    y = filtered(CASCADE.filters[2], x.third_inputs)
+    y = filtered(FILTERS[2], x.third_inputs)
     return {"filtered": _pushed(x.filtered, y), "third_due": 0, "fix_due": x.blocks >= SPAN}
 
 
@@ -213,9 +242,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     interval = STRIDE * BLOCK_S
     drift_time, cube = noise_times(interval * (x.fixes - 1.0), p.heading_memory)
     noise = p.angle_random_walk**2 / drift_time + (p.velocity_random_walk / g) ** 2 / cube
-    tilt = p.accel_bias_sigma / g
-    slope = x.axis_n[2] / (x.axis_n[0] + 1e-12)
-    heading = ca.sqrt((p.gyro_bias_sigma**2 + noise) / frozen_frame.horizontal_earth_rate(x) ** 2 + (tilt * slope) ** 2)
+    tilt, heading = p.accel_bias_sigma / g, ca.sqrt(frozen_frame.heading_variance(p, x, noise))
     # at most the gyro drift since the time of the fix's vertical
     levelled = ca.sqrt(tilt**2 + x.tilt_variance + (p.gyro_bias_sigma * (DELAY * BLOCK_S)) ** 2)
     unknown = x.fixes == 0
@@ -239,6 +266,15 @@ def _every(count: int, blocks: Any) -> Any:
     return blocks == count * ca.floor((blocks + 0.5) / count)
 
 
+def filtered(taps: tuple[float, ...], buffer: Any) -> Any:
+    """Output (3x1) of a symmetric filter for its last inputs (rows of `buffer`, newest first), one product per pair."""
+    last = len(taps) - 1
+    total = taps[last // 2] * buffer[last // 2, :]
+    for k in range(last // 2):
+        total = total + taps[k] * (buffer[k, :] + buffer[last - k, :])
+    return total.T
+
+
 def _unit(vector: Any) -> Any:
     return vector / (ca.sqrt(ca.sumsqr(vector)) + 1e-300)
 
@@ -251,7 +287,7 @@ MODEL = Model(
     inputs=rows.SAMPLE_INPUTS,
     outputs=rows.ALIGNMENT,
     steps={
-        "begin": Step(begin, when="begin"),
+        "begin": frozen_frame.levelling(lambda p: 0.0),  # the heading until the first fix
         "sample": Step(sample),
         "level": Step(level, when="level_due"),
         "block": Step(block, when="block_due"),

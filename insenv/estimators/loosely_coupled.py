@@ -1,12 +1,16 @@
-"""`loosely-coupled`: strapdown navigation with GNSS positions and velocities, a 15-state filter with full feedback.
+"""`loosely-coupled`: strapdown navigation with GNSS positions and velocities, a 15-state filter with full feedback; `smoother`.
 
 A filter of `insenv.estimators.fusion` with no states but navigation and biases, and two aids: GNSS, and zero velocity at each
-sample of a vehicle known to be at rest.
+sample of a vehicle known to be at rest. `smoother` is the fixed-interval smoothing of its run
+(`insenv.estimators.fusion.smoothing`); `insenv.runs.smoothed` runs both passes.
 
-Source: the airborne-navigation paper's GPS/SINS filter (15 states, first-order Gauss-Markov drift and bias).
+Source: the airborne-navigation paper: its GPS/SINS filter (15 states, first-order Gauss-Markov drift and bias), smoothed by
+filters forward and backward.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from insenv.core.tables import Row
 from insenv.estimators.contract import Estimator
@@ -14,6 +18,7 @@ from insenv.estimators.fusion import history
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.gnss import WHITE
 from insenv.estimators.fusion.inertial import ACCEL_BIAS, GYRO_BIAS
+from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.fusion.zero_velocity import AT_EACH_SAMPLE
 from insenv.estimators.parts import applicability
 
@@ -30,7 +35,7 @@ FILTER = Composition(
         flag=True,
     ),
 )
-ESTIMATOR = Estimator(
+_FILTER = Estimator(
     FILTER.model,
     kind="navigation",
     sensors=("gnss",),
@@ -39,3 +44,6 @@ ESTIMATOR = Estimator(
     causes=FILTER.causes,
     oldest_s=history.OLDEST,
 )
+
+SMOOTHING = smoothing_of(replace(FILTER, kept=None), "smoother")
+ESTIMATORS = (_FILTER, replace(_FILTER, model=SMOOTHING.forward, smooths=FILTER.id, smoothing=SMOOTHING))

@@ -74,7 +74,8 @@ MACHINE = Table((
         lower=0.0, upper=2.0),
 ))  # fmt: skip
 """The machine as parameter rows: all zero, it leaves the SINS at its start attitude."""
-_SHAPES = {"support": (-1, FEATURES), "coefficients": (-1, 3), "offset": (3,), "scale": (FEATURES,), "machine_sigma": (3,)}
+_SHAPES = {row.name: tuple(-1 if n == SUPPORT else n for n in row.shape) for row in MACHINE if row.shape}
+"""Shapes of the arrays in a file, -1 for its number of support vectors."""
 
 PARAMETERS = differences.PARAMETERS + rows.chosen(
     rows.START_SIGMAS, "tilt_sigma", "heading_sigma", tilt_sigma=1.0, heading_sigma=1.0
@@ -124,7 +125,7 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def _ready(p: Any, x: Any) -> Any:
-    """1 when the inputs show the heading; a machine on raw inputs is not asked."""
+    """1 when the inputs show the heading; for a machine on raw inputs always."""
     return select(ca.logic_or(p.raw_inputs > 0.0, differences.heading_sigma(x) < READY), 1.0, 0.0)
 
 
@@ -196,18 +197,18 @@ class TrainedMachine:
         count = len(self.support)
         if count > room:
             raise InputError(f"machine of {count} support vectors: allowed is up to {room}")
-        support, coefficients = np.zeros((room, FEATURES)), np.zeros((room, 3))
-        support[:count], coefficients[:count] = self.support, self.coefficients
-        rest = {name: getattr(self, name) for name in ("offset", "scale", "machine_sigma")}
-        return {"support": support, "coefficients": coefficients, **rest, "raw_inputs": float(self.raw_inputs)}
+        arrays = {name: getattr(self, name) for name in _SHAPES}
+        for name in ("support", "coefficients"):
+            arrays[name] = np.pad(arrays[name], ((0, room - count), (0, 0)))
+        return {**arrays, "raw_inputs": float(self.raw_inputs)}
 
     @property
     def seeds(self) -> dict[str, set[int]]:
         """Seeds it was trained on, by scenario."""
-        found: dict[str, set[int]] = {}
+        seeds: dict[str, set[int]] = {}
         for run in self.training["runs"]:
-            found.setdefault(run["scenario"], set()).update(run["seeds"])
-        return found
+            seeds.setdefault(run["scenario"], set()).update(run["seeds"])
+        return seeds
 
     def save(self, path: str | Path) -> None:
         """Write the file, under a temporary name first. Raises `InsenvError` if it cannot be written."""
@@ -237,10 +238,9 @@ def load(path: str | Path) -> TrainedMachine:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InputError(f"{name!r} is not a trained machine: its format is not {FORMAT!r}")
     version = content.get("version")
-    if isinstance(version, int) and version > VERSION:
-        raise InputError(f"{name!r} has version {version}: this insenv reads up to {VERSION}; use a newer insenv")
     if version != VERSION:
-        raise InputError(f"{name!r} has version {version!r}: allowed is {VERSION}")
+        newer = "; use a newer insenv" if isinstance(version, int) and version > VERSION else ""
+        raise InputError(f"{name!r} has version {version!r}: this insenv reads version {VERSION}{newer}")
     machine, training = content.get("machine"), content.get("training")
     if not isinstance(machine, dict) or not isinstance(training, dict):
         raise InputError(f"{name!r} is damaged: it lacks its machine or the conditions of its training")
@@ -287,8 +287,8 @@ def _text(content: Mapping[str, Any]) -> str:
     parts = []
     for key, value in machine.items():
         nested = isinstance(value, list) and bool(value) and isinstance(value[0], list)
-        shown = "[\n" + ",\n".join(json.dumps(row) for row in value) + "]" if nested else json.dumps(value)
-        parts.append(f'"{key}": {shown}')
+        text = "[\n" + ",\n".join(json.dumps(row) for row in value) + "]" if nested else json.dumps(value)
+        parts.append(f'"{key}": {text}')
     return rest[:-2] + ',\n "machine": {\n' + ",\n".join(parts) + "}\n}\n"
 
 

@@ -28,6 +28,7 @@ which is the paper's integral.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -121,11 +122,6 @@ def smooth(p: Any, x: Any, u: Any) -> dict[str, Any]:
     }
 
 
-def keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Keep the answer of now for comparison with later ones."""
-    return settling.kept(x, answer(x))
-
-
 def answer(x: Any) -> Any:
     """Q (4): takes components in b at the start to n at the start."""
     return largest_eigenvector(davenport(x.profile))
@@ -141,14 +137,10 @@ def sensor_sigma(p: Any, x: Any, time: Any) -> Any:
 
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now."""
-    found, lost = answer(x), DELAY * p.smoothing_time
-
-    def sigma(time: Any) -> Any:
-        return sensor_sigma(p, x, time)
-
+    q, lost, sigma = answer(x), DELAY * p.smoothing_time, partial(sensor_sigma, p, x)
     return {
-        "q_nb": frozen_frame.q_nb(x, found),
-        "attitude_sigma": settling.stated(x, found, lost, sigma, inertial_vectors.LARGEST_HEADING_SIGMA),
+        "q_nb": frozen_frame.q_nb(x, q),
+        "attitude_sigma": settling.stated(x, q, lost, sigma),
     }
 
 
@@ -159,7 +151,7 @@ MODEL = Model(
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
     outputs=rows.ALIGNMENT,
-    steps={"sample": Step(sample), "smooth": Step(smooth, when="smoothing_due"), "keep": Step(keep, when="answer_due")},
+    steps={"sample": Step(sample), "smooth": Step(smooth, when="smoothing_due"), "keep": settling.keeping(answer)},
     output=output,
     start=start,
 )

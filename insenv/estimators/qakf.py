@@ -29,12 +29,16 @@ time (`FADING`); otherwise the filter would keep what early, inaccurate K contri
 innovations by the practical (Sage-Husa) estimator with a memory of a tenth of the time so far, which keeps r positive:
 r <- (1 - c) r + c max(|e|^2 - trace(H P H^T), |e|^2 / 4) / trace(R / r), c = 10 / (k + 10) at the k-th sample.
 
+Window: before that, both vectors are faded in over `FADE_IN` smoothing times (a polynomial with three vanishing derivatives at
+either end) and pass a Butterworth low-pass of sixth order. So every filtered vector is an average over a window that begins and
+ends smoothly, and the velocity of the vehicle at the start leaves no permanent error.
+
 Accuracy: `qakf-improved` reaches that of the q-method, a sixth of the time later, and is smoother. `qakf` reaches it
 later, the more noise there is: the square of M's own noise enters the information as if it were information on heading,
 so heading errors decay only as (t0 / t)^3, t0 being the time at which the Earth's rotation exceeds that noise.
 
 Stated accuracy: the limit that the sensors set, and P. P treats successive residuals as independent, but the low-pass
-makes them alike over `inertial_vectors.CORRELATION` smoothing times: as many samples count as one. It takes the square
+makes them alike over `CORRELATION` smoothing times: as many samples count as one. It takes the square
 of M's noise for information: `SURPLUS`. And it is linear: beyond `LINEAR` of heading it is raised.
 """
 
@@ -48,13 +52,18 @@ import casadi as ca
 from insenv import attitude
 from insenv.attitude import skew
 from insenv.core import symmetric
-from insenv.core.elementary import maximum, minimum
+from insenv.core.elementary import maximum, minimum, polynomial
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows
 from insenv.estimators.parts.inertial_vectors import davenport
 
+DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butterworth, sixth order: cos 15, 45, 75 deg
+SECTIONS = len(DAMPING)
+FADE_IN = 7.5  # smoothing times
+DELAY = 0.5 * FADE_IN + 2.0 * sum(DAMPING)  # smoothing times lost, both ends together: fade-in and filter delay
+CORRELATION = 3.1  # smoothing times over which filtered white noise stays alike: 1 / (2 B), B its noise bandwidth
 MEMORY = 10.0  # the noise estimate has a memory of 1 / MEMORY of the samples so far
 FADING = 6.0  # the improved filter keeps its information over the last 1 / FADING of the samples
 LEAST_SHARE = 0.25  # share of an innovation's square that always counts as noise
@@ -69,7 +78,22 @@ PARAMETERS = inertial_vectors.PARAMETERS + Table((
     Row("start_quaternion", "Start value of Q, of any length except zero", "1", (4,), "n at the start", (1, 0, 0, 0)),
 ))  # fmt: skip
 
-STATE = Table((
+WINDOW = Table((
+    Row("alpha", "Measured specific force, after each section of the low-pass", "m/s^2", (SECTIONS, 3), "i"),
+    Row("alpha_rate", "Its rate", "m/s^3", (SECTIONS, 3), "i"),
+    Row("beta", "Expected specific force, after each section", "m/s^2", (SECTIONS, 3), "n at the start"),
+    Row("beta_rate", "Its rate", "m/s^3", (SECTIONS, 3), "n at the start"),
+))  # fmt: skip
+
+PROFILES = Table((
+    Row("early_profile", "Integral of beta alpha^T with weights that fade out after the start", "m^2/s^3", (3, 3)),
+    Row("late_profile", "The same with weights that fade out before now", "m^2/s^3", (3, 3)),
+    Row("early_weight", "Weight of a vector now in the early profile", "1", start=1.0),
+    Row("early_spread", "Integral of |alpha|^2 + |beta|^2 with the weights of the early profile", "m^2/s^3"),
+    Row("late_spread", "The same with the weights of the late profile", "m^2/s^3"),
+))  # fmt: skip
+
+FILTER = Table((
     Row("q_start", "Q: takes components in b at the start to n at the start", "1", (4,), "n at the start", (1, 0, 0, 0)),
     Row("information", "Inverse covariance of theta, upper triangle", "1/rad^2", (symmetric.triangle_size(3),),
         start=START_TRIANGLE),
@@ -78,14 +102,9 @@ STATE = Table((
     Row("noise_variance", "Estimated variance of the observation's noise", "1"),
 ))  # fmt: skip
 
-SPREAD = Table((
-    Row("early_spread", "Integral of |alpha|^2 + |beta|^2 with the weights of the early profile", "m^2/s^3"),
-    Row("late_spread", "The same with the weights of the late profile", "m^2/s^3"),
-))  # fmt: skip
-
 OUTPUTS = rows.ALIGNMENT + Table((
     Row("filter_sigma", "Standard deviation by the filter's covariance, about n at the start", "rad", (3,), "n at the start"),
-    Row("noise_variance", "Estimated variance of the observation's noise", "1"),
+    FILTER["noise_variance"],
 ))  # fmt: skip
 
 
@@ -108,7 +127,7 @@ def profile_observation(q: Any, profile: Any, spread: Any) -> tuple[Any, Any]:
 
 
 def filtered(x: Any, gained: Any, gradient: Any, predicted: Any, square: Any, samples: Any, fading: float) -> dict[str, Any]:
-    """Rows of `STATE` after an update.
+    """Rows of `FILTER` after an update.
 
     gained: H^T W H (3x3) and gradient: H^T W e (3) for residual e and noise r W^-1. predicted, square: trace(H P H^T)
     and |e|^2, each over the trace of W^-1. samples: updates before this one. fading: information beyond that of the
@@ -149,37 +168,72 @@ def inverse(information: Any) -> Any:
 
 
 def vector_update(x: Any, H: Any, residual: Any) -> dict[str, Any]:
-    """Rows of `STATE` after the update of `qakf`: noise r I on three components."""
+    """Rows of `FILTER` after the update of `qakf`: noise r I on three components."""
     gained = H.T @ H
     predicted = trace_of_product(x.covariance, gained) / 3
     return filtered(x, gained, H.T @ residual, predicted, ca.sumsqr(residual) / 3, x.samples, 0.0)
 
 
 def profile_update(x: Any, H: Any, residual: Any) -> dict[str, Any]:
-    """Rows of `STATE` after the update of `qakf-improved`: tangent-space noise r K, so H^T (r K)^-1 H = K / r."""
+    """Rows of `FILTER` after the update of `qakf-improved`: tangent-space noise r K, so H^T (r K)^-1 H = K / r."""
     K, e = H[1:, :], residual[1:]
     scale = ca.trace(K)
     predicted = trace_of_product(x.covariance, K.T @ K) / scale
     return filtered(x, K, e, predicted, ca.sumsqr(e) / scale, x.samples, FADING)
 
 
+def windowed(p: Any, x: Any, u: Any) -> tuple[dict[str, Any], Any, Any]:
+    """Rows of `inertial_vectors.CARRIED` and `WINDOW` after a sample; alpha and beta (3x1, m/s^2) from the window."""
+    changed, measured, expected = inertial_vectors.carried(p, x, u)
+    fade = fade_in(x.time + u.dt / 2, FADE_IN * p.smoothing_time)
+    alpha, alpha_rate = low_pass(x.alpha, x.alpha_rate, fade * measured, p.smoothing_time, u.dt)
+    beta, beta_rate = low_pass(x.beta, x.beta_rate, fade * expected, p.smoothing_time, u.dt)
+    changed |= {"alpha": alpha, "alpha_rate": alpha_rate, "beta": beta, "beta_rate": beta_rate}
+    return changed, alpha[SECTIONS - 1, :].T, beta[SECTIONS - 1, :].T
+
+
+def fade_in(time: Any, duration: Any) -> Any:
+    """Weight rising from 0 at time 0 to 1 at `duration` (s), three derivatives zero at both ends; 1 for duration 0."""
+    rise = minimum(time / (duration + 1e-9), 1.0)
+    return rise**4 * polynomial(rise, (35.0, -84.0, 70.0, -20.0))
+
+
+def low_pass(values: Any, rates: Any, value: Any, time_constant: Any, dt: Any) -> tuple[Any, Any]:
+    """New outputs and rates (rows) of the sections in series for an input (3x1).
+
+    Backward Euler: stable at any interval, and with time constant 0 the output is the input.
+    """
+    outputs, slopes, square = [], [], time_constant * time_constant
+    value = value.T
+    for i, damping in enumerate(DAMPING):
+        per = 1 / (square + dt * (2 * damping * time_constant + dt))
+        slope = (rates[i, :] * square + (value - values[i, :]) * dt) * per
+        value = values[i, :] + dt * slope
+        outputs.append(value)
+        slopes.append(slope)
+    return ca.vertcat(*outputs), ca.vertcat(*slopes)
+
+
 def vector_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample of `qakf`."""
-    changed = inertial_vectors.vectors(p, x, u)
-    H, residual = vector_observation(x.q_start, *inertial_vectors.latest(changed), x.rest_force_n[2])
-    return {**changed, **vector_update(x, H, residual)}
+    changed, alpha, beta = windowed(p, x, u)
+    return changed | vector_update(x, *vector_observation(x.q_start, alpha, beta, x.rest_force_n[2]))
 
 
 def profile_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample of `qakf-improved`."""
-    changed = inertial_vectors.vectors(p, x, u)
-    alpha, beta = inertial_vectors.latest(changed)
-    profiles = inertial_vectors.profiles(p, x, alpha, beta, u.dt)
+    changed, alpha, beta = windowed(p, x, u)
     keep = p.memory_time / (p.memory_time + u.dt)
-    product = (ca.sumsqr(alpha) + ca.sumsqr(beta)) * u.dt
-    early, late = x.early_spread + x.early_weight * product, keep * x.late_spread + product
-    H, residual = profile_observation(x.q_start, profiles["early_profile"] + profiles["late_profile"], early + late)
-    return {**changed, **profiles, "early_spread": early, "late_spread": late, **profile_update(x, H, residual)}
+    product, square = (beta @ alpha.T) * u.dt, (ca.sumsqr(alpha) + ca.sumsqr(beta)) * u.dt
+    sums = {
+        "early_profile": x.early_profile + x.early_weight * product,
+        "late_profile": keep * x.late_profile + product,
+        "early_weight": keep * x.early_weight,
+        "early_spread": x.early_spread + x.early_weight * square,
+        "late_spread": keep * x.late_spread + square,
+    }
+    profile, spread = (sums[f"early_{name}"] + sums[f"late_{name}"] for name in ("profile", "spread"))
+    return changed | sums | profile_update(x, *profile_observation(x.q_start, profile, spread))
 
 
 def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
@@ -188,16 +242,16 @@ def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
     lags: age of the estimated vertical as a share of the time, at worst (large gyro biases delay the filter) and on
     average.
     """
-    lost = inertial_vectors.DELAY * p.smoothing_time
+    lost = DELAY * p.smoothing_time
     limit = inertial_vectors.stated_sigma(p, x, x.time, lost, *(lag * x.time for lag in lags))
     # successive residuals are equal over the correlation time of the low-pass, so as many samples count as one
-    alike = 1 + inertial_vectors.CORRELATION * p.smoothing_time * x.samples / maximum(x.time, 1e-9)
+    alike = 1 + CORRELATION * p.smoothing_time * x.samples / maximum(x.time, 1e-9)
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
-    own = 4 * ca.diag(C_n0n.T @ symmetric.full(x.covariance, 3) @ C_n0n) * alike * SURPLUS**2
-    own *= (1 + own[2] / LINEAR**2) ** 2
+    by_filter = 4 * ca.diag(C_n0n.T @ symmetric.full(x.covariance, 3) @ C_n0n) * alike * SURPLUS**2
+    by_filter *= (1 + by_filter[2] / LINEAR**2) ** 2
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
-        "attitude_sigma": minimum(ca.sqrt(limit**2 + own), LARGEST_SIGMA),
+        "attitude_sigma": minimum(ca.sqrt(limit**2 + by_filter), LARGEST_SIGMA),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,
     }
@@ -210,7 +264,7 @@ def _estimator(
         id=id,
         title=title,
         parameters=PARAMETERS,
-        state=inertial_vectors.STATE + further + STATE,
+        state=inertial_vectors.CARRIED + WINDOW + further + FILTER,
         inputs=rows.SAMPLE_INPUTS,
         outputs=OUTPUTS,
         steps={"sample": Step(step)},
@@ -234,7 +288,7 @@ IMPROVED = _estimator(
     "qakf-improved",
     "alignment in place, quaternion adaptive Kalman filter on the integral of many vectors",
     profile_sample,
-    inertial_vectors.PROFILE_STATE + SPREAD,
+    PROFILES,
     (0.6, 0.6),
 )
 ESTIMATORS = [PLAIN, IMPROVED]

@@ -34,7 +34,7 @@ the residual that a wrong heading leaves for noise.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -45,7 +45,8 @@ from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.contract import Estimator, Knowledge
+from insenv.estimators import qakf
+from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows, settling
 from insenv.estimators.parts.kalman import measure_joseph
 from insenv.geodesy import NOMINAL_GRAVITY
@@ -58,30 +59,20 @@ PARAMETERS = rows.chosen(rows.PLACE, "latitude", "height") + Table((
     Row("forgetting", "Forgetting factor b of the noise estimate; 1: none", "1", start=1.0, lower=0.5, upper=1.0),
     Row("subtracted", "Part s of the predicted variance of the innovation that is no noise", "1", lower=0.0, upper=1.0),
     Row("least_noise_sigma", "Smallest estimated noise of the vectors", "m/s^2", start=1e-7, lower=1e-12, upper=1.0),
-    Row("start_quaternion", "Start value of Q, of any length except zero", "1", (4,), "n at the start", (1, 0, 0, 0)),
+    qakf.PARAMETERS["start_quaternion"],
 )) + rows.NOISES  # fmt: skip
 
 STATE = inertial_vectors.CARRIED + Table((
-    Row("q_start", "Q: takes components in b at the start to n at the start", "1", (4,), "n at the start", (1, 0, 0, 0)),
+    qakf.FILTER["q_start"],
     Row("covariance", "Covariance of Q, upper triangle", "1", (symmetric.triangle_size(4),),
         start=symmetric.triangle_of_diagonal([1.0] * 4)),
-    Row("noise_variance", "Estimated variance of the observation's noise", "1"),
+    qakf.FILTER["noise_variance"],
     Row("kept_share", "b^k", "1", start=1.0),
 )) + settling.STATE  # fmt: skip
 
 INTEGRAL = Table((
     Row("integral", "K: integral of M^T M, upper triangle", "s", (symmetric.triangle_size(4),)),
 ))  # fmt: skip
-
-OUTPUTS = rows.ALIGNMENT + Table((
-    Row("filter_sigma", "Standard deviation by the filter's covariance, about n at the start", "rad", (3,), "n at the start"),
-    STATE["noise_variance"],
-))  # fmt: skip
-
-
-def start(p: Any) -> dict[str, Any]:
-    """The rows that the place determines, and the given Q."""
-    return {**inertial_vectors.start(p), "q_start": attitude.normalize(p.start_quaternion)}
 
 
 def matrix(alpha: Any, beta: Any) -> Any:
@@ -94,9 +85,9 @@ def updated(p: Any, x: Any, H: Any) -> dict[str, Any]:
     """Rows of the filter after the observation 0 = H Q + v."""
     P, q = symmetric.full(x.covariance, 4), x.q_start
     innovation = -(H @ q)
-    kept = x.kept_share * p.forgetting
+    power = x.kept_share * p.forgetting
     newest = p.forgetting == 1.0
-    share = select(newest, 1 / (x.samples + 1), (1 - p.forgetting) / select(newest, 1.0, 1 - kept))
+    share = select(newest, 1 / (x.samples + 1), (1 - p.forgetting) / select(newest, 1.0, 1 - power))
     excess = (ca.sumsqr(innovation) - p.subtracted * ca.trace(H @ P @ H.T)) / 4
     least, known = (p.least_noise_sigma / NOMINAL_GRAVITY) ** 2, (p.noise_sigma / NOMINAL_GRAVITY) ** 2
     estimated = maximum((1 - share) * x.noise_variance + share * excess, least)
@@ -108,29 +99,18 @@ def updated(p: Any, x: Any, H: Any) -> dict[str, Any]:
         "q_start": attitude.normalize(q + correction),
         "covariance": symmetric.triangle(P),
         "noise_variance": variance,
-        "kept_share": kept,
+        "kept_share": power,
     }
 
 
-def vector_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One inertial sample of `qakf-printed`."""
+def sample(p: Any, x: Any, u: Any, improved: bool) -> dict[str, Any]:
+    """One inertial sample: H is M, or K in the improved filter."""
     changed, alpha, beta = inertial_vectors.carried(p, x, u)
-    M = matrix(alpha / NOMINAL_GRAVITY, beta / NOMINAL_GRAVITY)
-    return {**changed, **updated(p, x, M), "answer_due": settling.due(x, changed["time"])}
-
-
-def integral_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One inertial sample of `qakf-improved-printed`."""
-    changed, alpha, beta = inertial_vectors.carried(p, x, u)
-    M = matrix(alpha / NOMINAL_GRAVITY, beta / NOMINAL_GRAVITY)
-    integral = x.integral + symmetric.triangle(M.T @ M) * u.dt
-    found = updated(p, x, symmetric.full(integral, 4))
-    return {**changed, "integral": integral, **found, "answer_due": settling.due(x, changed["time"])}
-
-
-def keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Keep the answer of now for comparison with later ones."""
-    return settling.kept(x, x.q_start)
+    H = matrix(alpha / NOMINAL_GRAVITY, beta / NOMINAL_GRAVITY)
+    if improved:
+        changed["integral"] = x.integral + symmetric.triangle(H.T @ H) * u.dt
+        H = symmetric.full(changed["integral"], 4)
+    return {**changed, **updated(p, x, H), "answer_due": settling.due(x, changed["time"])}
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:
@@ -140,52 +120,50 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     turn = 2 * product[1:, :]
     covariance = turn @ symmetric.full(x.covariance, 4) @ turn.T
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
-    own = ca.diag(C_n0n.T @ covariance @ C_n0n)
+    by_filter = ca.diag(C_n0n.T @ covariance @ C_n0n)
 
-    def sigma(time: Any) -> Any:
-        return inertial_vectors.stated_sigma(p, x, time, 0.0, time / 2, time / 2)
-
-    stated = settling.stated(x, x.q_start, 0.0, sigma, inertial_vectors.LARGEST_HEADING_SIGMA)
-    largest = ca.DM([1.0, 1.0, inertial_vectors.LARGEST_HEADING_SIGMA])
+    stated = settling.stated(x, x.q_start, 0.0, lambda time: inertial_vectors.stated_sigma(p, x, time, 0.0, time / 2, time / 2))
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
-        "attitude_sigma": minimum(ca.sqrt(stated**2 + own), largest),
+        "attitude_sigma": minimum(ca.sqrt(stated**2 + by_filter), qakf.LARGEST_SIGMA),
         "filter_sigma": minimum(ca.sqrt(ca.diag(covariance)), 10.0),
         "noise_variance": x.noise_variance,
     }
 
 
-def prepare(known: Knowledge) -> dict[str, Any]:
-    """Parameters from what is known."""
-    return known.rows_of(PARAMETERS)
+FOR_COMPARISON = (
+    "the paper's filter as printed, for comparison with it: with noise or motion it converges slowly, and its stated sigma can "
+    "be too small; use q-method"
+)
 
 
 PRINTED = applicability.printed("with noise or motion it converges slowly, and its stated sigma can be too small", "q-method")
 
 
-def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, Any]], further: Table) -> Estimator:
+def _estimator(id: str, title: str, further: Table) -> Estimator:
     model = Model(
         id=id,
-        title=title,
+        title=f"alignment in place, the quaternion adaptive Kalman filter as its paper prints it, {title}",
         parameters=PARAMETERS,
         state=STATE + further,
         inputs=rows.SAMPLE_INPUTS,
-        outputs=OUTPUTS,
-        steps={"sample": Step(step), "keep": Step(keep, when="answer_due")},
+        outputs=qakf.OUTPUTS,
+        steps={
+            "sample": Step(partial(sample, improved="integral" in further)),
+            "keep": settling.keeping(lambda x: x.q_start),
+        },
         output=output,
-        start=start,
+        start=qakf.start,
     )
     return Estimator(
         model,
         kind="alignment",
-        prepare=prepare,
         needs=lambda parameters: SETTLING_S,
         applicability=applicability.together(applicability.notes, PRINTED),
     )
 
 
-_TITLE = "alignment in place, the quaternion adaptive Kalman filter as its paper prints it"
 ESTIMATORS = [
-    _estimator("qakf-printed", f"{_TITLE}, on single vectors", vector_sample, Table()),
-    _estimator("qakf-improved-printed", f"{_TITLE}, on their integral", integral_sample, INTEGRAL),
+    _estimator("qakf-printed", "on single vectors", Table()),
+    _estimator("qakf-improved-printed", "on their integral", INTEGRAL),
 ]

@@ -32,8 +32,7 @@ PLAIN_STATE = strapdown.NAVIGATION_STATE + Table((
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample."""
-    moved = strapdown.move(x, u.delta_angle, u.delta_velocity, u.dt)
-    return strapdown.moved_rows(moved, x, u.delta_angle, u.delta_velocity)
+    return strapdown.move(x, u.delta_angle, u.delta_velocity, u.dt).rows
 
 
 def plain_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.core.elementary import Scalar, sin_cos, wrap_angle
-from insenv.geodesy.wgs84 import radii
+from insenv.geodesy import radii
 
 Array = NDArray[np.float64]
 

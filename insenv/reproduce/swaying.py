@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.estimators import Estimator, get, inertial_fir
-from insenv.estimators.parts.fir import BLOCK_S, CASCADE, PASS_HZ, STOP_DB, STOP_HZ
+from insenv.estimators.inertial_fir import BLOCK_S, FILTERS, PASS_HZ, STOP_DB, STOP_HZ, STRIDES
 from insenv.evaluation.limits import closed_forms
 from insenv.reproduce import Quantity, rms
 from insenv.reproduce.unit_limits import noise_limit
@@ -172,7 +172,7 @@ def figure(path_stem: Path) -> list[Path]:
 def attenuation(frequency: Array) -> Array:
     """Gain of blocks and cascade at frequencies (n,), Hz, relative to that at 0."""
     gain = np.abs(np.sinc(frequency * BLOCK_S))
-    for taps, stride in zip(CASCADE.filters, CASCADE.strides, strict=True):
+    for taps, stride in zip(FILTERS, STRIDES, strict=True):
         places = np.arange(len(taps)) - (len(taps) - 1) / 2
         phase = 2 * np.pi * frequency[:, None] * stride * BLOCK_S * places
         gain = gain * np.abs(np.cos(phase) @ np.array(taps)) / np.sum(taps)

@@ -16,7 +16,8 @@ from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.core.tables import Table, Vector
-from insenv.estimators import Estimator, smoother
+from insenv.estimators import Estimator
+from insenv.estimators.loosely_coupled import SMOOTHING
 from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
@@ -38,7 +39,7 @@ class Smoother:
     def __init__(
         self,
         parameters: Mapping[str, Any] | Vector | None = None,
-        smoothing: Smoothing = smoother.SMOOTHING,
+        smoothing: Smoothing = SMOOTHING,
         backend: str | None = None,
     ) -> None:
         self.smoothing = smoothing

@@ -32,8 +32,7 @@ from insenv.core.compose import Part
 from insenv.core.elementary import TWO_PI, clamp, exp, maximum, normals, select, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
-from insenv.geodesy import geodetic_from_ned_offset
-from insenv.geodesy.position import place_rows
+from insenv.geodesy import geodetic_from_ned_offset, place_rows
 from insenv.sensors.catalogue import GNSS_GRADES, gnss_grade
 from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.figures import TimedSection

@@ -122,7 +122,7 @@ def test_every_estimator_has_one_of_its_own():
         ("insenv.estimators.analytic._line", made(0)),
         ("insenv.estimators.ecef_kf.AXIS_E", ca.SX([0, 0, 7e-5])),
         ("insenv.geodesy.q_ew_from_geodetic", made(0)),
-        ("insenv.geodesy.wgs84.E2", 0.0067),
+        ("insenv.geodesy.E2", 0.0067),
         ("insenv.core.elementary._SIN", [1.0, -0.1]),
         ("insenv.core.tables.Table.slice", made(0)),
     ],

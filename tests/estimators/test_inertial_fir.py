@@ -10,7 +10,7 @@ from scipy.signal import freqz
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get, inertial_fir
-from insenv.estimators.parts.fir import BLOCK_S, CASCADE
+from insenv.estimators.inertial_fir import BLOCK_S
 from insenv.evaluation.limits import closed_forms as limits
 from insenv.geodesy import OMEGA_IE
 from insenv.scenario.chunks import input_rows
@@ -33,9 +33,9 @@ def test_a_ramp_is_delayed_by_exactly_the_stated_delay():
     runner.run(n, input_rows(model, columns, n), 0)
     state = runner.state
     assert state["blocks"] == 1300
-    ages = (0.5 + CASCADE.delay) * 0.1 + 2.0 * np.arange(5)  # of the newest ones, all with full memory
+    ages = (0.5 + inertial_fir.CASCADE_DELAY) * 0.1 + 2.0 * np.arange(5)  # of the newest ones, all with full memory
     assert np.abs(state["filtered"][:5, 2] - 0.01 * (130.0 - ages)).max() < 1e-10 * 1.3
-    assert abs((0.5 + CASCADE.delay) * 0.1 + 54.0 - inertial_fir.DELAY * 0.1) < 1e-9
+    assert abs((0.5 + inertial_fir.CASCADE_DELAY) * 0.1 + 54.0 - inertial_fir.DELAY * 0.1) < 1e-9
 
 
 def test_the_stated_noise_is_that_of_the_weights():
@@ -170,7 +170,7 @@ def test_tilt_of_the_fix_allows_for_what_the_gyros_drift_in_its_delay():
     model = get("inertial-fir").model
     runner = make_runner(model, {**QUIET, "gyro_bias_sigma": 4e-8, "latitude": LATITUDE}, "interpreter")
     runner.x[:] = model.state.pack({"fixes": 1.0, "tilt_variance": 0.0}, base=runner.x)
-    delay = BLOCK_S * (inertial_fir.CASCADE.span / 2) + 54.0
+    delay = BLOCK_S * (inertial_fir.CASCADE_SPAN / 2) + 54.0
     assert runner.outputs()["attitude_sigma"][:2] == pytest.approx([4e-8 * delay] * 2, rel=1e-6)
     assert runner.outputs()["attitude_sigma"][2] == pytest.approx(4e-8 / (OMEGA_IE * np.cos(LATITUDE)), rel=1e-6)
 
@@ -187,3 +187,29 @@ def test_levelling_removes_a_tilt_about_either_axis(tilt):
     runner.run(1200, input_rows(model, samples([1.0, 0, 0, 0], LATITUDE, 120.0, dt), 1200), 0)
     left = 2 * runner.outputs()["q_nb"][1:3]
     assert np.abs(left).max() < 0.02 * np.abs(tilt).max()
+
+
+def test_two_decimations_three_symmetric_subfilters_within_specification():
+    rate, last = 1 / BLOCK_S, len(inertial_fir.FILTERS) - 1
+    assert [len(h) for h in inertial_fir.FILTERS] == [21, 19, 31]
+    for i, h in enumerate(inertial_fir.FILTERS):
+        assert h == h[::-1] and len(h) % 2 == 1
+        assert sum(h) == pytest.approx(1, abs=1e-10)
+        own = rate / inertial_fir.STRIDES[i]
+        edge = inertial_fir.STOP_HZ if i == last else 1 / BLOCK_S / inertial_fir.STRIDES[i + 1] - inertial_fir.STOP_HZ
+        passed = np.abs(freqz(h, worN=np.linspace(0, inertial_fir.PASS_HZ, 300), fs=own)[1])
+        stopped = np.abs(freqz(h, worN=np.linspace(edge, own / 2, 9000), fs=own)[1])
+        assert np.abs(passed - 1).max() <= 0.01
+        assert 20 * np.log10(stopped.max()) <= -inertial_fir.STOP_DB + 0.01
+
+
+def test_the_cascade_attenuates_sway_and_delays_by_half_its_span():
+    h = impulse_response()
+    assert len(h) == inertial_fir.CASCADE_SPAN == 711
+    f = np.linspace(inertial_fir.STOP_HZ, 5, 40_000)
+    assert 20 * np.log10(np.abs(freqz(h, worN=f, fs=10)[1]).max()) <= -inertial_fir.STOP_DB + 0.01
+    # group delay: the phase is linear to rounding
+    f = np.linspace(1e-4, 0.02, 50)
+    response = freqz(h, worN=f, fs=10)[1] * np.exp(2j * np.pi * f / 10 * inertial_fir.CASCADE_DELAY)
+    assert np.abs(response.imag).max() < 1e-12
+    assert abs(inertial_fir.SPAN * BLOCK_S - 180.0) < 1e-9

@@ -146,7 +146,7 @@ def test_file_keeps_every_bit(tmp_path):
     [
         ("machine.raw_inputs", 3, "machine.raw_inputs is 3"),
         ("format", "other", "its format is not 'insenv-lssvm'"),
-        ("version", 2, "version 2: .* up to 1"),
+        ("version", 2, "version 2: .* version 1; use a newer"),
         ("machine", None, "lacks its machine"),
         ("machine.support", [[1.0, 2.0]], r"machine.support has shape \(1, 2\)"),
         ("machine.scale", [1e999] * 6, "machine.scale .* not finite"),

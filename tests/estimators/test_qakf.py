@@ -8,7 +8,6 @@ from resting import at_rest, attitude_error, samples
 from insenv import attitude, geodesy, run
 from insenv.core import symmetric
 from insenv.estimators import qakf
-from insenv.estimators.parts import inertial_vectors
 
 IDS = ["qakf", "qakf-improved"]
 PRINTED = ("qakf-printed", "qakf-improved-printed")
@@ -68,13 +67,13 @@ def test_low_pass_gain_delay_and_bypass():
     """Unit gain, the delay used by the stated accuracy, the Butterworth cut-off; time constant 0 changes nothing."""
     dt, tau, n = 0.02, 2.0, 10000
     values, rates, value, time = ca.SX.sym("v", 3, 3), ca.SX.sym("r", 3, 3), ca.SX.sym("x", 3), dt * np.arange(1, n + 1)
-    step = ca.Function("f", [values, rates, value], inertial_vectors.low_pass(values, rates, value, tau, dt))
+    step = ca.Function("f", [values, rates, value], qakf.low_pass(values, rates, value, tau, dt))
     signals = np.stack([np.ones(n), time, np.sin(time / tau)])
     found = np.array(step.mapaccum("whole", n, 2)(np.zeros((3, 3)), np.zeros((3, 3)), signals)[0])[2].reshape(n, 3)
     assert found[-1, 0] == pytest.approx(1.0, abs=1e-8)
-    assert n * dt - found[-1, 1] == pytest.approx(2 * sum(inertial_vectors.DAMPING) * tau, rel=0.01)
+    assert n * dt - found[-1, 1] == pytest.approx(2 * sum(qakf.DAMPING) * tau, rel=0.01)
     assert np.abs(found[n // 2 :, 2]).max() == pytest.approx(np.sqrt(0.5), rel=0.05)
-    through = inertial_vectors.low_pass(ca.DM.ones(3, 3), ca.DM.ones(3, 3), ca.DM([3, 4, 5]), 0.0, dt)[0]
+    through = qakf.low_pass(ca.DM.ones(3, 3), ca.DM.ones(3, 3), ca.DM([3, 4, 5]), 0.0, dt)[0]
     assert np.allclose(np.array(through)[2], [3, 4, 5], atol=1e-12)
 
 

@@ -174,7 +174,7 @@ def test_errors_of_a_velocity_of_the_log_against_differences():
         state = {"q_ib": q_ib, "alpha": [1.0, 2.0, -50.0], "dt": 0.01, "time": 30.0, "latitude": 0.8}
         values = ((model.parameters, {}), (model.state, state), (model.inputs, {"dvl_velocity_b": measured, "dvl_new": 1.0}))
         p, x, u = (table.symbols(ca.SX(ca.DM(table.pack(each)))) for table, each in values)
-        return BY_LOG.source.seen(p, x, u, lambda p, x: (ca.SX([1, 0, 0, 0]), ca.SX(0)))
+        return BY_LOG.source.measurement(p, x, u, lambda p, x: (ca.SX([1, 0, 0, 0]), ca.SX(0)))
 
     def alpha(**errors):
         return np.array(ca.DM(ca.evalf(ca.densify(seen(**errors).alpha)))).ravel()

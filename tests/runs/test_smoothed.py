@@ -14,9 +14,9 @@ from insenv.base.errors import InputError
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
+from insenv.estimators.loosely_coupled import SMOOTHING
 from insenv.estimators.parts.error_model import ACCEL, GYRO, TILT, Interval, navigation_transition
 from insenv.estimators.parts.error_model import VELOCITY as DV
-from insenv.estimators.smoother import SMOOTHING
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY, errors
 from insenv.runs import smoother_record as record
 from insenv.runs.ensemble import ensemble

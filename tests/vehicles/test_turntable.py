@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.geodesy.numeric import earth_rate_n
+from insenv.geodesy import numeric
 from insenv.scenario import build, load, parse
 from insenv.vehicles.turntable import SETTLED, turning_time
 
@@ -39,7 +39,7 @@ def test_it_turns_to_the_angles_in_place_and_its_increments_are_those_of_the_att
     for k, increment in enumerate(Rotation.from_rotvec(found["delta_angle"]), start=1):
         turned = turned * increment
         if k % 1200 == 0:  # at 9 s it turns at 60 deg/s
-            earth = Rotation.from_rotvec(earth_rate_n(plant.knowledge.latitude) * k / 400.0)
+            earth = Rotation.from_rotvec(numeric.earth_rate_n(plant.knowledge.latitude) * k / 400.0)
             assert ((earth.inv() * turned).inv() * attitudes[k - 1]).magnitude() < 5e-4
     force = np.linalg.norm(found["delta_velocity"], axis=1)
     assert np.ptp(force) < 1e-4 * force.mean()

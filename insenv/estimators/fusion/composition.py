@@ -199,16 +199,16 @@ class Composition:
         values = {state.name: getattr(x, state.name) for state in self.states}
         delta_angle, delta_velocity = corrected_increments(self.states, values, u)
         moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
-        stretch, change = x.stretch + u.dt, moved.velocity_w - x.velocity_w
+        stretch, change = x.stretch + u.dt, moved.rows["velocity_w"] - x.velocity_w
         found = {
-            **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
+            **moved.rows,
             "stretch": stretch,
             "stretch_velocity_w": x.stretch_velocity_w + moved.delta_velocity_w,
             "stretch_angle": x.stretch_angle + delta_angle,
             "stretch_change_w": x.stretch_change_w + change,
             "omega_ie_w": moved.omega_ie_w,
             "omega_ew_w": moved.omega_ew_w,
-            **history.followed(x, x.velocity_w, moved.velocity_w, u.dt),
+            **history.followed(x, x.velocity_w, moved.rows["velocity_w"], u.dt),
         }
         for state in self.states:
             columns = self._entered(state, values, u)

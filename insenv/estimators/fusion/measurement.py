@@ -13,7 +13,7 @@ from insenv.estimators.fusion.aid import Aid, Spread
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation, linear
 from insenv.estimators.parts.error_model import TILT
-from insenv.estimators.parts.kalman import Scalar, Update, innovation_variance, measure
+from insenv.estimators.parts.kalman import Update, innovation_variance, measure
 from insenv.estimators.parts.rows import COUNTED, counted
 
 
@@ -40,8 +40,8 @@ def update(
         ratio = present[i] * left / ca.sqrt(innovation_variance(stored, H[i, :], variance[i]))
         beyond = select(ca.logic_and(gate > 0, ca.fabs(ratio) > gate), 1.0, 0.0)
         accept = present[i] * (1 - gated * beyond)
-        scalars.append(Scalar(stored, H[i, :], left, inflated[i], accept))
-        stored, correction = measure(stored, correction, H[i, :], innovation[i], inflated[i], accept)
+        stored, correction, scalar = measure(stored, correction, H[i, :], innovation[i], inflated[i], accept)
+        scalars.append(scalar)
         ratios.append(ratio)
         outside = outside + beyond
     accepted, test_ratio = ca.vertcat(*[scalar.accept for scalar in scalars]), ca.vertcat(*ratios)

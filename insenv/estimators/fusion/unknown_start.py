@@ -44,8 +44,7 @@ from insenv.estimators.parts.finding import Finding, Reached
 from insenv.estimators.parts.kalman import innovation_variance
 from insenv.estimators.velocity_integration import estimator as alignment
 from insenv.estimators.velocity_integration import source, wahba
-from insenv.estimators.velocity_integration.errors import q_ni
-from insenv.estimators.velocity_integration.wahba import VelocityIntegration
+from insenv.estimators.velocity_integration.wahba import VelocityIntegration, q_ni
 
 PREFIX = "alignment_"
 FOUND = radians(7.0)
@@ -132,7 +131,7 @@ def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[F
         return ()
     return (
         Finding("attitude_sigma", _NOT_FOUND.filled(shows=_SHOWN[way]), scale=(np.inf, np.inf, FOUND)),
-        Reached("attitude_sigma", _FOUND.filled(means=alignment.MEANS[way]), (LINEAR_TILT, LINEAR_TILT, FOUND)),
+        Reached("attitude_sigma", _FOUND.filled(means=way.source.means), (LINEAR_TILT, LINEAR_TILT, FOUND)),
     )
 
 
@@ -344,7 +343,7 @@ def _covariance(P: Any, x: Any, own: Values, state: Values, taken: Any, back: An
     """
     C_wi = attitude.to_dcm(back) @ strapdown.C_nw(x.q_ew).T @ attitude.to_dcm(q_ni(state, state.q_i0i))
     turn = ca.SX(3, source.N)
-    turn[:, source.KEPT] = turn[:, source.DRIFT] = C_wi
+    turn[:, source.ANSWER] = turn[:, source.DRIFT] = C_wi
     shared = turn @ symmetric.full(state.covariance, source.N)
     stated = (shared @ turn.T + own.thrust_error**2 * ca.SX.eye(3)) * (taken @ taken.T)
     stated += ca.trace(stated) ** 2 * ca.diag(taken)  # products of two errors, which linearisation leaves out

@@ -34,7 +34,7 @@ from insenv.core import symmetric
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts.error_model import TILT, adjoint_before, turn_of, turned, with_platform
-from insenv.estimators.parts.kalman import Update, weight_and_gain
+from insenv.estimators.parts.kalman import Update
 
 
 @dataclass(frozen=True)
@@ -100,37 +100,13 @@ def scalar_rows(prefix: str, count: int, n: int, what: str) -> Table:
 def recorded(prefix: str, update: Update) -> dict[str, Any]:
     """The rows `scalar_rows` of an update."""
     scalars = update.scalars
-    pairs = [weight_and_gain(s.stored, s.H, s.variance, s.accept) for s in scalars]
     return {
         f"{prefix}_H": ca.vertcat(*[s.H for s in scalars]),
-        f"{prefix}_gain": ca.vertcat(*[gain.T for _, gain in pairs]),
-        f"{prefix}_weight": ca.vertcat(*[weight for weight, _ in pairs]),
+        f"{prefix}_gain": ca.vertcat(*[s.gain.T for s in scalars]),
+        f"{prefix}_weight": ca.vertcat(*[s.weight for s in scalars]),
         f"{prefix}_left": ca.vertcat(*[s.left for s in scalars]),
         f"{prefix}_turn": update.correction[TILT],
     }
-
-
-def backward_state(n: int) -> Table:
-    """The rows that the backward pass carries."""
-    return Table((
-        Row("adjoint", "Adjoint s of the error state, from the later measurements", "1/SI", (n,)),
-        Row("information", "Their information L on the error state, upper triangle by columns", "1/SI^2",
-            (symmetric.triangle_size(n),)),
-    ))  # fmt: skip
-
-
-def backward_inputs(n: int, groups: Sequence[Group], interval: Table) -> Table:
-    """A scalar measurement and an interval to go back over."""
-    return Table((
-        *(Row(used_row(k), "1 to go back over a scalar of that group", lower=0, upper=1) for k in range(len(groups))),
-        Row("H", "Its sensitivity to the error state", "SI", (n,)),
-        Row("gain", "Its gain, 0 where it was not used", "SI", (n,)),
-        Row("weight", "Inverse variance of its innovation, 0 where it was not used", "SI"),
-        Row("left", "Its innovation minus what the ones before it explained", "SI"),
-        Row("turned", "1 to go back over a turn of the errors before it", lower=0, upper=1),
-        Row("turn", "Rotation vector of that turn", "rad", (3,), "w"),
-        Row("carried", "1 to go back over an interval after that", lower=0, upper=1),
-    )) + interval  # fmt: skip
 
 
 def used_row(group: int) -> str:
@@ -142,13 +118,27 @@ def backward_model(
     id: str, n: int, parameters: Table, groups: Sequence[Group], interval: Table, transition: Callable[[Any, Any], Any]
 ) -> Model:
     """The backward pass.  transition: ``(p, interval rows) -> A (n x n)``, that of `kalman.propagate`."""
-    state = backward_state(n)
+    state = Table((
+        Row("adjoint", "Adjoint s of the error state, from the later measurements", "1/SI", (n,)),
+        Row("information", "Their information L on the error state, upper triangle by columns", "1/SI^2",
+            (symmetric.triangle_size(n),)),
+    ))  # fmt: skip
+    inputs = Table((
+        *(Row(used_row(k), "1 to go back over a scalar of that group", lower=0, upper=1) for k in range(len(groups))),
+        Row("H", "Its sensitivity to the error state", "SI", (n,)),
+        Row("gain", "Its gain, 0 where it was not used", "SI", (n,)),
+        Row("weight", "Inverse variance of its innovation, 0 where it was not used", "SI"),
+        Row("left", "Its innovation minus what the ones before it explained", "SI"),
+        Row("turned", "1 to go back over a turn of the errors before it", lower=0, upper=1),
+        Row("turn", "Rotation vector of that turn", "rad", (3,), "w"),
+        Row("carried", "1 to go back over an interval after that", lower=0, upper=1),
+    ))  # fmt: skip
     return Model(
         id=id,
         title="backward pass of the smoother",
         parameters=parameters,
         state=state,
-        inputs=backward_inputs(n, groups, interval),
+        inputs=inputs + interval,
         outputs=state,
         # in the reverse order of the forward pass
         steps={
@@ -156,7 +146,7 @@ def backward_model(
             **{f"scalar_{k}": Step(_back_over(n, group.support), when=used_row(k)) for k, group in enumerate(groups)},
             "carry": Step(lambda p, x, u: back_over_interval(transition(p, u), x), when="carried"),
         },
-        output=lambda p, x: {"adjoint": x.adjoint, "information": x.information},
+        output=lambda p, x: vars(x),
     )
 
 

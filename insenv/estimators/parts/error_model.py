@@ -72,16 +72,16 @@ def navigation_transition(interval: Interval, gravity: Any) -> Any:
 
 # The errors of velocity and attitude as one error of a group: a correction turns both.
 #
-# A correction turns the platform by psi.  What a filter has not measured, above all the heading of a vehicle at rest, is an
-# error about the vertical *as the platform shows it*.  The errors of velocity and attitude (w) therefore turn with the
-# platform, and their covariance with them:
+# A correction turns the platform by psi.  An error that has not been measured, above all the heading of a vehicle at rest, is
+# one about the vertical of the platform.  The errors of velocity and attitude (w) therefore turn with the platform, and their
+# covariance with them:
 #
 #     e <- T e,   P <- T P T^T,   T = 1 but for the blocks C of velocity and attitude,   C = exp([psi x])
 #
-# Without that turn an error of heading that was none of velocity becomes one: the next measurement of velocity seems to measure
-# the heading, and the stated sigma falls without a cause.  With it, velocity and attitude have the left-invariant error
-# R^T (v^ - v), R^T R^ in other axes, to first order.  The error of position keeps its axes: it is known apart from errors that
-# do not turn, those of receiver and barometer, and turning it alone would seem to measure it.
+# Without that turn a pure heading error acquires a component of velocity: the next measurement of velocity then seems to
+# measure the heading, and its stated sigma falls without information.  With it, velocity and attitude have the left-invariant
+# error R^T (v^ - v), R^T R^ in other axes, to first order.  The error of position does not turn: it is known up to errors that
+# do not turn, those of receiver and barometer, and turning it alone would count as a measurement of it.
 #
 # Sources: Barrau and Bonnabel (2017), "The invariant extended Kalman filter as a stable observer", IEEE Trans. Automatic
 # Control 62, 1797-1812; biases make the filter an imperfect one, for which convergence is not proved.
@@ -120,23 +120,23 @@ def covariance_after(update: Update, n: int, share: Any = 1.0) -> Any:
 
 def adjoint_before(adjoint: Any, psi: Any) -> Any:
     """T^T s for the adjoint s (n) of the error after a correction psi."""
-    found = ca.SX(adjoint)
+    before = ca.SX(adjoint)
     for part in TURNING:
-        found[part] = turn_of(psi).T @ adjoint[part]
-    return found
+        before[part] = turn_of(psi).T @ adjoint[part]
+    return before
 
 
 # From a coarse alignment in place to an error-state filter: the covariance of attitude and sensor biases.
 #
-# What biases do to an alignment in place does not average out, so attitude and biases are correlated from the start. In
-# place, with the misalignment phi and the biases left in the measurements (b, in n) as in (12) and (22) of the ECEF
-# fine-alignment paper, the specific force and the Earth's rotation balance at
+# The effect of biases on an alignment in place does not average out, so its attitude errors are correlated with the biases. In
+# place, with the misalignment phi and the remaining biases (b, in n) as in (12) and (22) of the ECEF fine-alignment paper, the
+# specific force and the Earth's rotation balance at
 #
 #     phi_N = b_aE / g,   phi_E = -b_aN / g,   phi_D = b_gE / (omega_ie cos L) - phi_N tan L
 #
-# A filter that starts without these correlations takes the attitude for a measurement of its own, and states too little.
+# A filter that starts without these correlations treats the attitude as an independent measurement: its sigmas are too small.
 
-LEAST_NOISE = 1e-12  # rad^2
+LEAST_VARIANCE = 1e-12  # rad^2
 
 
 @dataclass(frozen=True)
@@ -160,25 +160,24 @@ def aligned(sigma: Any, latitude: Any, gravity: Any, gyro_bias_sigma: Any, accel
     by_gyro[2, 1] = 1 / (geodesy.OMEGA_IE * c)
     tilt_accel, tilt_gyro = by_accel * accel_bias_sigma**2, by_gyro * gyro_bias_sigma**2
     biases = tilt_accel @ by_accel.T + tilt_gyro @ by_gyro.T
-    noise = maximum(sigma**2 - ca.diag(biases), LEAST_NOISE)
+    noise = maximum(sigma**2 - ca.diag(biases), LEAST_VARIANCE)
     return Aligned(biases + ca.diag(noise), tilt_accel, tilt_gyro)
 
 
-# The start of a gyro bias that comes from a time at rest: its error, which the errors of the start attitude share.
+# The error of a start gyro bias that was measured at rest; it is correlated with that of the start attitude.
 #
-# At rest a gyro measures its bias and the Earth's rate. The bias is the mean rate minus the Earth's rate in the attitude of
-# the start, so an error of that attitude leaves a part of the Earth's rate in the bias. With psi the small rotation of
-# `insenv.estimators.parts.error_model` (the computed attitude is I - [psi x] times the true one) the bias that is left, true
-# minus estimated, is
+# At rest a gyro measures its bias and the Earth's rate. The bias is the mean rate minus the Earth's rate in the start attitude,
+# so an error of that attitude leaves a part of the Earth's rate in the bias. With psi as above (the computed attitude is
+# I - [psi x] times the true one) the remaining bias, true minus estimated, is
 #
 #     C_bn (psi x w_ie)
 #
-# times the part of the bias that comes from the rest. The two errors cancel in the rate of the attitude, so a heading that is
-# found later corrects the bias with it.
+# times the share of the bias that was measured at rest. The two errors cancel in the rate of the attitude, so a later
+# correction of the heading corrects the bias too.
 
 
 def bias_of_tilt(p: Any) -> Any:
-    """Derivative (3x3) of the start gyro bias that is left (rad/s, b) with respect to psi (rad, n)."""
+    """Derivative (3x3) of the remaining start gyro bias (rad/s, b) with respect to psi (rad, n)."""
     C_bn = attitude.to_dcm(attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)).T
     return -p.start_rest_share * (C_bn @ attitude.skew(geodesy.earth_rate_n(p.start_latitude)))
 
@@ -190,8 +189,8 @@ def bias_sigma(p: Any) -> Any:
 
 # Errors of the unit that are proportional to the motion, as process noise of a filter without states for them.
 #
-# Scale factors and misalignments are constant, and what they do comes and goes with each turn: it accumulates in a manoeuvre
-# and reverses in the next. As noise they are white over manoeuvres of the sizes below.
+# Scale factors and misalignments are constant: their effect accumulates in a manoeuvre and reverses in the next one. As noise
+# they are white over manoeuvres of the sizes below.
 
 COHERENT_ANGLE = 1.0  # rad
 COHERENT_SPEED = 10.0  # m/s

@@ -16,17 +16,21 @@ Source: the swaying-base paper, (1), (2) and (7), in NED and FRD axes.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.core.elementary import atan2, sin_cos
+from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Knowledge
 from insenv.estimators.parts import rows
-from insenv.estimators.parts.fir import BLOCK_S
 from insenv.estimators.parts.strapdown import MEMORY, compensated, remembered
+
+BLOCK_S = 0.1
+"""Length of a block, s."""
 
 FRAME = Table((
     Row("q_ib", "Attitude since the start: takes b components to components in b at the start", "1", (4,), "i", (1, 0, 0, 0)),
@@ -43,14 +47,19 @@ PARAMETERS = (
     + rows.chosen(rows.NOISES, angle_random_walk=1e-6, velocity_random_walk=1e-4)
 )
 
-STATE = FRAME + Table((
+BLOCK = Table((
     Row("force_sum", "Integral of specific force since the start of the block", "m/s", (3,), "i"),
     Row("block_time", "Time since the start of the block", "s"),
     Row("block_count", "Samples since the start of the block", "1"),
     Row("block_due", "1 when the block is complete", "1"),
+))  # fmt: skip
+"""After a block has been used, these rows begin anew (`rows.at_start`)."""
+
+STATE = FRAME + BLOCK + Table((
     Row("begin", "1 before the first sample", "1", start=1.0),
     Row("time", "Time since the start", "s"),
 )) + MEMORY  # fmt: skip
+VELOCITY = Row("velocity_n", "Velocity over the Earth by integration, fed back", "m/s", (3,), "n")
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -102,11 +111,21 @@ def horizontal_earth_rate(x: Any) -> Any:
     return geodesy.OMEGA_IE * (ca.fabs(x.axis_n[0]) + 1e-12)
 
 
-def levelled(u: Any, heading: Any) -> dict[str, Any]:
-    """State rows at the first sample: q_n0i such that its specific force points up, at a heading (rad)."""
-    x, y, z = ca.vertsplit(u.delta_velocity)
-    roll, pitch = atan2(-y, -z), atan2(x, ca.sqrt(y * y + z * z))
-    return {"q_n0i": attitude.from_euler(roll, pitch, heading), "begin": 0}
+def heading_variance(p: Any, x: Any, noise: Any) -> Any:
+    """Variance (rad^2) of a heading by the Earth's rotation: of biases, and of a white `noise` as of a drift, (rad/s)^2."""
+    tilt, slope = p.accel_bias_sigma / x.gravity, x.axis_n[2] / (x.axis_n[0] + 1e-12)
+    return (p.gyro_bias_sigma**2 + noise) / horizontal_earth_rate(x) ** 2 + (tilt * slope) ** 2
+
+
+def levelling(heading: Callable[[Any], Any]) -> Step:
+    """The step at the first sample: q_n0i such that its specific force points up; heading: ``p -> rad``."""
+
+    def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
+        fx, fy, fz = ca.vertsplit(u.delta_velocity)
+        roll, pitch = atan2(-fy, -fz), atan2(fx, ca.sqrt(fy * fy + fz * fz))
+        return {"q_n0i": attitude.from_euler(roll, pitch, heading(p)), "begin": 0}
+
+    return Step(begin, when="begin")
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -120,11 +139,6 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "block_due": x.block_count + 1 >= p.block_samples,
         "time": x.time + u.dt,
     }
-
-
-def block_done() -> dict[str, Any]:
-    """State rows after a block has been used."""
-    return {"force_sum": ca.SX.zeros(3), "block_time": 0, "block_count": 0, "block_due": 0}
 
 
 def block_velocity_n(x: Any) -> Any:

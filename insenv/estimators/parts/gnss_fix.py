@@ -1,9 +1,9 @@
 """A GNSS fix at its own time, predicted from a navigation state in the wander-azimuth frame.
 
-A fix comes with its age: the time from its validity to the end of the last inertial sample, which need not be a whole
-number of samples. The position and velocity of the antenna at that time follow from the present state, the acceleration
-and rate of the last sample and the angular acceleration (`insenv.estimators.parts.lever_arm`), so a fix may lie between
-two samples or be some tenths of a second late.
+The age of a fix is the time from its validity to the end of the last inertial sample, not necessarily a whole number of
+samples. Position and velocity of the antenna at that time follow from the present state, the acceleration and rate of the
+last sample and the angular acceleration (`insenv.estimators.parts.lever_arm`), so a fix may lie between two samples or be
+some tenths of a second late.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Antenna:
     offset_w: its position relative to the present position of the inertial unit, m. velocity_w: its velocity, m/s.
     arm_b: lever arm at that time in present b components, m. swing_b: velocity of the lever arm's end over the Earth, m/s.
     rate_b: present angular rate relative to the Earth, rad/s. specific_force_w: specific force of the last sample, m/s^2.
-    earth_rate_w: rad/s. C_wb (3x3): present attitude.
+    C_wb (3x3): present attitude.
     """
 
     offset_w: Any
@@ -42,7 +42,6 @@ class Antenna:
     swing_b: Any
     rate_b: Any
     specific_force_w: Any
-    earth_rate_w: Any
     C_wb: Any
 
 
@@ -65,7 +64,6 @@ def antenna(p: Any, x: Any, age: Any) -> Antenna:
         swing_b=swing,
         rate_b=now,
         specific_force_w=acceleration - geodesy.normal_gravity_about_axis(earth_rate / geodesy.OMEGA_IE, x.height),
-        earth_rate_w=earth_rate,
         C_wb=C_wb,
     )
 

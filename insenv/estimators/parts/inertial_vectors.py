@@ -15,10 +15,7 @@ Two additions to the paper's plain vectors suppress the accelerations of a swayi
 `memory_time` give the plain vectors). Both are linear and the same on alpha and beta, so they cause no error of their
 own.
 
-Window (of `qakf`, `qakf-improved`; the weights of the q-method are windows themselves): both vectors are faded in over
-`FADE_IN` smoothing times (a polynomial with three vanishing derivatives at either end) and then pass a Butterworth
-low-pass of sixth order. So every filtered vector is an average over a window that begins and ends smoothly, and the
-velocity of the vehicle at the start leaves no permanent error.
+Windows: those of `qakf` are in its file; the weights of the q-method are windows themselves.
 
 Weights: gyro white noise (N) makes the frozen axes drift as a Brownian path, so the information of two vectors on one
 another decreases with the time between them. The best linear estimate of heading, which is a slope, weighs time by
@@ -37,17 +34,12 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
-from insenv.core.elementary import maximum, minimum, polynomial, select
+from insenv.core.elementary import maximum, minimum, select
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Knowledge
 from insenv.estimators.parts import frozen_frame, rows
 from insenv.estimators.parts.strapdown import MEMORY
 
-DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butterworth, sixth order: cos 15, 45, 75 deg
-SECTIONS = len(DAMPING)
-FADE_IN = 7.5  # smoothing times
-DELAY = 0.5 * FADE_IN + 2.0 * sum(DAMPING)  # smoothing times lost, both ends together: fade-in and filter delay
-CORRELATION = 3.1  # smoothing times over which filtered white noise stays alike: 1 / (2 B), B its noise bandwidth
 SETTLING = 25.0
 """Smoothing times until sway no longer dominates the errors on a swaying base: 100 s of 4 s.
 
@@ -72,19 +64,6 @@ CARRIED = Table((
     Row("time", "Time since the start", "s"),
 )) + MEMORY  # fmt: skip
 
-STATE = CARRIED + Table((
-    Row("alpha", "Measured specific force, after each section of the low-pass", "m/s^2", (SECTIONS, 3), "i"),
-    Row("alpha_rate", "Its rate", "m/s^3", (SECTIONS, 3), "i"),
-    Row("beta", "Expected specific force, after each section", "m/s^2", (SECTIONS, 3), "n at the start"),
-    Row("beta_rate", "Its rate", "m/s^3", (SECTIONS, 3), "n at the start"),
-))  # fmt: skip
-
-PROFILE_STATE = Table((
-    Row("early_profile", "Integral of beta alpha^T with weights that fade out after the start", "m^2/s^3", (3, 3)),
-    Row("late_profile", "The same with weights that fade out before now", "m^2/s^3", (3, 3)),
-    Row("early_weight", "Weight of a vector now in the early profile", "1", start=1.0),
-))  # fmt: skip
-
 
 def start(p: Any) -> dict[str, Any]:
     """The rows that the place determines."""
@@ -105,31 +84,6 @@ def carried(p: Any, x: Any, u: Any) -> tuple[dict[str, Any], Any, Any]:
     expected = attitude.rotate(frozen_frame.q_n0n(middle, x.axis_n), x.rest_force_n)
     changed |= {"half_turn": frozen_frame.turned(middle, u.dt / 2), "time": x.time + u.dt}
     return changed, force / u.dt, expected
-
-
-def vectors(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Rows of `STATE` after one inertial sample; the vectors are the last rows of alpha and beta."""
-    changed, measured, expected = carried(p, x, u)
-    fade = fade_in(x.time + u.dt / 2, FADE_IN * p.smoothing_time)
-    alpha, alpha_rate = low_pass(x.alpha, x.alpha_rate, fade * measured, p.smoothing_time, u.dt)
-    beta, beta_rate = low_pass(x.beta, x.beta_rate, fade * expected, p.smoothing_time, u.dt)
-    return {**changed, "alpha": alpha, "alpha_rate": alpha_rate, "beta": beta, "beta_rate": beta_rate}
-
-
-def latest(changed: dict[str, Any]) -> tuple[Any, Any]:
-    """alpha and beta (3x1, m/s^2) from the rows that `vectors` returned."""
-    return changed["alpha"][SECTIONS - 1, :].T, changed["beta"][SECTIONS - 1, :].T
-
-
-def profiles(p: Any, x: Any, alpha: Any, beta: Any, dt: Any) -> dict[str, Any]:
-    """Rows of `PROFILE_STATE` after one sample."""
-    keep = p.memory_time / (p.memory_time + dt)
-    product = (beta @ alpha.T) * dt
-    return {
-        "early_profile": x.early_profile + x.early_weight * product,
-        "late_profile": keep * x.late_profile + product,
-        "early_weight": keep * x.early_weight,
-    }
 
 
 def davenport(profile: Any) -> Any:
@@ -161,28 +115,6 @@ def stated_sigma(p: Any, x: Any, time: Any, lost: Any, age: Any, mean_age: Any) 
     drift = p.gyro_bias_sigma**2 + slope + (geodesy.OMEGA_IE * x.axis_n[2] * tilt) ** 2
     heading = ca.sqrt(drift) / (geodesy.OMEGA_IE * cosine)
     return ca.vertcat(minimum(level, 1.0), minimum(level, 1.0), minimum(heading, LARGEST_HEADING_SIGMA))
-
-
-def fade_in(time: Any, duration: Any) -> Any:
-    """Weight rising from 0 at time 0 to 1 at `duration` (s), three derivatives zero at both ends; 1 for duration 0."""
-    rise = minimum(time / (duration + 1e-9), 1.0)
-    return rise**4 * polynomial(rise, (35.0, -84.0, 70.0, -20.0))
-
-
-def low_pass(values: Any, rates: Any, value: Any, time_constant: Any, dt: Any) -> tuple[Any, Any]:
-    """New outputs and rates (rows) of the sections in series for an input (3x1).
-
-    Backward Euler: stable at any interval, and with time constant 0 the output is the input.
-    """
-    outputs, slopes, square = [], [], time_constant * time_constant
-    value = value.T
-    for i, damping in enumerate(DAMPING):
-        per = 1 / (square + dt * (2 * damping * time_constant + dt))
-        slope = (rates[i, :] * square + (value - values[i, :]) * dt) * per
-        value = values[i, :] + dt * slope
-        outputs.append(value)
-        slopes.append(slope)
-    return ca.vertcat(*outputs), ca.vertcat(*slopes)
 
 
 def prepare(known: Knowledge) -> dict[str, Any]:

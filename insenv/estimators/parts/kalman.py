@@ -20,15 +20,15 @@ from insenv.core.elementary import exp
 class Scalar:
     """One scalar measurement as it was used.
 
-    stored: covariance triangle before it. H: row (1 x n). left: innovation minus what the scalars before it explained.
-    variance: of its noise. accept: 1 if it was used, 0 if not.
+    H: row (1 x n). left: innovation minus what the scalars before it explained. accept: 1 if it was used, 0 if not.
+    weight: `accept` over the variance of the innovation. gain: P H^T weight (n).
     """
 
-    stored: Any
     H: Any
     left: Any
-    variance: Any
     accept: Any
+    weight: Any
+    gain: Any
 
 
 @dataclass(frozen=True)
@@ -68,16 +68,16 @@ def propagate(stored: Any, A: Any, noise: Any) -> Any:
     return ca.vertcat(*[P[i][j] for j in range(n) for i in range(j + 1)])
 
 
-def measure(stored: Any, correction: Any, H: Any, innovation: Any, variance: Any, accept: Any) -> tuple[Any, Any]:
-    """Covariance triangle and estimate of the error state (n) after one scalar measurement.
+def measure(stored: Any, correction: Any, H: Any, innovation: Any, variance: Any, accept: Any) -> tuple[Any, Any, Scalar]:
+    """Covariance triangle and estimate of the error state (n) after one scalar measurement, and how it was used.
 
     correction (n): the estimate before it. H: row (1 x n). innovation: z. variance: of v. accept: 1 or 0.
     """
     P = symmetric.full(stored, H.shape[1])
     column = ca.densify(P @ H.T)
-    gain = column * (accept / ((H @ column) + variance))
-    correction = correction + gain * (innovation - H @ correction)
-    return symmetric.triangle(P - gain @ column.T), correction
+    weight = accept / ((H @ column) + variance)
+    gain, left = column * weight, innovation - H @ correction
+    return symmetric.triangle(P - gain @ column.T), correction + gain * left, Scalar(H, left, accept, weight, gain)
 
 
 def measure_joseph(P: Any, correction: Any, H: Any, innovation: Any, variance: Any, accept: Any) -> tuple[Any, Any, Any]:
@@ -93,13 +93,6 @@ def measure_joseph(P: Any, correction: Any, H: Any, innovation: Any, variance: A
     P = P - gain @ column.T
     P = P - (P @ H.T) @ gain.T + (variance * accept) * gain @ gain.T
     return symmetric.full(symmetric.triangle(P), P.shape[0]), correction, accept * remaining / ca.sqrt(S)
-
-
-def weight_and_gain(stored: Any, H: Any, variance: Any, accept: Any) -> tuple[Any, Any]:
-    """Weight and gain that `measure` uses: accept over the variance of the innovation, and K = P H^T weight (n)."""
-    column = ca.densify(symmetric.full(stored, H.shape[1]) @ H.T)
-    weight = accept / ((H @ column) + variance)
-    return weight, column * weight
 
 
 def innovation_variance(stored: Any, H: Any, variance: Any) -> Any:

@@ -6,9 +6,9 @@ body axes,
     arm   = l - age (w x l) + age^2 / 2 (w' x l + w x (w x l))
     swing =         w x l  - age       (w' x l + w x (w x l))
 
-and `swing` was the velocity of its end. The differences of two samples would give w' with their whole noise. Instead a mean
-rate follows the rate with the lag of a first-order filter, and w' is the difference of the two over the lag. With half
-the age of a fix as the lag, w - age w' is the rate at the time of the fix to second order, with the noise of one sample.
+and `swing` was the velocity of its end. w' from differences of two samples would have their full noise. Instead w' is the
+difference between the rate and its first-order low-pass, over the lag of the latter. With half the age of a fix as the lag,
+w - age w' is the rate at the time of the fix to second order, with the noise of one sample.
 """
 
 from __future__ import annotations

@@ -104,10 +104,10 @@ def start_covariance(p: Any, q: Any) -> Any:
     return P
 
 
-def transition(x: Any, part: Nonlinear) -> Any:
+def transition(p: Any, x: Any, part: Nonlinear) -> Any:
     """Phi (16x16) over the interval of the state `x` (rows `stretch*`) with its nonlinear part; (6), (7) integrated.
 
-    For biases that are constant over the interval; `decayed` adds their decay.
+    Biases decay in their own blocks alone: what they do to the rest changes by the interval over their correlation time.
     """
     T, q, C = x.stretch, x.stretch_q_wb, part.C
     frame = ca.vertcat(1, -(x.omega_ie_w + x.omega_ew_w) * (T / 2))
@@ -134,11 +134,6 @@ def transition(x: Any, part: Nonlinear) -> Any:
     Phi[POSITION, GYRO] = middle[3:, :] * (2 / 3)  # double integral of a ramp
     Phi[POSITION, ACCEL] = along * (T / 2)
     Phi[POSITION, VELOCITY] = ca.SX.eye(3) * T
-    return Phi
-
-
-def decayed(p: Any, Phi: Any, T: Any) -> Any:
-    """Phi (16x16) over T seconds of biases that decay: their own blocks; what they do to the rest changes by T / time."""
     gyro_decay, accel_decay = decays(p, T)
     Phi[GYRO, GYRO], Phi[ACCEL, ACCEL] = gyro_decay * ca.SX.eye(3), accel_decay * ca.SX.eye(3)
     return Phi

@@ -14,7 +14,7 @@ import casadi as ca
 
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
-from insenv.geodesy.position import bounded_place_rows, place_rows
+from insenv.geodesy import bounded_place_rows, place_rows
 
 _TURN = 2 * math.pi
 _LARGEST = 1e12
@@ -24,6 +24,16 @@ def chosen(table: Table, *names: str, **start: Any) -> Table:
     """The rows of `table` with these names, in this order (all, if none is given), with start values by name."""
     rows = [table[name] for name in names] if names else list(table)
     return Table(tuple(replace(row, start=start.get(row.name, row.start)) for row in rows))
+
+
+def at_start(table: Table) -> dict[str, Any]:
+    """State rows at their start values: sums over an interval begin anew."""
+    return vars(table.symbols(ca.SX(ca.DM(table.start_vector()))))
+
+
+def values_of(x: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Those values of `x` by name."""
+    return {name: getattr(x, name) for name in names}
 
 
 PLACE = Table(bounded_place_rows())
@@ -141,13 +151,6 @@ def reported_aids(outputs: Iterable[str]) -> tuple[str, ...]:
 
 # GNSS/INS filters: `aqe-ekf`, `aqe-sukf`, and in part those of `fusion`
 
-AIDED_PARAMETERS = (
-    START
-    + START_SIGMAS
-    + START_BIASES
-    + chosen(SENSORS, gyro_bias_sigma=1e-6, accel_bias_sigma=1e-2, angle_random_walk=1e-5, velocity_random_walk=1e-3)
-    + LEVER_ARM
-)
 FIX_WANDER = Table((
     Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
     Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
@@ -157,8 +160,6 @@ MOTION_ERRORS = Table((
     Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
         lower=0, upper=1.0),
 ))  # fmt: skip
-SINCE_FIX = Table((Row("since_fix", "Time since the epoch of the last fix", "s", start=1e9),))
-AIDED_INPUTS = SAMPLE_INPUTS + FIX_INPUTS + STANDING_INPUT
 AIDED_OUTPUTS = NAVIGATION + BIASES + Table((
     Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),
     Row("velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n"),

@@ -1,10 +1,9 @@
-"""Is an answer settled? How far it has moved since earlier answers, as a part of its stated accuracy.
+"""Whether an alignment has settled: the change of its answer since earlier answers is a part of its stated accuracy.
 
-An alignment in place on a swaying base converges steeply, and nothing that is known in advance shows how large the sway
-is. Its own earlier answers do: they are kept at times that grow by the factor `GROWTH`, and the answer now is compared
-with the last `KEPT`. The difference of two efficient estimates has the variance that the later one has less than the
-earlier one, so a difference of up to `EXPECTED` standard deviations is noise, which is stated already; the rest is
-motion that has not averaged out.
+An alignment in place on a swaying base converges steeply, and the size of the sway is not known in advance. Answers are
+therefore stored at times that grow by the factor `GROWTH`, and the present one is compared with the last `ANSWERS`. The
+difference of two efficient estimates has the difference of their variances as its variance, so a change of up to `EXPECTED`
+standard deviations is noise, which is stated already; the rest is motion that has not averaged out.
 """
 
 from __future__ import annotations
@@ -16,19 +15,22 @@ import casadi as ca
 
 from insenv import attitude
 from insenv.core.elementary import maximum, select
+from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame
+from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA
 
-KEPT = 2  # answers: one alone may agree by chance
-GROWTH = 1.25  # of the time from one kept answer to the next
-FIRST = 1.0  # s: time of the first kept answer
+ANSWERS = 2  # stored: a single one may agree by chance
+GROWTH = 1.25  # of the time from one stored answer to the next
+FIRST = 1.0  # s: time of the first stored answer
 EXPECTED = 1.0  # standard deviations
 SETTLED = 1.6  # an answer counts from this multiple of the time that the windows lose
 UNSETTLED_TILT = 0.05  # rad: level before that, from the mean force of a base that sways
 
 STATE = Table((
-    Row("answers", "The last answers kept, youngest first: take b components at the start to n at the start", "1", (KEPT, 4)),
-    Row("answer_times", "Their times", "s", (KEPT,)),
+    Row("answers", "The last answers kept, youngest first: take b components at the start to n at the start", "1",
+        (ANSWERS, 4)),
+    Row("answer_times", "Their times", "s", (ANSWERS,)),
     Row("answer_due", "1 when the answer is to be kept", "1"),
 ))  # fmt: skip
 
@@ -38,27 +40,31 @@ def due(x: Any, time: Any) -> Any:
     return time >= maximum(GROWTH * x.answer_times[0], FIRST)
 
 
-def kept(x: Any, answer: Any) -> dict[str, Any]:
-    """Rows of `STATE` with the answer (4, a unit quaternion) kept."""
-    return {
-        "answers": ca.vertcat(answer.T, x.answers[:-1, :]),
-        "answer_times": ca.vertcat(x.time, x.answer_times[:-1]),
-        "answer_due": 0,
-    }
+def keeping(answer: Callable[[Any], Any]) -> Step:
+    """The step that keeps an answer; answer: ``x -> (4)``, a unit quaternion."""
+
+    def keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
+        return {
+            "answers": ca.vertcat(answer(x).T, x.answers[:-1, :]),
+            "answer_times": ca.vertcat(x.time, x.answer_times[:-1]),
+            "answer_due": 0,
+        }
+
+    return Step(keep, when="answer_due")
 
 
-def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any], unknown: Any) -> Any:
+def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any]) -> Any:
     """Stated standard deviations of attitude about n (3, rad).
 
     answer: that of now (4). lost: time that the windows leave out of the run, s. sigma: standard deviations (3, rad)
-    that sensor errors set after a time (s). unknown: standard deviation of a heading that is unknown, rad.
+    that sensor errors set after a time (s).
     """
     now, back = sigma(x.time), frozen_frame.q_n0n(x.half_turn, x.axis_n)
     excess = ca.SX.zeros(3)
-    for i in range(KEPT):
+    for i in range(ANSWERS):
         moved = attitude.rotate_inverse(back, attitude.error_rotation_vector(answer, x.answers[i, :].T))
         expected = EXPECTED**2 * maximum(sigma(x.answer_times[i]) ** 2 - now**2, 0.0)
         excess = maximum(excess, moved**2 - expected)
     unsettled = ca.logic_and(lost > 0, x.time < SETTLED * lost)
-    rough = ca.vertcat(UNSETTLED_TILT, UNSETTLED_TILT, unknown)
+    rough = ca.vertcat(UNSETTLED_TILT, UNSETTLED_TILT, LARGEST_HEADING_SIGMA)
     return select(unsettled, maximum(rough, now), ca.sqrt(now**2 + excess))

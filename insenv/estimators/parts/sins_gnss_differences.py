@@ -121,12 +121,12 @@ def raw(x: Any, u: Any, at: SimpleNamespace, since_last: Any) -> Any:
     """
     back = attitude.conjugate(q_n0n(at.half_turn, x.axis_n))
     into_n = attitude.multiply(back, x.q_n0i)
-    T, found = x.stretch - u.gnss_age, []
+    T, of_sins_and_gnss = x.stretch - u.gnss_age, []
     for q, (position, velocity), last in ((into_n, at.computed, x.last_computed), (back, at.shown, x.last_shown)):
         velocity_then = since_last * last[1, :].T
         moved = position - since_last * last[0, :].T - velocity_then * T
-        found.append(ca.vertcat(attitude.rotate(q, velocity - velocity_then), attitude.rotate(q, moved)))
-    return found[0] - found[1]
+        of_sins_and_gnss.append(ca.vertcat(attitude.rotate(q, velocity - velocity_then), attitude.rotate(q, moved)))
+    return of_sins_and_gnss[0] - of_sins_and_gnss[1]
 
 
 def fix(p: Any, x: Any, u: Any, at: SimpleNamespace) -> dict[str, Any]:

@@ -74,15 +74,12 @@ STATE = NAVIGATION_STATE + MEMORY
 class Moved:
     """Result of one sample of the mechanization: the new state and the terms of error models.
 
-    q_wb, velocity_w, q_ew, height: the new state.
+    rows: of the new state, those of `STATE`.
     delta_velocity_w: integral of the specific force over the sample in w, m/s. C_wb: attitude at its start.
     omega_ie_w, omega_ew_w: Earth and transport rate at mid-sample, rad/s.
     """
 
-    q_wb: Any
-    velocity_w: Any
-    q_ew: Any
-    height: Any
+    rows: dict[str, Any]
     delta_velocity_w: Any
     C_wb: Any
     omega_ie_w: Any
@@ -100,7 +97,7 @@ def start_state(p: Any) -> dict[str, Any]:
 
 
 def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
-    """One sample of the mechanization from state `x` (rows of `STATE`) with compensated increments (rad, m/s, b)."""
+    """One sample of the mechanization from state `x` (rows of `STATE`); increments (rad, m/s, b) less known errors."""
     rotation_b, increment_b = compensated(x, delta_angle, delta_velocity)
     C_wb = attitude.to_dcm(x.q_wb)
     increment_w = C_wb @ increment_b
@@ -120,34 +117,20 @@ def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
     # frame w turns by `turn` in the sample: on average the increment is seen from half of that
     turn = (omega_ie + omega_ew) * dt
     change = increment_w - ca.cross(turn, increment_w) / 2 + (gravity_w - coriolis) * dt
-    velocity = x.velocity_w + change
     mean_velocity = x.velocity_w + change / 2
     omega_ew = geodesy.transport_rate_about_axis(mean_velocity, axis, height_middle)
     turn = (omega_ie + omega_ew) * dt
     q_turn = ca.vertcat(1, -turn / 2)  # |turn| < 1e-5: the next term is below rounding
     q_wb = attitude.multiply(q_turn, attitude.multiply(x.q_wb, attitude.from_small_rotation_vector(rotation_b)))
     q_ew = attitude.multiply(x.q_ew, ca.vertcat(1, omega_ew * dt / 2))
-    return Moved(
-        q_wb=attitude.renormalize(q_wb),
-        velocity_w=velocity,
-        q_ew=attitude.renormalize(q_ew),
-        height=x.height - mean_velocity[2] * dt,
-        delta_velocity_w=increment_w,
-        C_wb=C_wb,
-        omega_ie_w=omega_ie,
-        omega_ew_w=omega_ew,
-    )
-
-
-def moved_rows(moved: Moved, x: Any, delta_angle: Any, delta_velocity: Any) -> dict[str, Any]:
-    """State rows after a sample."""
-    return {
-        "q_wb": moved.q_wb,
-        "velocity_w": moved.velocity_w,
-        "q_ew": moved.q_ew,
-        "height": moved.height,
+    state = {
+        "q_wb": attitude.renormalize(q_wb),
+        "velocity_w": x.velocity_w + change,
+        "q_ew": attitude.renormalize(q_ew),
+        "height": x.height - mean_velocity[2] * dt,
         **remembered(x, delta_angle, delta_velocity),
     }
+    return Moved(state, increment_w, C_wb, omega_ie, omega_ew)
 
 
 def corrected(x: Any, dr: Any, dv: Any, psi: Any) -> dict[str, Any]:
@@ -235,29 +218,22 @@ def _axis_w(q_ew: Any) -> Any:
 #
 # The paper's quaternion is Jekeli's, the conjugate of ours: its (31) acts on conj(q_eb), and its (35) is then C_eb. The
 # conjugate of ``B(w) conj(q)`` is the Hamilton product ``q (0, w)``, so (30) becomes one product q r with r built from
-# three pure quaternions. The tests compare this form with the paper's matrices, and both with scipy.
-
-
-def rates(first: Any, second: Any) -> tuple[Any, Any, Any]:
-    """Rate times the double interval at its start, middle and end (3 each, rad), from the two samples: (32)-(34).
-
-    The rate is taken as linear in time. first, second: delta angles relative to the target frame (3, rad, b).
-    """
-    return 3 * first - second, first + second, 3 * second - first
+# three pure quaternions.
 
 
 def turned(q: Any, first: Any, second: Any) -> Any:
     """q_eb (4) after two samples, of norm 1 within the recursion's error (fourth order): (30).
 
-    first, second: delta angles relative to e (3, rad, b), with the Earth's rotation subtracted as in (28), (29).
+    first, second: delta angles relative to e (3, rad, b), with the Earth's rotation subtracted as in (28), (29). The rate is
+    taken as linear in time: start, middle, end are that times the double interval, (32)-(34).
     """
-    start, middle, end = (ca.vertcat(0, w) for w in rates(first, second))
+    start, middle, end = (ca.vertcat(0, w) for w in (3 * first - second, first + second, 3 * second - first))
     product = attitude.multiply
-    one = ca.SX([1, 0, 0, 0])
+    identity = ca.SX([1, 0, 0, 0])
     r = (
-        one
+        identity
         + (end + 4 * middle + start) / 12
-        + product(product(start, middle), one + end / 4) / 12
+        + product(product(start, middle), identity + end / 4) / 12
         + product(middle - start / 2, end) / 12
     )
     return product(q, r)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,11 +14,9 @@ from insenv import geodesy
 from insenv.base.remarks import declared
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.parts.finding import Finding, Reached
-from insenv.estimators.velocity_integration.log import LOG, finds_north
-from insenv.estimators.velocity_integration.source import FIXES, LARGEST_LINEAR
+from insenv.estimators.velocity_integration.source import FIXES, LARGEST_LINEAR, LOG
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
-SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
 FIX_NOISE = 0.05  # m/s, once a second: typical of receivers that measure velocity by Doppler shift
 OLDEST = 1.0
 """s: of a measurement, over which acceleration and angular acceleration are taken as constant.
@@ -27,10 +25,7 @@ Heading errors of a ship in waves are as stated with 1 s, and four to seven time
 """
 SHORTEST, LONGEST = 5.0, 3600.0  # s of memory
 
-BY_FIXES = VelocityIntegration(
-    FIXES, "alignment on the move by the velocity of GNSS, from an unknown attitude (Wahba's problem)"
-)
-BY_LOG = VelocityIntegration(LOG, "alignment on the move by a Doppler log, from an unknown attitude (Wahba's problem)")
+BY_FIXES, BY_LOG = VelocityIntegration(FIXES), VelocityIntegration(LOG)
 
 
 def available(sensors: Collection[str], fix_velocity: bool, known: Knowledge) -> VelocityIntegration | None:
@@ -57,8 +52,7 @@ def prepare(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
     """Parameters from what is known."""
     sheet = known.sensors
     bias = known.gyro_bias_error or sheet.gyro_bias_sigma
-    # by a log a drift turns the heading by the same angle after any time, and noise by less after a longer one
-    endless = way is BY_LOG and finds_north(bias, known.latitude)
+    endless = way.source.by_earth_rate(bias, known.latitude)
     memory = LONGEST if endless else memory_time(bias, sheet.angle_random_walk)
     return {**known.rows_of(way.parameters), "memory_time": memory}
 
@@ -70,58 +64,19 @@ _FOUND = declared("heading-found", "heading found after {time} s, to {sigma} deg
 
 def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding | Reached, ...]:
     """What is said of a run that has not found the attitude, or its heading, at its end, and when the heading is known."""
-    needs, shows = _SHOWN[way]
-    row, heading = "attitude_sigma", _NO_HEADING.filled(shows=shows(parameters))
+    row, heading = "attitude_sigma", _NO_HEADING.filled(shows=way.source.shows_heading(parameters))
     return (
-        Finding(row, _NO_ATTITUDE.filled(needs=needs), scale=(LARGEST_LINEAR, np.inf, np.inf)),
+        Finding(row, _NO_ATTITUDE.filled(needs=way.source.needs), scale=(LARGEST_LINEAR, np.inf, np.inf)),
         Finding(row, heading, scale=(np.inf, np.inf, LARGEST_LINEAR)),
-        Reached(row, _FOUND.filled(means=MEANS[way]), np.full(3, LARGEST_LINEAR)),
+        Reached(row, _FOUND.filled(means=way.source.means), np.full(3, LARGEST_LINEAR)),
     )
 
 
-def _bias(parameters: Mapping[str, Any]) -> tuple[str, float]:
-    """Name and value (rad/s) of the row that tells the bias of the gyros."""
-    row = "start_gyro_bias_error" if parameters["start_gyro_bias_error"] > 0 else "gyro_bias_sigma"
-    return row, float(parameters[row])
-
-
-def _by_motion(parameters: Mapping[str, Any]) -> str:
-    row, bias = _bias(parameters)
-    kept = LARGEST_LINEAR / max(bias, 1e-30)
-    lost = (
-        f". Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h ({row}) lose it again in {kept:.2g} s: if the "
-        "unit is better, state its grade"
-    )
-    return "turns or changes of speed show it, a straight line at constant speed does not" + (lost if kept < SHORT else "")
-
-
-def _by_rotation(parameters: Mapping[str, Any]) -> str:
-    row, bias = _bias(parameters)
-    earth = math.degrees(geodesy.OMEGA_IE * math.cos(parameters["start_latitude"])) * 3600
-    return (
-        f"by a Doppler log the rotation of the Earth alone shows it, {earth:.2g} deg/h about north, in some minutes and to "
-        f"gyros with a bias far below that; here {row} is {math.degrees(bias) * 3600:.2g} deg/h"
-    )
-
-
-_SHOWN: Mapping[VelocityIntegration, tuple[str, Callable[[Mapping[str, Any]], str]]] = {
-    BY_FIXES: ("fixes with a velocity", _by_motion),
-    BY_LOG: ("velocities of a Doppler log", _by_rotation),
-}
-
-
-MEANS: Mapping[VelocityIntegration, str] = {
-    BY_FIXES: "by the velocity of GNSS",
-    BY_LOG: "by the Doppler log and the rotation of the Earth",
-}
-"""By what each finds the heading."""
-
-
-def _estimator(way: VelocityIntegration, sensor: str) -> Estimator:
+def _estimator(way: VelocityIntegration) -> Estimator:
     return Estimator(
         way.model,
         kind="alignment",
-        sensors=(sensor,),
+        sensors=(way.source.sensor,),
         motion="moving",
         fix_velocity=way is BY_FIXES,
         prepare=partial(prepare, way),
@@ -134,7 +89,7 @@ def _estimator(way: VelocityIntegration, sensor: str) -> Estimator:
 def _adapted(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
     way = available(drive.sensors, drive.fix_velocity, known)
     if way is not None:
-        return _LOGGING if way is BY_LOG else ESTIMATOR
+        return _BY_WAY[way]
     fixes = f"the fixes of {drive.where} have no velocity" if "gnss" in drive.sensors else f"{drive.where} has no [gnss]"
     log = "and there is no [dvl]"
     if "dvl" in drive.sensors:
@@ -143,5 +98,5 @@ def _adapted(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
     return replace(ESTIMATOR, lacks=f"the velocity of GNSS or of a Doppler log that tracks the ground: {fixes}, {log}")
 
 
-ESTIMATOR = _estimator(BY_FIXES, "gnss")
-_LOGGING = _estimator(BY_LOG, "dvl")
+_BY_WAY = {way: _estimator(way) for way in (BY_FIXES, BY_LOG)}
+ESTIMATOR = _BY_WAY[BY_FIXES]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import model_validator
 
-from insenv.attitude.numeric import to_euler
+from insenv.attitude import numeric
 from insenv.base.errors import InputError, nearest
 from insenv.base.installing import need
 from insenv.base.toml import Section, key, read_toml
@@ -276,7 +276,7 @@ def _run(path: Path, columns: Columns) -> Points:
             f"{path}: no true position and attitude at point {unknown[0] + 1}: a replay has no truth, only what its log's "
             "reference covers; allowed is the result of a simulated run, or the log itself"
         )
-    attitude = np.column_stack(to_euler(q_nb))
+    attitude = np.column_stack(numeric.to_euler(q_nb))
     return Points(str(path), time, latitude, longitude, height, attitude)
 
 

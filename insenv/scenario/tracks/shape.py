@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.geodesy import STANDARD_GRAVITY
-from insenv.geodesy.numeric import radii
+from insenv.geodesy import STANDARD_GRAVITY, numeric
 from insenv.scenario.tracks.points import Points
 from insenv.vehicles.track import Spline, smoothed
 
@@ -44,7 +43,7 @@ class Shape:
 def shaped(points: Points, interval: float, noise_m: float | None, bank: str) -> Shape:
     """The splines of checked points.  noise_m: standard deviation of their positions, None: found."""
     origin = float(points.latitude[0]), float(points.longitude[0]), float(points.height[0])
-    R_M, R_N = radii(np.sin(origin[0]))
+    R_M, R_N = numeric.radii(np.sin(origin[0]))
     scale = np.array([R_M + origin[2], (R_N + origin[2]) * np.cos(origin[0]), 1.0])  # m per unit of each channel
     place = np.column_stack([points.latitude - origin[0], points.longitude - origin[1], points.height - origin[2]])
     rates = None if points.velocity is None else scale * points.velocity / _per_rate(points.latitude, points.height)
@@ -60,7 +59,7 @@ def shaped(points: Points, interval: float, noise_m: float | None, bank: str) ->
 
 def _per_rate(latitude: Array, height: Array) -> Array:
     """Velocity (n, 3) north, east, down, m/s, per rate of latitude, longitude, height (Groves 2013, eq. 2.111)."""
-    R_M, R_N = radii(np.sin(latitude))
+    R_M, R_N = numeric.radii(np.sin(latitude))
     return np.column_stack([R_M + height, (R_N + height) * np.cos(latitude), -np.ones_like(height)])
 
 

@@ -185,7 +185,7 @@ def test_errors_of_a_level_without_a_heading_belong_to_biases_in_body_axes():
     C_wi = (rotation(after["q_wb"]) * rotation(before["alignment_q_ib"]).inv()).as_matrix()
     P, counted = covariance_of(after), float(sailing()[1]["alignment_gyro_bias_sigma"])
     known = np.minimum(np.diag(P[GYRO, GYRO]) / counted**2, 1.0)
-    expected = -(C_wi @ (stated[source.KEPT, source.GYRO] + stated[source.DRIFT, source.GYRO]) * known)[:2]
+    expected = -(C_wi @ (stated[source.ANSWER, source.GYRO] + stated[source.DRIFT, source.GYRO]) * known)[:2]
     assert P[TILT, GYRO][:2] == pytest.approx(expected, abs=5e-3 * np.abs(expected).max())
 
 

@@ -137,7 +137,7 @@ def test_scalar_measurements_one_after_another_are_the_joint_update():
         triangle, full, one, other = symmetric.triangle(ca.SX(ca.DM(P))), ca.SX(ca.DM(P)), ca.SX.zeros(5), ca.SX.zeros(5)
         for i in range(3):
             row, accept = ca.SX(ca.DM(H[i : i + 1])), float(i in used)
-            triangle, one = kalman.measure(triangle, one, row, z[i], variance[i], accept)
+            triangle, one, _ = kalman.measure(triangle, one, row, z[i], variance[i], accept)
             full, other, _ = kalman.measure_joseph(full, other, row, z[i], variance[i], accept)
         for found in (one, other):
             assert np.allclose(np.array(ca.DM(ca.evalf(found))).ravel(), K @ z[used], rtol=1e-9, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Rotations as Hamilton quaternions, scalar first, over CasADi symbols.
+"""Rotations as Hamilton quaternions, scalar first, over CasADi symbols; `numeric` has the same functions of NumPy arrays.
 
 ``q_nb`` (4x1) and ``C_nb`` (3x3) transform b components to n components: v_n = C_nb v_b. Quaternions are assumed to
 have unit length, except by ``normalize`` and ``from_dcm``. Angles are in radians; Euler angles are heading, pitch, roll
@@ -7,18 +7,12 @@ about D, E', N'' (3-2-1) from n = NED to b = FRD.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import casadi as ca
 
-from insenv.core.elementary import (
-    Scalar,
-    atan2,
-    atan_series,
-    cos_half,
-    select,
-    sin_cos,
-    sinc_half,
-    wrap_angle,
-)
+from insenv.core.elementary import Scalar, atan2, atan_series, cos_half, select, sin_cos, sinc_half, wrap_angle
+from insenv.core.numeric import vectorized
 
 _SMALL_SQUARE = 0.25  # rad^2: up to here the series of cos_half and sinc_half are accurate to rounding
 _DEGENERATE = 1e-28  # below this squared radius a point is the origin but for rounding
@@ -180,3 +174,22 @@ def split_half_angles(sum_x: ca.SX, sum_y: ca.SX, difference_x: ca.SX, differenc
 def error_rotation_vector(q_estimate: ca.SX, q_true: ca.SX) -> ca.SX:
     """Rotation vector (3x1, rad, in n) of q_estimate * conj(q_true): it turns the truth into the estimate."""
     return to_rotation_vector(multiply(q_estimate, conjugate(q_true)))
+
+
+numeric = SimpleNamespace(
+    skew=vectorized(skew, 3),
+    multiply=vectorized(multiply, 4, 4),
+    conjugate=vectorized(conjugate, 4),
+    normalize=vectorized(normalize, 4),
+    to_dcm=vectorized(to_dcm, 4),
+    from_dcm=vectorized(from_dcm, (3, 3)),
+    rotate=vectorized(rotate, 4, 3),
+    rotate_inverse=vectorized(rotate_inverse, 4, 3),
+    from_rotation_vector=vectorized(from_rotation_vector, 3),
+    from_small_rotation_vector=vectorized(from_small_rotation_vector, 3),
+    to_rotation_vector=vectorized(to_rotation_vector, 4),
+    from_euler=vectorized(from_euler, (), (), ()),
+    to_euler=vectorized(to_euler, 4),
+    error_rotation_vector=vectorized(error_rotation_vector, 4, 4),
+)
+"""The functions for NumPy arrays, broadcasting over leading axes: one namespace, ``attitude.numeric.to_dcm(q)``."""

@@ -7,7 +7,7 @@ import pytest
 from insenv import geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.parts import standing
+from insenv.estimators.fusion import zero_velocity
 from insenv.scenario import build, load
 from insenv.scenario.chunks import input_rows
 
@@ -81,7 +81,7 @@ def test_likelihood_is_that_of_its_formula_at_any_rate(dt):
         MODEL.parameters.symbols(ca.SX(ca.DM(MODEL.parameters.pack(p)))),
         MODEL.state.symbols(ca.SX(ca.DM(MODEL.state.pack(x)))),
     )
-    found = float(ca.evalf(standing.likelihood(*values)))
+    found = float(ca.evalf(zero_velocity.likelihood(*values)))
     scatter = np.mean(np.sum((force - force.mean(axis=0)) ** 2, axis=1))
     expected = scatter / (3 * (walk[0] ** 2 / dt + walk[1] ** 2)) + np.mean(np.sum(rate**2, axis=1)) / (
         3 * (swing[0] ** 2 / dt + swing[1] ** 2)
