@@ -29,8 +29,8 @@ from insenv.cli.options import (
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from insenv.export.formats import Files
     from insenv.logs import RecordedLog
+    from insenv.logs.formats.contract import Files
     from insenv.report import OutputFolder, Report
 
 
@@ -89,11 +89,9 @@ def exported(report: Report, formats: tuple[str, ...], log: Callable[[], Recorde
     """The files of the formats by name.  log: the log of the same drive, made only if a format needs it."""
     if not formats:
         return {}
-    from insenv.export.formats import Given, contents_of, needs_log
-    from insenv.report.files import file_name
+    from insenv.export.formats import contents_of, needs_log
 
-    given = Given(report, log() if needs_log(formats) else None, file_name(report.scenario))
-    return contents_of(given, formats)
+    return contents_of(report, log() if needs_log(formats) else None, formats)
 
 
 class Start(str, Enum):

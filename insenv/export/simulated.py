@@ -5,6 +5,7 @@ The samples, the fixes and the readings of the instruments are those that estima
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,14 +15,13 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
-from insenv.export import log_tables
-from insenv.export.text_log import file_of
-from insenv.export.tracks import degrees_of
 from insenv.logs import GnssFixes, LogDescription, RecordedLog, Reference
-from insenv.logs.build import COLDEST, HOTTEST
+from insenv.logs.formats import log_tables
+from insenv.logs.formats.text_log import file_of
 from insenv.logs.inertial import Gaps
 from insenv.logs.instrument_sections import SECTIONS
 from insenv.logs.recorded import Readings
+from insenv.logs.text import COLDEST, HOTTEST
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.scenario.chunks import bridge_lost, chunks
 from insenv.sensors.imu import FIGURES
@@ -206,3 +206,19 @@ _SHEET_KEYS = (
     *FIGURES, "temperature_start_degc", "temperature_end_degc", "temperature_reference_degc", "temperature_ramp_k_h",
     "warm_up_s",
 )  # fmt: skip
+
+
+def degrees_of(angle: float) -> float:
+    """The degrees (float) whose conversion to radians is `angle` (rad), to the bit where such degrees exist.
+
+    Degrees are coarser than radians for about half of the angles: one in ten of these has no such degrees, and the result is
+    then the nearest, one unit in the last place away.
+    """
+    degrees = math.degrees(angle)
+    candidates = [degrees]
+    for towards in (-math.inf, math.inf):
+        near = degrees
+        for _ in range(3):
+            near = math.nextafter(near, towards)
+            candidates.append(near)
+    return min(candidates, key=lambda each: (abs(math.radians(each) - angle), abs(each - degrees)))

@@ -13,8 +13,9 @@ import numpy as np
 from insenv.base.errors import InputError, nearest
 from insenv.logs.columns import FileSection, MeasurementSection, window_words
 from insenv.logs.description import PositionSection
+from insenv.logs.files import all_of, read_bytes
+from insenv.logs.formats.csv_table import Column, TextTable, check_finite, column_names, read_table
 from insenv.logs.joining import join
-from insenv.logs.readers import Column, TextTable, all_of, check_finite, column_names, read_bytes, read_table
 from insenv.logs.recorded import Source
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
 

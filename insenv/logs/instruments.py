@@ -9,7 +9,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.logs.assemble import LogReader
-from insenv.logs.readers import TextTable
+from insenv.logs.formats.csv_table import TextTable
 from insenv.logs.recorded import Readings, delivered
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, axes_matrix, wrap
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from insenv.base.errors import InputError
-from insenv.logs.readers import TextTable
+from insenv.logs.formats.csv_table import TextTable
+from insenv.logs.formats.series import nearest_rows
 from insenv.logs.units import Array
 
 SAME = 0.01
@@ -68,9 +69,7 @@ def _beside(first: TextTable, columns: Sequence[Array], tables: Sequence[TextTab
 
 def _partners(time: Array, other: Array, tolerance: float) -> np.ndarray:
     """Index in `other` of the row with the same time as each in `time`; -1 where there is none."""
-    right = np.searchsorted(other, time).clip(0, other.size - 1)
-    left = (right - 1).clip(0)
-    near = np.where(np.abs(other[left] - time) <= np.abs(other[right] - time), left, right)
+    near = nearest_rows(other, time)
     return np.where(np.abs(other[near] - time) <= tolerance, near, -1)
 
 

@@ -11,12 +11,12 @@ from insenv.base.resources import scenario_names
 from insenv.base.toml import BINARY, GPX, KML, NMEA, OTHER, TABLE, is_log, is_scenario, read_toml, validated
 from insenv.estimators.settings import tuning
 from insenv.logs.assemble import check_columns
-from insenv.logs.build import build
 from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection, columns_of
-from insenv.logs.flight import FlightDescription, build_flight, is_flight_log
-from insenv.logs.flight.description import SUFFIXES
-from insenv.logs.readers import Faults
+from insenv.logs.files import Faults
+from insenv.logs.flight_log import FlightDescription, build_flight
+from insenv.logs.formats import SUFFIXES, is_flight_log
 from insenv.logs.recorded import RecordedLog
+from insenv.logs.text import build
 from insenv.sensors.grade_file import beside
 
 _TRACK = (

@@ -18,21 +18,21 @@ import numpy as np
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.logs.flight.series import (
+from insenv.logs.formats.contract import Format
+from insenv.logs.formats.series import (
     AZIMUTH_SIGMA,
     FIX_3D,
     GAUSS,
     UNIX_US,
     FixSeries,
     Flight,
-    FlightFormat,
     ImuSeries,
     Place,
     SolutionSeries,
-    interpolated_angles,
     nearest_rows,
     reading,
     three_sigmas,
+    with_places,
 )
 from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
 from insenv.logs.units import Array
@@ -129,7 +129,7 @@ _REAL32 = 9
 """MAV_PARAM_TYPE_REAL32."""
 
 
-def read_telemetry(label: str, data: bytes) -> Flight:
+def read(label: str, data: bytes) -> Flight:
     """The series of a telemetry log. Raises InputError: not a telemetry log."""
     log = TelemetryLog(data)
     by_sender: dict[tuple[int, int], dict[int, list[tuple[int, bytes]]]] = defaultdict(lambda: defaultdict(list))
@@ -146,14 +146,6 @@ def read_telemetry(label: str, data: bytes) -> Flight:
     if log.wrong or log.skipped:
         notes.append(f"{log.wrong} frames with a wrong checksum, {log.skipped} bytes that belong to no record: skipped")
     return tables[sender].flight(notes, log.records)
-
-
-FORMAT = FlightFormat(
-    ".tlog",
-    "MAVLink telemetry log",
-    "request HIGHRES_IMU from the vehicle (SET_MESSAGE_INTERVAL), or use the log on its own card",
-    read_telemetry,
-)
 
 
 class _Tables:
@@ -176,16 +168,12 @@ class _Tables:
     def columns(self, name: str) -> np.ndarray:
         """The payloads as a structured array; trailing bytes that MAVLink truncates are zero."""
         kind = self._kinds[name]
-        fields: list[Any] = []
-        # native_format: one letter per field, in wire order
+        # native_format: one letter of struct per field, in wire order; array_lengths: 0 for scalars
         letters = bytes(kind.native_format).decode("ascii").lstrip("<>=")
-        for field, letter, length in zip(kind.ordered_fieldnames, letters, _lengths(kind), strict=True):
-            code = {"c": "S", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}.get(letter)
-            code = code or {"q": "<i8", "Q": "<u8", "f": "<f4", "d": "<f8"}[letter]
-            if letter == "c":
-                fields.append((field, f"S{max(length, 1)}"))
-            else:
-                fields.append((field, code, (length,)) if length else (field, code))
+        fields: list[Any] = [
+            (field, f"S{max(length, 1)}") if letter == "c" else (field, f"<{letter}", (length,) if length else ())
+            for field, letter, length in zip(kind.ordered_fieldnames, letters, kind.array_lengths, strict=True)
+        ]
         dtype = np.dtype(fields)
         size = dtype.itemsize
         return np.frombuffer(b"".join(payload.ljust(size, b"\0")[:size] for _, payload in self._found[name]), dtype)
@@ -202,24 +190,22 @@ class _Tables:
                 # double precision of seconds since 1970 is too coarse for the steps between samples
                 self.base_us = first
                 notes.append("the vehicle's time stamps are Unix time: times are counted from the first inertial sample")
-        imus, others = self._imus()
+        imus = self._imus()
         undulation = self._undulation()
-        clock = imus[0].time if imus else np.zeros(0)
-        fixes = [f for f in (self._hil_gps(undulation, notes), self._gps_raw_int(undulation, clock, notes)) if f is not None]
-        solutions = [s for s in (self._truth(), self._estimate()) if s is not None]
+        clock = max(imus, key=lambda imu: imu.rate_hz).time if imus else np.zeros(0)
         return Flight(
-            imus,
-            tuple(fixes),
-            tuple(solutions),
-            tuple(notes),
-            records,
-            others,
-            self._parameters(),
-            self._home(undulation),
-            tuple(each for each in self._readings() if each is not None),
+            imus=imus,
+            fixes=[self._hil_gps(undulation, notes), self._gps_raw_int(undulation, clock, notes)],
+            solutions=[self._truth(), self._estimate()],
+            notes=notes,
+            rows=records,
+            others=["RAW_IMU (counts of no stated unit)"] if "RAW_IMU" in self else [],
+            parameters=self._parameters(),
+            place=self._home(undulation),
+            readings=list(self._readings()),
         )
 
-    def _imus(self) -> tuple[tuple[ImuSeries, ...], tuple[str, ...]]:
+    def _imus(self) -> list[ImuSeries]:
         imus = []
         for name, stamp in (("HIL_SENSOR", "interval_end"), ("HIGHRES_IMU", "instant")):
             if name not in self:
@@ -238,8 +224,7 @@ class _Tables:
                 imus.append(
                     ImuSeries(name, time, _three(rows, "gyro") * 1e-3, _three(rows, "acc") * 1e-3 * STANDARD_GRAVITY, "instant")
                 )
-        others = ("RAW_IMU (counts of no stated unit)",) if "RAW_IMU" in self else ()
-        return tuple(sorted(imus, key=lambda imu: -imu.rate_hz)), others
+        return imus
 
     def _readings(self) -> Iterator[Readings | None]:
         """Magnetometer and barometer of the unit's messages, where they are new, and the heading of the receiver."""
@@ -397,32 +382,15 @@ class _Tables:
             angles = [rows["roll"], rows["pitch"], rows["yaw"]]
         else:
             angles = list(attitude.numeric.to_euler(_unit(np.stack([rows[q] for q in ("q1", "q2", "q3", "q4")], axis=1))))
-        angles = [angle.astype(np.float64) for angle in angles]
-        time = rows["time_boot_ms"] * 1e-3
-        alone = SolutionSeries(name=name, time=time, roll=angles[0], pitch=angles[1], heading=angles[2])
+        roll, pitch, heading = (angle.astype(np.float64) for angle in angles)
+        alone = SolutionSeries(name=name, time=rows["time_boot_ms"] * 1e-3, roll=roll, pitch=pitch, heading=heading)
         if "GLOBAL_POSITION_INT" not in self:
             return alone
         places = _each_once(self.columns("GLOBAL_POSITION_INT"), "time_boot_ms")
-        at = places["time_boot_ms"] * 1e-3
-        inside = (at >= time[0]) & (at <= time[-1])
-        if np.count_nonzero(inside) < 2:
-            return alone
-        places, at = places[inside], at[inside]
-        roll, pitch, heading = interpolated_angles(at, time, angles)
-        return SolutionSeries(
-            name=f"{name}, GLOBAL_POSITION_INT",
-            time=at,
-            **_place(places),
-            velocity_n=np.stack([places["vx"], places["vy"], places["vz"]], axis=1) * 1e-2,
-            roll=roll,
-            pitch=pitch,
-            heading=heading,
+        velocity = np.stack([places["vx"], places["vy"], places["vz"]], axis=1) * 1e-2
+        return with_places(
+            alone, f"{name}, GLOBAL_POSITION_INT", places["time_boot_ms"] * 1e-3, **_place(places), velocity_n=velocity
         )
-
-
-def _lengths(kind: Any) -> list[int]:
-    """Lengths of the arrays in wire order, 0 for scalars."""
-    return list(kind.array_lengths)
 
 
 def _place(rows: np.ndarray) -> dict[str, Any]:
@@ -460,3 +428,12 @@ def _from_course(speed_cm: np.ndarray, course_cdeg: np.ndarray, accuracy_mm: np.
     sigma = np.where(known, sigma, NO_INFORMATION)
     velocity = course_velocity(speed, course, np.zeros(len(speed)))
     return velocity, np.stack([sigma, sigma, np.full(len(speed), NO_INFORMATION)], axis=1)
+
+
+FORMAT = Format(
+    name="telemetry",
+    kind="MAVLink telemetry log",
+    suffixes=(".tlog",),
+    read_flight=read,
+    hint="request HIGHRES_IMU from the vehicle (SET_MESSAGE_INTERVAL), or use the log on its own card",
+)

@@ -5,19 +5,14 @@ Every value is in SI and in body or navigation axes, as `insenv.logs.RecordedLog
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from insenv.logs import GnssFixes, RecordedLog, Reference
-from insenv.logs.recorded import Readings
+from insenv.logs.formats.contract import Columns
+from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference
+from insenv.logs.units import Array
 from insenv.sensors.units import ZERO_CELSIUS
-
-Array = NDArray[np.float64]
-Columns = dict[str, Array]
-"""Columns (n,) by name."""
 
 _TIME: dict[str, Any] = {"time": "time_s"}
 _AGE = {"age": "age_s"}
@@ -142,12 +137,6 @@ def _stamps(measured: GnssFixes | Readings) -> Columns:
 
 def _vector(names: list[str], values: Array) -> Columns:
     return dict(zip(names, values.T, strict=True))
-
-
-def csv_text(columns: Mapping[str, Array]) -> str:
-    """A header and one line per row; each number in the fewest digits from which it is read back to the bit."""
-    rows = zip(*(np.asarray(column, dtype=np.float64).tolist() for column in columns.values()), strict=True)
-    return "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
 
 def tables(log: RecordedLog) -> dict[str, Columns]:

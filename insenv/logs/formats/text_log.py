@@ -8,11 +8,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.export import log_tables
-from insenv.logs import LogDescription, RecordedLog
 from insenv.logs.columns import FileSection, MeasurementSection
-from insenv.logs.description import SLOPES, GnssSection, ImuSection, ReferenceSection, columns_of
+from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, ReferenceSection, columns_of
+from insenv.logs.formats import log_tables
+from insenv.logs.formats.contract import Drive, Files, Format
+from insenv.logs.formats.csv_table import csv_text
 from insenv.logs.instrument_sections import SECTIONS
+from insenv.logs.recorded import RecordedLog
 
 # Values of a TOML file as text.
 
@@ -95,7 +97,7 @@ def texts(log: RecordedLog, name: str) -> dict[str, str]:
         keys["reference"] = log_tables.reference_keys(log.reference)
     sections = {id: {"file": file_of(id, name), **keys[id], **_kept(log, id)} for id in keys}
     text = _HEAD.format(name=name) + toml_text({**_common(log.description), **sections})
-    return {f"{name}.toml": text, **{file_of(id, name): log_tables.csv_text(tables[id]) for id in keys}}
+    return {f"{name}.toml": text, **{file_of(id, name): csv_text(tables[id]) for id in keys}}
 
 
 _HEAD = """# A recorded log: insenv replay {name}.toml -e ID --start stated starts from [initial].
@@ -120,3 +122,11 @@ def _kept(log: RecordedLog, id: str) -> dict[str, Any]:
     drop = _AS_READ | set(columns_of(models[id]))
     data = section.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     return {name: value for name, value in data.items() if name not in drop}
+
+
+def write(drive: Drive) -> Files:
+    """NAME-log.toml and its CSV files."""
+    return texts(drive.sensors(), f"{drive.name}-log")
+
+
+FORMAT = Format(name="log", write=write, needs_log=True)
