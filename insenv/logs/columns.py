@@ -60,6 +60,16 @@ class FileSection(Section):
     time_scale: Positive = key(1.0, "further factor on the time, for a clock that runs fast or slow")
     time_offset_s: Number = key(0.0, "added to the time after unit and scale; all tables must share one clock", "s")
 
+    @classmethod
+    def column_keys(cls) -> tuple[str, ...]:
+        """The keys that name columns."""
+        return tuple(name for name, field in cls.model_fields.items() if (field.description or "").startswith("column"))
+
+    def named_columns(self) -> list[Column]:
+        """The columns that the keys name."""
+        values = [value for name in self.column_keys() if (value := getattr(self, name)) is not None]
+        return [column for value in values for column in (value if isinstance(value, tuple) else (value,))]
+
 
 class MeasurementSection(FileSection):
     """The files of measurements that arrive some time after they were made."""

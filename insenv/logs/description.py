@@ -51,11 +51,6 @@ SLOPES = (
 """The calibrated thermal errors of a log's unit."""
 
 
-def columns_of(model: type[FileSection]) -> tuple[str, ...]:
-    """The keys of a section that name columns."""
-    return tuple(name for name, field in model.model_fields.items() if (field.description or "").startswith("column"))
-
-
 class ImuSection(FileSection):
     """The inertial sensor."""
 

@@ -11,7 +11,7 @@ from insenv.base.resources import scenario_names
 from insenv.base.toml import BINARY, GPX, KML, NMEA, OTHER, TABLE, is_log, is_scenario, read_toml, validated
 from insenv.estimators.settings import tuning
 from insenv.logs.assemble import check_columns
-from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection, columns_of
+from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection
 from insenv.logs.files import Faults
 from insenv.logs.flight_log import FlightDescription, build_flight
 from insenv.logs.formats import SUFFIXES, is_flight_log
@@ -69,7 +69,7 @@ def _check_columns(data: Mapping[str, Any], folder: Path, faults: Faults) -> Non
     for name, model in (("imu", ImuSection), ("gnss", GnssSection), ("reference", ReferenceSection)):
         section = data.get(name)
         if isinstance(section, dict):
-            faults.attempt(lambda section=section, model=model: check_columns(section, columns_of(model), folder))  # type: ignore[misc]
+            faults.attempt(lambda section=section, model=model: check_columns(section, model, folder))  # type: ignore[misc]
 
 
 def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None:

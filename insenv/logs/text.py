@@ -110,18 +110,15 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
 
 
 def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
-    expected = kf_gins.IMU_FIELDS if section.format == "kf-gins" else None
-    columns = [*section.gyro, *section.accel, *(c for c in (section.interval, section.temperature) if c is not None)]
-    table, stamps = reader.read("imu", section, columns, expected, between=section.kind == "rate")
+    table, stamps = reader.read("imu", section, between=section.kind == "rate")
     sampled = sampling(stamps, section.rate_hz)
     reader.notes += sampled.notes
     spans, of_gyro, of_accel = _spans(section, stamps), section.gyro_matrix(), section.accel_matrix()
     _check_measurable(table, "gyro", section.gyro, section.gyro_unit, FASTEST * spans / np.linalg.norm(of_gyro[0]))
     _check_measurable(table, "accel", section.accel, section.accel_unit, HARDEST * spans / np.linalg.norm(of_accel[0]))
-    gyro = table.columns(section.gyro) @ of_gyro.T
     accel = table.columns(section.accel) @ of_accel.T
-    samples = np.hstack([gyro, accel])
-    covered, lengths = None, None if section.interval is None else _intervals(section, table, stamps)
+    samples = np.hstack([table.columns(section.gyro) @ of_gyro.T, accel])
+    covered, lengths = None, None if section.interval is None else _intervals(section.interval, table, stamps)
     if section.kind == "increment" and lengths is None:
         covered = covered_steps(stamps, accel, sampled, section.stamp)
         if covered.any():
@@ -129,16 +126,14 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
                 f"imu: {np.count_nonzero(covered)} increments are those of several samples by their size: each covers the time"
                 " since the one before"
             )
-    found = increments(
-        stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered, lengths=lengths
-    )
+    imu = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered, lengths=lengths)
     if section.temperature is not None:
-        celsius = _temperature(section.temperature, table, stamps, found.imu_time)
-        found = replace(found, temperature=np.asarray(units.deg_c_to_k(celsius)))
+        celsius = _temperature(section.temperature, table, stamps, imu.imu_time)
+        imu = replace(imu, temperature=np.asarray(units.deg_c_to_k(celsius)))
         if any(np.any(getattr(section, slope)) for slope in SLOPES):
-            found = _compensated(section, celsius, found, reader.notes)
-    reader.notes += implausible(found)
-    return found
+            imu = _compensated(section, celsius, imu, reader.notes)
+    reader.notes += implausible(imu)
+    return imu
 
 
 def _spans(section: ImuSection, stamps: Array) -> Array:
@@ -154,24 +149,22 @@ def _spans(section: ImuSection, stamps: Array) -> Array:
 def _check_measurable(table: TextTable, triad: str, names: Sequence[Column], unit: str, most: Array) -> None:
     """Raise `InputError` for a sample beyond `most` (m,), in the unit of its column: no sensor measures it."""
     values = table.columns(names)
-    bad = np.argwhere(np.abs(values) > most[:, None])
-    if bad.size:
-        row, axis = bad[0]
-        raise InputError(
-            f"{table.where(row)}, column {names[axis]!r}: {triad} is {values[row, axis]:g} {unit}, allowed {-most[row]:.4g} to "
-            f"{most[row]:.4g} {unit}, what such sensors measure at most ({len(bad)} such values); is {triad}_unit right?"
-        )
+    bad = np.abs(values) > most[:, None]
+    table.refuse(
+        names,
+        bad,
+        lambda row, axis: (
+            f"{triad} is {values[row, axis]:g} {unit}, allowed {-most[row]:.4g} to {most[row]:.4g} {unit}, what "
+            f"such sensors measure at most ({np.count_nonzero(bad)} such values); is {triad}_unit right?"
+        ),
+    )
 
 
 def _temperature(column: Column, table: TextTable, stamps: Array, time: Array) -> Array:
     """Temperature (n,) deg C of the unit at times (n,), s.  Raises `InputError` for one that no unit has."""
     celsius = table.column(column)
-    bad = np.flatnonzero((celsius < COLDEST) | (celsius > HOTTEST))
-    if bad.size:
-        raise InputError(
-            f"{table.where(bad[0])}, column {column!r}: temperature is {celsius[bad[0]]:g} deg C, allowed"
-            f" {COLDEST:g} to {HOTTEST:g}"
-        )
+    bad = (celsius < COLDEST) | (celsius > HOTTEST)
+    table.refuse([column], bad, lambda row, _: f"temperature is {celsius[row]:g} deg C, allowed {COLDEST:g} to {HOTTEST:g}")
     return np.interp(time, stamps, celsius)
 
 
@@ -202,17 +195,13 @@ def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, 
     )
 
 
-def _intervals(section: ImuSection, table: TextTable, stamps: Array) -> Array:
+def _intervals(column: Column, table: TextTable, stamps: Array) -> Array:
     """Lengths (m,) s of the sample intervals as the log states them.  Raises `InputError` for one that no sample has."""
-    assert section.interval is not None
-    lengths = table.column(section.interval)
+    lengths = table.column(column)
     usual = float(np.median(np.diff(stamps)))
-    bad = np.flatnonzero((lengths <= 0.0) | (lengths > _LONGEST * usual))
-    if bad.size:
-        raise InputError(
-            f"{table.where(bad[0])}, column {section.interval!r}: interval is {lengths[bad[0]]:g} s, allowed is above 0"
-            f" up to {_LONGEST:g} times the median step of the time stamps, {usual:g} s"
-        )
+    allowed = f"allowed is above 0 up to {_LONGEST:g} times the median step of the time stamps, {usual:g} s"
+    bad = (lengths <= 0.0) | (lengths > _LONGEST * usual)
+    table.refuse([column], bad, lambda row, _: f"interval is {lengths[row]:g} s, {allowed}")
     return lengths
 
 
@@ -223,19 +212,9 @@ def _velocity(section: PositionSection, table: TextTable) -> Array | None:
 
 
 def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
-    expected, variants = None, {}
-    if section.format == "kf-gins" and section.velocity is not None:
-        expected = kf_gins.GNSS_VELOCITY_FIELDS
-    elif section.format == "kf-gins":
-        expected = kf_gins.GNSS_FIELDS
-        further = [column for group in kf_gins.GNSS_VELOCITY.values() for column in group]
-        variants = dict.fromkeys(kf_gins.GNSS_VELOCITY_FIELDS, further)
-    wanted = [section.latitude, section.longitude, section.height]
-    wanted += [c for group in (section.position_sigma, section.velocity, section.velocity_sigma) if group for c in group]
-    wanted += [c for c in (section.speed, section.course, section.speed_sigma, section.age) if c is not None]
     course = () if section.course is None else (section.course,)
-    table, time = reader.read("gnss", section, wanted, expected, variants, optional=course)
-    if table.fields in variants:
+    table, time = reader.read("gnss", section, optional=course)
+    if kf_gins.has_velocity("gnss", section, table.fields):
         section = section.model_copy(update=kf_gins.GNSS_VELOCITY)
     moving = [c for c in (*(section.velocity or ()), section.speed, section.course) if c is not None]
     repeated = repeats(time, np.nan_to_num(table.columns((section.latitude, section.longitude, section.height, *moving))))
@@ -269,62 +248,43 @@ def _motion(section: GnssSection, table: TextTable) -> tuple[Array | None, Array
 def _from_course(section: GnssSection, speed: str | int, course: str | int, table: TextTable) -> tuple[Array, Array]:
     """Velocity (m, 3) m/s and its standard deviation from speed over ground and course."""
     values = table.column(speed) * SPEED_UNITS[section.speed_unit]
-    bad = np.flatnonzero(values < 0)
-    if bad.size:
-        raise InputError(
-            f"{table.where(bad[0])}, column {speed!r}: speed is {table.column(speed)[bad[0]]:g}, must be from 0 up"
-        )
-    if section.speed_sigma is not None:
-        sigma = table.column(section.speed_sigma)
-        bad = np.flatnonzero(sigma <= 0)
-        if bad.size:
-            raise InputError(
-                f"{table.where(bad[0])}, column {section.speed_sigma!r}: standard deviation is {sigma[bad[0]]:g} m/s, must be"
-                f" above 0 ({len(bad)} such values; keep_where can exclude invalid fixes)"
-            )
-    else:
-        sigma = np.full(len(values), section.speed_sigma_mps)
+    table.refuse([speed], values < 0, lambda row, _: f"speed is {table.column(speed)[row]:g}, must be from 0 up")
+    names = None if section.speed_sigma is None else [section.speed_sigma]
+    sigma = _sigma(table, names, [section.speed_sigma_mps], "m/s")[:, 0]
     return fixes_from_course(values, table.column(course) * ANGLE_UNITS[section.course_unit], sigma)
 
 
-def _sigma(
-    table: TextTable,
-    names: tuple[str | int, str | int, str | int] | None,
-    constant: tuple[float, float, float] | None,
-    unit: str,
-) -> Array:
-    """(m, 3) standard deviations, from columns or constant. Raises InputError: zero or negative."""
+def _sigma(table: TextTable, names: Sequence[Column] | None, constant: Any, unit: str) -> Array:
+    """(m, k) standard deviations, from k columns or constant. Raises InputError: zero or negative."""
     if names is None:
         return np.tile(np.array(constant, dtype=np.float64), (table.values.shape[0], 1))
     sigma = table.columns(names)
-    bad = np.argwhere(sigma <= 0)
-    if bad.size:
-        row, axis = bad[0]
-        raise InputError(
-            f"{table.where(row)}, column {names[axis]!r}: standard deviation is {sigma[row, axis]:g} {unit}, must be above 0"
-            f" ({len(bad)} such values; keep_where can exclude invalid fixes)"
-        )
+    table.refuse(
+        names,
+        sigma <= 0,
+        lambda row, axis: f"standard deviation is {sigma[row, axis]:g} {unit}, must be above 0",
+        "; keep_where can exclude invalid fixes",
+    )
     return sigma
 
 
 def _reference(section: ReferenceSection, reader: LogReader) -> Reference:
-    place = [c for c in (section.latitude, section.longitude, section.height) if c is not None]
-    wanted = [*place, *(section.velocity or ())]
-    attitude = [c for c in (section.roll, section.pitch, section.heading) if c is not None]
-    expected = kf_gins.REFERENCE_FIELDS if section.format == "kf-gins" else None
-    table, time = reader.read("reference", section, (*wanted, *attitude), expected)
-    found = Reference(time, velocity_n=_velocity(section, table))
+    table, time = reader.read("reference", section)
+    reference = Reference(time, velocity_n=_velocity(section, table))
     if section.height is not None:
         latitude, longitude = checked_position("reference", section, table, reader.notes)
         height = table.column(section.height) + section.height_offset_m
-        found = replace(found, latitude=latitude, longitude=wrap(longitude), height=height)
+        reference = replace(reference, latitude=latitude, longitude=wrap(longitude), height=height)
+    attitude = [column for column in (section.roll, section.pitch, section.heading) if column is not None]
     if not attitude or section.attitude_unit is None:
-        return found
-    roll, pitch, heading = (table.column(c) * ANGLE_UNITS[section.attitude_unit] for c in attitude)
-    steep = np.flatnonzero(np.abs(pitch) > math.pi / 2 + 1e-9)
-    if steep.size:
-        raise InputError(
-            f"{table.where(steep[0])}, column {attitude[1]!r}: pitch is {math.degrees(pitch[steep[0]]):.6g} deg,"
-            " allowed -90 to 90; check attitude_unit and the order of roll, pitch, heading"
-        )
-    return replace(found, roll=wrap(roll), pitch=pitch, heading=wrap(heading))
+        return reference
+    roll, pitch, heading = (table.column(column) * ANGLE_UNITS[section.attitude_unit] for column in attitude)
+    table.refuse(
+        [attitude[1]],
+        np.abs(pitch) > math.pi / 2 + 1e-9,
+        lambda row, _: (
+            f"pitch is {math.degrees(pitch[row]):.6g} deg, allowed -90 to 90; check attitude_unit and the order of "
+            "roll, pitch, heading"
+        ),
+    )
+    return replace(reference, roll=wrap(roll), pitch=pitch, heading=wrap(heading))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,6 +55,17 @@ class TextTable:
     def where(self, row: int) -> str:
         """'file: line N' of a row, for messages."""
         return f"{self.label}: line {self.lines[row]}"
+
+    def refuse(self, names: Sequence[Column], bad: np.ndarray, message: Callable[[int, int], str], hint: str = "") -> None:
+        """Raise InputError for the first value of the columns `names` that is bad, (rows,) or (rows, columns) of bool.
+
+        message: of its row and the place of its column in `names`; hint: follows the number of such values.
+        """
+        at = np.argwhere(bad.reshape(len(bad), -1))
+        if at.size:
+            row, place = at[0]
+            count = f" ({len(at)} such values{hint})" if hint else ""
+            raise InputError(f"{self.where(row)}, column {names[place]!r}: {message(row, place)}{count}")
 
 
 def read_table(

@@ -9,7 +9,7 @@ from typing import Any
 
 from insenv.base.errors import InputError
 from insenv.logs.columns import FileSection, MeasurementSection
-from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, ReferenceSection, columns_of
+from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, ReferenceSection
 from insenv.logs.formats import log_tables
 from insenv.logs.formats.contract import Drive, Files, Format
 from insenv.logs.formats.csv_table import csv_text
@@ -119,7 +119,7 @@ def _kept(log: RecordedLog, id: str) -> dict[str, Any]:
     if section is None:  # of a flight log, whose description has no instruments
         return {}
     models: dict[str, type[FileSection]] = {"imu": ImuSection, "gnss": GnssSection, "reference": ReferenceSection, **SECTIONS}
-    drop = _AS_READ | set(columns_of(models[id]))
+    drop = _AS_READ | set(models[id].column_keys())
     data = section.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     return {name: value for name, value in data.items() if name not in drop}
 
