@@ -24,7 +24,7 @@ MOST_OFF = 0.2
 """Share of steps that may differ by more: jitter."""
 MOST_MISSING = 0.5
 """Missing samples per sample from which it is the interval that is wrong, not the samples that are missing."""
-MANY_GAPS = 0.01
+MAX_GAP_SHARE = 0.01
 """Share of steps, likewise: a single long gap is a gap."""
 GAP = 5.0
 """In irregular sampling a gap is a step longer than this many times the step that 99 % do not exceed."""
@@ -79,7 +79,7 @@ def sampling(time: Array, rate_hz: float | None, label: str = "imu") -> Sampling
     whole = np.maximum(np.rint(steps / median), 1.0)
     off = float(np.mean(np.abs(steps / median - whole) > OFF))
     missing = missing_samples(time, median)
-    too_many = missing.sum() > MOST_MISSING * time.size and np.count_nonzero(missing) > MANY_GAPS * time.size
+    too_many = missing.sum() > MOST_MISSING * time.size and np.count_nonzero(missing) > MAX_GAP_SHARE * time.size
     if off <= MOST_OFF and not too_many:
         return Sampling(median)
     low, usual = (float(np.quantile(steps, q)) for q in (0.01, 0.99))

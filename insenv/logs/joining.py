@@ -15,7 +15,7 @@ SAME = 0.01
 """Times that differ by less than this part of the interval are the same: files round differently."""
 GAP = 5.0
 """A step of this many median steps is a gap."""
-ENOUGH = 0.5
+MIN_PARTNERS = 0.5
 """Share of the rows of the shortest file that must have partners in the others, if values between rows are not allowed."""
 
 
@@ -37,7 +37,7 @@ def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[str]
     same = np.all([partner >= 0 for partner in partners], axis=0)
     shortest = min(table.values.shape[0] for table in tables)
     files = ", ".join(f"{table.label} ({table.values.shape[0]} rows)" for table in tables)
-    if np.count_nonzero(same) >= ENOUGH * shortest:
+    if np.count_nonzero(same) >= MIN_PARTNERS * shortest:
         notes.append(
             f"{name}: joined by time: {np.count_nonzero(same)} rows have the same time in {files}; the others are left out"
         )

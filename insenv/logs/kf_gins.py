@@ -8,6 +8,7 @@ height [m], velocity N E D [m/s], roll, pitch, yaw [deg].
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 IMU = {
@@ -52,7 +53,7 @@ def has_velocity(name: str, section: Any, fields: int) -> bool:
     return section.format == "kf-gins" and name == "gnss" and fields == VELOCITY_FIELDS and section.velocity is None
 
 
-def filled(data: Any, fixed: dict[str, Any]) -> Any:
+def filled(data: Any, fixed: Mapping[str, Any]) -> Any:
     """The section `data` with the keys that the format fixes, if its format is kf-gins; keys in the file win.
 
     A constant position_sigma_m replaces the columns.

@@ -77,7 +77,7 @@ def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None
     tables = data.get("estimator")
     for id, table in tables.items() if isinstance(tables, dict) else ():
         for key, value in table.items() if isinstance(table, dict) else ():
-            own = Faults()
-            own.attempt(lambda id=id, key=key, value=value: tuning(id, {key: value}))  # type: ignore[misc]
-            found = [f"{label}: {line}" for line in own.messages]
-            faults.messages += [line for line in found if line not in faults.messages]
+            of_key = Faults()
+            of_key.attempt(lambda id=id, key=key, value=value: tuning(id, {key: value}))  # type: ignore[misc]
+            lines = [f"{label}: {line}" for line in of_key.messages]
+            faults.messages += [line for line in lines if line not in faults.messages]

@@ -41,12 +41,12 @@ class Readings:
 
     def columns(self) -> dict[str, Array]:
         """The values by row, (m, ...)."""
-        table, found, begin = INSTRUMENTS[self.id].measurement, {}, 0
+        table, columns, begin = INSTRUMENTS[self.id].measurement, {}, 0
         for row in self.rows:
             size, shape = table[row].size, table[row].shape
-            found[row] = self.values[:, begin : begin + size].reshape(-1, *shape)
+            columns[row] = self.values[:, begin : begin + size].reshape(-1, *shape)
             begin += size
-        return found
+        return columns
 
 
 def delivered(

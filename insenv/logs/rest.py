@@ -127,10 +127,10 @@ def travel(log: RecordedLog, begin_s: float, end_s: float) -> Travel | None:
     The speed is that of the median velocity over `TRAVEL_WINDOW_S`, or of the way between median places; what their
     standard deviations explain does not count.
     """
-    found = _ground_track(log, begin_s, end_s)
-    if found is None:
+    track = _ground_track(log, begin_s, end_s)
+    if track is None:
         return None
-    time, velocity, sigma = found
+    time, velocity, sigma = track
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     at = np.flatnonzero(speed > TRAVEL_SPEED + LEAVES * sigma)
     return Travel(float(time[at[0]]), float(speed[at[0]])) if at.size else None
@@ -143,15 +143,13 @@ def shows_travel(log: RecordedLog, begin_s: float, end_s: float) -> bool:
 
 def _ground_track(log: RecordedLog, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
     """Middle (k,) s, median velocity (k, 2) m/s and its standard deviation (k,) of windows; None if nothing shows them."""
-    gnss, reference = log.gnss, log.reference
+    gnss, reference, track = log.gnss, log.reference, None
     if gnss is not None and gnss.velocity_n is not None and gnss.velocity_sigma is not None:
-        found = _by_velocity(gnss.time, gnss.velocity_n, gnss.velocity_sigma, begin_s, end_s)
-        if found is not None:
-            return found
-    if gnss is not None:
-        found = _by_way(gnss, begin_s, end_s)
-        if found is not None:
-            return found
+        track = _by_velocity(gnss.time, gnss.velocity_n, gnss.velocity_sigma, begin_s, end_s)
+    if gnss is not None and track is None:
+        track = _by_way(gnss, begin_s, end_s)
+    if track is not None:
+        return track
     if reference is not None and reference.velocity_n is not None:
         return _by_velocity(reference.time, reference.velocity_n, np.zeros(reference.velocity_n.shape), begin_s, end_s)
     for each in log.instruments:
@@ -171,20 +169,20 @@ def _over_ground(log: RecordedLog, readings: Readings) -> Array | None:
 
 def _by_velocity(time: Array, velocity: Array, sigma: Array, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
     known = sigma[:, :2].max(axis=1) < NO_INFORMATION
-    found = _windows(np.column_stack([time, velocity[:, :2], sigma[:, :2].max(axis=1)])[known], begin_s, end_s)
-    if found is None:
+    windows = _windows(np.column_stack([time, velocity[:, :2], sigma[:, :2].max(axis=1)])[known], begin_s, end_s)
+    if windows is None:
         return None
-    middle, count = found
+    middle, count = windows
     return middle[:, 0], middle[:, 1:3], middle[:, 3] / np.sqrt(count)
 
 
 def _by_way(gnss: GnssFixes, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
     """From the median place of each window to that of the next."""
     place = [gnss.latitude, np.unwrap(gnss.longitude), gnss.height, gnss.position_sigma[:, :2].max(axis=1)]
-    found = _windows(np.column_stack([gnss.time, *place]), begin_s, end_s)
-    if found is None or len(found[0]) < 2:
+    windows = _windows(np.column_stack([gnss.time, *place]), begin_s, end_s)
+    if windows is None or len(windows[0]) < 2:
         return None
-    middle, count = found
+    middle, count = windows
     way = geodesy.numeric.ned_offset(*middle[1:, 1:4].T, *middle[:-1, 1:4].T)
     took = np.diff(middle[:, 0])
     sigma = middle[:, 4] / np.sqrt(count)

@@ -96,7 +96,7 @@ def read_table(
         may_miss = [column in optional for column in columns]
         rows, source = text.filled(places, may_miss, skip_empty)
         if not rows.size:
-            needed = [_shown(column) for column, may in zip(columns, may_miss, strict=True) if not may]
+            needed = [_quoted(column) for column, may in zip(columns, may_miss, strict=True) if not may]
             raise InputError(f"{label}: no row in which all of {', '.join(needed)} are filled")
         picked = list(range(len(places)))
     text.rows = rows
@@ -123,7 +123,7 @@ def check_finite(table: TextTable, optional: Sequence[Column] = ()) -> None:
         row, col = bad[0]
         skip = "; skip_empty = true skips such rows" if np.isnan(table.values[row, col]) else ""
         raise InputError(
-            f"{table.where(row)}, column {_shown(table.names[col])}: value is {table.values[row, col]},"
+            f"{table.where(row)}, column {_quoted(table.names[col])}: value is {table.values[row, col]},"
             f" must be a finite number ({len(bad)} such values in the file){skip}"
         )
 
@@ -262,7 +262,7 @@ class _Text:
                     if not _is_number(part) and not (column in optional and part.lower() in MISSING):
                         what = f"{part[:40]!r} is not a number" if part else "the value is missing"
                         what += "; skip_empty = true skips such rows" if part.lower() in MISSING else ""
-                        raise InputError(f"{self.label}: line {number + 1}, column {_shown(column)}: {what}") from None
+                        raise InputError(f"{self.label}: line {number + 1}, column {_quoted(column)}: {what}") from None
             raise InputError(f"{self.label}: cannot be parsed: {error}") from None
 
     def notes_on_end(self) -> tuple[str, ...]:
@@ -290,7 +290,7 @@ def _separator_of(line: str, delimiter: str) -> str | None:
     return next((d for d in (",", ";", "\t") if d in line.strip()), None)
 
 
-def _shown(column: Column) -> str:
+def _quoted(column: Column) -> str:
     return repr(column) if isinstance(column, str) else str(column)
 
 

@@ -170,14 +170,14 @@ class _Tables:
 
     def instances(self, base: str) -> list[tuple[str, int | None]]:
         """(message, instance) of each sensor: by the column I, or by the number after the name in old logs."""
-        found: list[tuple[str, int | None]] = []
+        instances: list[tuple[str, int | None]] = []
         for name in (base, f"{base}2", f"{base}3"):
             table = self.columns(name)
             if "I" in table:
-                found += [(name, int(i)) for i in np.unique(table["I"])]
+                instances += [(name, int(i)) for i in np.unique(table["I"])]
             elif table:
-                found.append((name, None))
-        return found
+                instances.append((name, None))
+        return instances
 
     def select(self, name: str, instance: int | None) -> dict[str, Array]:
         """The rows of one instance."""

@@ -74,23 +74,23 @@ def instrument_keys(readings: Readings) -> dict[str, Any]:
 
 def reference_keys(reference: Reference) -> dict[str, Any]:
     """The keys of [reference] for the columns of `reference_columns`."""
-    found = dict(_TIME)
-    found |= _PLACE if reference.latitude is not None else {}
-    found |= {"velocity": _NED_VELOCITY} if reference.velocity_n is not None else {}
-    return found | (_ATTITUDE if reference.roll is not None else {})
+    keys = dict(_TIME)
+    keys |= _PLACE if reference.latitude is not None else {}
+    keys |= {"velocity": _NED_VELOCITY} if reference.velocity_n is not None else {}
+    return keys | (_ATTITUDE if reference.roll is not None else {})
 
 
 def imu_columns(log: RecordedLog) -> Columns:
     """The samples that the log has: those that were interpolated are left out."""
-    own = ~log.bridged
+    sampled = ~log.bridged
     columns = {
-        "time_s": log.imu_time[own],
-        "interval_s": log.dt[own],
-        **_vector(IMU["gyro"], log.delta_angle[own]),
-        **_vector(IMU["accel"], log.delta_velocity[own]),
+        "time_s": log.imu_time[sampled],
+        "interval_s": log.dt[sampled],
+        **_vector(IMU["gyro"], log.delta_angle[sampled]),
+        **_vector(IMU["accel"], log.delta_velocity[sampled]),
     }
     if log.temperature is not None:  # the difference is exact, so that reading gives the same kelvins
-        columns["temperature_degc"] = log.temperature[own] - ZERO_CELSIUS
+        columns["temperature_degc"] = log.temperature[sampled] - ZERO_CELSIUS
     return columns
 
 
@@ -141,10 +141,10 @@ def _vector(names: list[str], values: Array) -> Columns:
 
 def tables(log: RecordedLog) -> dict[str, Columns]:
     """All tables of a log by section: imu, gnss, the instruments, reference; those that it has."""
-    found = {"imu": imu_columns(log)}
+    columns = {"imu": imu_columns(log)}
     if log.gnss is not None:
-        found["gnss"] = gnss_columns(log.gnss)
-    found |= {each.id: instrument_columns(each) for each in log.instruments}
+        columns["gnss"] = gnss_columns(log.gnss)
+    columns |= {each.id: instrument_columns(each) for each in log.instruments}
     if log.reference is not None:
-        found["reference"] = reference_columns(log.reference)
-    return found
+        columns["reference"] = reference_columns(log.reference)
+    return columns

@@ -109,9 +109,9 @@ def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
     while at + 3 <= end:
         size, kind = int.from_bytes(data[at : at + 2], "little"), data[at + 2]
         if kind not in _MESSAGES or (kind == _SYNC and data[at + 3 : at + 11] != _SYNC_BYTES):
-            found = _resumed(data, at + 1)
+            resumed = _resumed(data, at + 1)
             pieces.append(data[begin:at])
-            lost, places, at, begin = lost + found - at, places + 1, found, found
+            lost, places, at, begin = lost + resumed - at, places + 1, resumed, resumed
         elif at + 3 + size > end:
             break
         else:

@@ -27,7 +27,7 @@ _ARMS = (
 """Names, without X, Y and Z, of the positions of antenna and inertial unit (m, FRD) from one point of the vehicle."""
 
 
-ALIKE = 0.8
+MIN_COMMON = 0.8
 """Share of the parameters of an estimator and of a log that must be the same."""
 
 
@@ -61,16 +61,16 @@ def settings(values: Mapping[str, float]) -> dict[str, dict[str, Any]]:
     Left out: what a start knows, and the data sheet, both of which a replay finds anew.
     """
     known = {each.name for kind in (Knowledge, ImuDataSheet) for each in fields(kind)} - NOT_IN_A_LOG
-    told = {name for name in values if name.startswith("E_")}
-    found = {}
-    for id, estimator in registered().items() if told else ():
+    logged = {name for name in values if name.startswith("E_")}
+    by_id = {}
+    for id, estimator in registered().items() if logged else ():
         table = estimator.model.parameters
-        own = {name for _, _, name in elements("E", table, table.names)}
-        if len(own & told) < ALIKE * len(own | told):
+        names = {name for _, _, name in elements("E", table, table.names)}
+        if len(names & logged) < MIN_COMMON * len(names | logged):
             continue
         rows = _rows("E", table, values)
-        found[id] = {name: row for name, row in rows.items() if name not in known and not name.startswith("start_")}
-    return found
+        by_id[id] = {name: row for name, row in rows.items() if name not in known and not name.startswith("start_")}
+    return by_id
 
 
 def _rows(prefix: str, table: Table, values: Mapping[str, float]) -> dict[str, Any]:

@@ -157,8 +157,8 @@ def _run(path: Path, columns: Columns) -> Points:
     """The truth of the result file of a run."""
     names = ("time", "latitude", "longitude", "height", "q_nb")
     try:
-        with np.load(path, allow_pickle=False) as found:
-            time, latitude, longitude, height, q_nb = (found[f"truth/{name}"] for name in names)
+        with np.load(path, allow_pickle=False) as arrays:
+            time, latitude, longitude, height, q_nb = (arrays[f"truth/{name}"] for name in names)
     except (KeyError, ValueError) as error:
         raise InputError(f"{path}: no result of a run with its truth: {error}") from None
     unknown = np.flatnonzero(~np.all(np.isfinite(np.column_stack([latitude, longitude, height, q_nb])), axis=1))
@@ -194,7 +194,7 @@ def fingerprint(path: Path) -> str:
 def _files_of(data: Mapping[str, Any]) -> Iterator[str]:
     """The files that a description of a log names."""
     for name, value in data.items():
-        found = value.get("file") if isinstance(value, Mapping) else value if name == "flight" else None
-        for file in found if isinstance(found, list) else [found]:
+        files = value.get("file") if isinstance(value, Mapping) else value if name == "flight" else None
+        for file in files if isinstance(files, list) else [files]:
             if isinstance(file, str) and file:
                 yield file

@@ -90,8 +90,8 @@ class TrackSection(VehicleSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a [start] that is not that of the track."""
-        shape, own = self.shape, self.start_values()
-        for name, value in own.items():
+        shape = self.shape
+        for name, value in self.start_values().items():
             if abs(getattr(start, name) - value) > 1e-6:
                 raise InputError(
                     f"start.{name} = {getattr(start, name):g}: the track begins at {value:.10g}; leave [start] out"
@@ -160,8 +160,8 @@ class RecordedSection(RecordedFile):
 @lru_cache(maxsize=16)
 def _shape(text: str) -> Shape:
     section = RecordedSection.model_validate_json(text)
-    found = points_of(Path(section.file), section.columns, section.height_offset_m, section.track)
-    points = checked(found, section.max_gap_s, section.max_acceleration_mps2)
+    read = points_of(Path(section.file), section.columns, section.height_offset_m, section.track)
+    points = checked(read, section.max_gap_s, section.max_acceleration_mps2)
     return shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
 
 

@@ -33,7 +33,7 @@ SPACING_M, MOST_POINTS = 1.0, 2_000_000
 """Distance of the points at which speeds are found; larger for a way of more points."""
 SHARPEST = 3.0
 """Largest turn on an arc, rad: a sharper one begins far before its place."""
-FAR = 0.25
+MAX_CUT = 0.25
 """An arc that passes its place at more than this part of the shorter of its lines is noted."""
 REST_S = 2.0
 """Time at rest at the first and at the last place, at least, s."""
@@ -150,7 +150,7 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
                 corner = min(slower, float(np.sqrt(section.lateral_mps2 * radius)))
                 end, arc = end - reach * direction, (end + reach * after, radius, turn, corner)
                 missed = radius * (1.0 / np.cos(0.5 * turn) - 1.0)
-                if missed > FAR * shorter:
+                if missed > MAX_CUT * shorter:
                     notes.append(
                         f"the arc at vehicle.waypoints[{k + 1}] passes {missed:.0f} m from the place: a stop_s, a lower "
                         "speed or a larger lateral_mps2 keeps it closer"
