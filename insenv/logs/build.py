@@ -9,7 +9,7 @@ from typing import Any
 from insenv.logs import instruments
 from insenv.logs.description import AnyLog, LogDescription
 from insenv.logs.inertial import InertialSamples
-from insenv.logs.recorded import GnssFixes, Positions, Readings, RecordedLog, Reference, Source
+from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
 from insenv.logs.rest import rest_until
 from insenv.logs.units import Array
 from insenv.sensors.contract import Place
@@ -66,7 +66,7 @@ def span_of(imu: InertialSamples) -> tuple[float, float]:
     return float(imu.imu_time[0]), float(imu.imu_time[-1])
 
 
-def overlaps(series: Positions | Reference | Readings, span: tuple[float, float]) -> bool:
+def overlaps(series: GnssFixes | Reference | Readings, span: tuple[float, float]) -> bool:
     """Whether a series has times between two others (s), or on both sides of them."""
     return bool(series.time[-1] >= span[0] and series.time[0] <= span[1])
 

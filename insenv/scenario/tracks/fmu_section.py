@@ -7,7 +7,6 @@ Its binary code runs with the rights of the user: use FMUs that you trust.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -79,20 +78,12 @@ class FmuSection(RecordedFile):
         0.05, "a larger difference between the velocities and the derivative of the positions is an error", "m/s", le=100
     )
 
-    @property
-    def shape(self) -> Shape:
-        """The splines.  Raises `InputError` for an FMU that cannot be run or is no vehicle."""
-        return _shape(self.model_dump_json())
-
-
-@lru_cache(maxsize=8)
-def _shape(text: str) -> Shape:
-    section = FmuSection.model_validate_json(text)
-    points = checked(_run(section), 10.0 * section.step_s, 1e4)
-    shape = shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
-    if points.velocity is not None:
-        check_velocity(points, shape, section.max_contradiction_mps)
-    return shape if section.outputs.quaternion is None else _in_order(section, points, shape)
+    def make_shape(self) -> Shape:
+        points = checked(_run(self), 10.0 * self.step_s, 1e4)
+        shape = shaped(points, knot_interval(self.knot_s, spacing(points), points), self.smoothing_m, self.bank)
+        if points.velocity is not None:
+            check_velocity(points, shape, self.max_contradiction_mps)
+        return shape if self.outputs.quaternion is None else _in_order(self, points, shape)
 
 
 def _in_order(section: FmuSection, points: Points, shape: Shape) -> Shape:

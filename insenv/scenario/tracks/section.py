@@ -39,7 +39,11 @@ class TrackSection(VehicleSection):
 
     @property
     def shape(self) -> Shape:
-        """The splines."""
+        """The splines, made once for the same values.  Raises `InputError` for what cannot be a track."""
+        return _shape(type(self), self.model_dump_json())
+
+    def make_shape(self) -> Shape:
+        """The splines from the file or the plan."""
         raise NotImplementedError
 
     @property
@@ -113,6 +117,11 @@ class TrackSection(VehicleSection):
         }
 
 
+@lru_cache(maxsize=32)
+def _shape(kind: type[TrackSection], text: str) -> Shape:
+    return kind.model_validate_json(text).make_shape()
+
+
 def _size(count: int) -> int:
     return next((size for size in SIZES if size > count), SIZES[-1])
 
@@ -151,18 +160,10 @@ class RecordedSection(RecordedFile):
     max_gap_s: Positive = key(10.0, "a longer gap between points is an error", "s", le=3600)
     max_acceleration_mps2: Positive = key(20.0, "a larger acceleration over one second is a jump, an error", "m/s2", le=1e4)
 
-    @property
-    def shape(self) -> Shape:
-        """The splines.  Raises `InputError` for a file that is no track."""
-        return _shape(self.model_dump_json())
-
-
-@lru_cache(maxsize=16)
-def _shape(text: str) -> Shape:
-    section = RecordedSection.model_validate_json(text)
-    read = points_of(Path(section.file), section.columns, section.height_offset_m, section.track)
-    points = checked(read, section.max_gap_s, section.max_acceleration_mps2)
-    return shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
+    def make_shape(self) -> Shape:
+        read = points_of(Path(self.file), self.columns, self.height_offset_m, self.track)
+        points = checked(read, self.max_gap_s, self.max_acceleration_mps2)
+        return shaped(points, knot_interval(self.knot_s, spacing(points), points), self.smoothing_m, self.bank)
 
 
 def spacing(points: Points) -> float:

@@ -8,7 +8,6 @@ acceleration.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -63,10 +62,14 @@ class WaypointsSection(TrackSection):
             raise ValueError("must have two places or more")
         return value
 
-    @property
-    def shape(self) -> Shape:
-        """The splines.  Raises `InputError` for places that cannot be driven."""
-        return _shape(self.model_dump_json())
+    def make_shape(self) -> Shape:
+        time, place = planned(self)
+        first = self.waypoints[0]
+        origin = np.radians(first.latitude_deg), np.radians(first.longitude_deg), first.height_m
+        latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(place, *origin)
+        points = checked(Points("vehicle.waypoints", time, latitude, longitude, height), np.inf, np.inf)
+        noise = SMOOTHING_M if self.smoothing_m is None else self.smoothing_m
+        return shaped(points, knot_interval(self.knot_s, KNOT_S, points), noise, self.bank)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -77,18 +80,6 @@ class WaypointsSection(TrackSection):
     def lasts_s(self) -> float | None:
         """Duration of the plan, s, which needs no splines."""
         return float(planned(self)[0][-1])
-
-
-@lru_cache(maxsize=16)
-def _shape(text: str) -> Shape:
-    section = WaypointsSection.model_validate_json(text)
-    time, place = planned(section)
-    first = section.waypoints[0]
-    origin = np.radians(first.latitude_deg), np.radians(first.longitude_deg), first.height_m
-    latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(place, *origin)
-    points = checked(Points("vehicle.waypoints", time, latitude, longitude, height), np.inf, np.inf)
-    noise = SMOOTHING_M if section.smoothing_m is None else section.smoothing_m
-    return shaped(points, knot_interval(section.knot_s, KNOT_S, points), noise, section.bank)
 
 
 def planned(section: WaypointsSection) -> tuple[Array, Array]:
