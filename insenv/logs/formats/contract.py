@@ -105,18 +105,18 @@ class Drive:
 class Format:
     """A format of files.  Its functions raise `InputError`.
 
-    name: in `insenv.write`, and of the option that writes it; kind: what messages call such a file; suffixes: ends of the names
-    of files that are read, the first also of those that are written.
-    read_flight: the series of a flight log, from its name for messages and its bytes; hint: how to get inertial samples at a
-    usable rate.  read_tracks: the tracks with points, likewise; several: whether a file may have more than one.
+    name: in `insenv.write`, and of the option that writes it; suffixes: ends of the names of files that are read.
+    read_flight: the series of a flight log, from its name for messages and its bytes; kind: what messages call such a log;
+    hint: how to get inertial samples at a usable rate.  read_tracks: the tracks with points, likewise; several: whether a file
+    may have more than one.
     write: the files of a drive; needs_report, needs_log: what it must have; module, package, extra: what is imported to write
     it, its package, if that has another name, and the extra of insenv that installs it; empty: none.
     """
 
     name: str
-    kind: str = ""
     suffixes: tuple[str, ...] = ()
     read_flight: Callable[[str, bytes], Flight] | None = None
+    kind: str = ""
     hint: str = ""
     read_tracks: Callable[[str, bytes], list[NamedTrack]] | None = None
     several: bool = False

@@ -50,7 +50,6 @@ def write(drive: Drive) -> Files:
 
 FORMAT = Format(
     name="gpx",
-    kind="GPX file",
     suffixes=(".gpx",),
     read_tracks=read,
     several=True,

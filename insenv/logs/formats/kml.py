@@ -108,4 +108,4 @@ def _text(parent: Element, tag: str, text: str) -> None:
     SubElement(parent, tag).text = text
 
 
-FORMAT = Format(name="kml", kind="KML file", suffixes=(".kml",), read_tracks=read, several=True, write=write, needs_report=True)
+FORMAT = Format(name="kml", suffixes=(".kml",), read_tracks=read, several=True, write=write, needs_report=True)

@@ -105,4 +105,4 @@ def _angle(angle: float, digits: int, letters: str) -> str:
     return f"{whole // (60 * 10**7):0{digits}d}{minutes // 10**7:02d}.{minutes % 10**7:07d},{letters[angle < 0]}"
 
 
-FORMAT = Format(name="nmea", kind="NMEA file", suffixes=(".nmea",), read_tracks=read, write=write, needs_log=True)
+FORMAT = Format(name="nmea", suffixes=(".nmea",), read_tracks=read, write=write, needs_log=True)

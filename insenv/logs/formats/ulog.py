@@ -206,11 +206,6 @@ def _fixes(name: str, table: Columns) -> FixSeries | None:
         latitude, longitude = table["lat"] * _E7, table["lon"] * _E7
         sea, height = table["alt"] * 1e-3, table["alt_ellipsoid"] * 1e-3
     ellipsoidal = bool(np.any(height != 0.0))  # a receiver without heights above the ellipsoid leaves them at zero
-    time = (
-        table["timestamp_sample"]
-        if "timestamp_sample" in table and (table["timestamp_sample"] > 0).all()
-        else table["timestamp"]
-    )
     velocity = velocity_sigma = None
     if (table["vel_ned_valid"] != 0).all():
         velocity = np.stack([table["vel_n_m_s"], table["vel_e_m_s"], table["vel_d_m_s"]], axis=1).astype(np.float64)
@@ -219,7 +214,7 @@ def _fixes(name: str, table: Columns) -> FixSeries | None:
             velocity_sigma = np.stack([accuracy] * 3, axis=1)
     return FixSeries(
         name=name,
-        time=_seconds(time),
+        time=_sampled_at(table),
         latitude=np.asarray(latitude, dtype=np.float64),
         longitude=np.asarray(longitude, dtype=np.float64),
         height=height if ellipsoidal else sea,

@@ -16,11 +16,11 @@ from insenv.attitude.numeric import to_euler
 from insenv.base.errors import InputError, nearest
 from insenv.base.toml import Section, key, read_toml
 from insenv.logs import RecordedLog, load
-from insenv.logs.columns import AngleUnit, Column
+from insenv.logs.columns import AngleUnit
 from insenv.logs.files import read_bytes
 from insenv.logs.formats import TRACKS, is_flight_log
 from insenv.logs.formats.contract import NamedTrack
-from insenv.logs.formats.csv_table import check_finite, read_table
+from insenv.logs.formats.csv_table import Column, check_finite, read_table
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS
 from insenv.scenario.tracks.points import Points
 
