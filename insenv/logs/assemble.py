@@ -20,7 +20,7 @@ from insenv.logs.joining import join
 from insenv.logs.recorded import Source
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
 
-_NEWEST = -1.0
+_MIN_AGE_S = -1.0
 """Smallest age of a measurement on arrival, s: a delay that a receiver underestimates makes it negative."""
 
 
@@ -75,8 +75,8 @@ class LogReader:
         if section.age is None:
             return stamp, None, None
         age = table.column(section.age)
-        bad = (age < _NEWEST) | (age > oldest)
-        table.refuse([section.age], bad, lambda row, _: f"age is {age[row]:g} s, allowed {_NEWEST:g} to {oldest:g} s")
+        bad = (age < _MIN_AGE_S) | (age > oldest)
+        table.refuse([section.age], bad, lambda row, _: f"age is {age[row]:g} s, allowed {_MIN_AGE_S:g} to {oldest:g} s")
         time = stamp - age
         _check_increasing(table, time)
         return time, stamp, age

@@ -11,9 +11,9 @@ from insenv.logs.formats.csv_table import TextTable
 from insenv.logs.formats.series import nearest_rows
 from insenv.logs.units import Array
 
-SAME = 0.01
+SAME_STEP_SHARE = 0.01
 """Times that differ by less than this part of the interval are the same: files round differently."""
-GAP = 5.0
+GAP_STEPS = 5.0
 """A step of this many median steps is a gap."""
 MIN_PARTNERS = 0.5
 """Share of the rows of the shortest file that must have partners in the others, if values between rows are not allowed."""
@@ -33,7 +33,7 @@ def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[str]
         _check_order(table)
     time = first.values[:, 0]
     step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    partners = [_partners(time, other.values[:, 0], SAME * step) for other in tables[1:]]
+    partners = [_partners(time, other.values[:, 0], SAME_STEP_SHARE * step) for other in tables[1:]]
     same = np.all([partner >= 0 for partner in partners], axis=0)
     shortest = min(table.values.shape[0] for table in tables)
     files = ", ".join(f"{table.label} ({table.values.shape[0]} rows)" for table in tables)
@@ -79,7 +79,7 @@ def _in_gap(time: Array, other: Array) -> np.ndarray:
     if not steps.size:
         return np.ones(time.size, bool)
     after = np.searchsorted(other, time).clip(1, other.size - 1)
-    return np.asarray((steps[after - 1] > GAP * np.median(steps)) & (time > other[after - 1]) & (time < other[after]))
+    return np.asarray((steps[after - 1] > GAP_STEPS * np.median(steps)) & (time > other[after - 1]) & (time < other[after]))
 
 
 def _check_order(table: TextTable) -> None:

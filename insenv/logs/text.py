@@ -33,9 +33,9 @@ from insenv.sensors.instruments import INSTRUMENTS
 # Taken for fixes of their own, they would count a hundred times, late, with errors that are the same in all of them. In an
 # outage the last value is repeated for as long as it lasts, and is wrong by the whole way of the vehicle.
 
-FEWEST = 3
+MIN_FIXES = 3
 """Different fixes from which the receiver's interval is known."""
-FAST_S = 0.05
+MAX_REPEAT_S = 0.05
 """Rows farther apart are a receiver's own: a receiver at rest may state the same place again and again."""
 
 
@@ -57,21 +57,21 @@ def repeats(time: Array, values: Array) -> Repeats | None:
     new = np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1)])
     first = np.flatnonzero(new)
     length = np.diff(np.append(first, len(time)))
-    known = len(first) >= FEWEST
+    known = len(first) >= MIN_FIXES
     each = int(np.median(length[:-1])) if known else len(time)
     step = float(np.median(np.diff(time)))
-    if each < 2 or (not known and step > FAST_S):
+    if each < 2 or (not known and step > MAX_REPEAT_S):
         return None
     return Repeats(first, each)
 
 
 COLDEST, HOTTEST = -100.0, 200.0
 """Temperatures of a unit, deg C: beyond them the column has another unit."""
-FASTEST = math.radians(1e5)
+MAX_RATE = math.radians(1e5)
 """rad/s: no gyro measures more; those of spinning shells go to 2e4 deg/s and beyond."""
-HARDEST = 2e5 * STANDARD_GRAVITY
+MAX_FORCE = 2e5 * STANDARD_GRAVITY
 """m/s^2: no accelerometer measures more; those of impact tests go to 2e5 g."""
-_LONGEST = 100.0
+_MAX_STEPS = 100.0
 """Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
 
 
@@ -114,8 +114,8 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     sampled = sampling(stamps, section.rate_hz)
     reader.notes += sampled.notes
     spans, of_gyro, of_accel = _spans(section, stamps), section.gyro_matrix(), section.accel_matrix()
-    _check_measurable(table, "gyro", section.gyro, section.gyro_unit, FASTEST * spans / np.linalg.norm(of_gyro[0]))
-    _check_measurable(table, "accel", section.accel, section.accel_unit, HARDEST * spans / np.linalg.norm(of_accel[0]))
+    _check_measurable(table, "gyro", section.gyro, section.gyro_unit, MAX_RATE * spans / np.linalg.norm(of_gyro[0]))
+    _check_measurable(table, "accel", section.accel, section.accel_unit, MAX_FORCE * spans / np.linalg.norm(of_accel[0]))
     accel = table.columns(section.accel) @ of_accel.T
     samples = np.hstack([table.columns(section.gyro) @ of_gyro.T, accel])
     covered, lengths = None, None if section.interval is None else _intervals(section.interval, table, stamps)
@@ -199,8 +199,8 @@ def _intervals(column: Column, table: TextTable, stamps: Array) -> Array:
     """Lengths (m,) s of the sample intervals as the log states them.  Raises `InputError` for one that no sample has."""
     lengths = table.column(column)
     usual = float(np.median(np.diff(stamps)))
-    allowed = f"allowed is above 0 up to {_LONGEST:g} times the median step of the time stamps, {usual:g} s"
-    bad = (lengths <= 0.0) | (lengths > _LONGEST * usual)
+    allowed = f"allowed is above 0 up to {_MAX_STEPS:g} times the median step of the time stamps, {usual:g} s"
+    bad = (lengths <= 0.0) | (lengths > _MAX_STEPS * usual)
     table.refuse([column], bad, lambda row, _: f"interval is {lengths[row]:g} s, {allowed}")
     return lengths
 

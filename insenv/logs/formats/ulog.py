@@ -42,7 +42,7 @@ _MESSAGES = frozenset(b"ABCDFILMOPQRS")
 """Kinds of messages, by the letter after the size."""
 _SYNC = ord("S")
 _SYNC_BYTES = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
-_MOST_READS = 300_000
+_MAX_READS = 300_000
 """Allowed reads without progress: two for each byte of the longest message, after which pyulog searches byte by byte."""
 _E7 = np.pi / 180.0 * 1e-7
 _RECEIVERS = ("vehicle_gps_position", "sensor_gps")
@@ -155,7 +155,7 @@ class _Advancing(io.BytesIO):
         self._since += 1
         if self.tell() > self._furthest:
             self._furthest, self._since = self.tell(), 0
-        elif self._since > _MOST_READS:
+        elif self._since > _MAX_READS:
             raise _EndlessError("a broken message")
         return piece
 

@@ -20,16 +20,16 @@ from insenv.vehicles.section import MARGIN_MPS, StartSection, VehicleSection
 from insenv.vehicles.track import DEGREE, SIZES, track
 from insenv.vehicles.truth import Vehicle
 
-SHORTEST_KNOT_S = 0.05
-LONGEST_GAP = 200
+MIN_KNOT_S = 0.05
+MAX_GAP_KNOTS = 200
 """Knots between two points: with more, rounding decides what the smoothest spline between them is."""
-TURN = 0.25
+MAX_ROTATION = 0.25
 """Largest rotation in a sample, rad, that the truth of a vehicle allows."""
-_MOST = SIZES[-1] - DEGREE - 1
+_MAX_KNOTS = SIZES[-1] - DEGREE - 1
 
 
 class TrackSection(VehicleSection):
-    """Keys of the tracks of one's own."""
+    """Keys of every kind of track."""
 
     bank: Literal["coordinated", "level"] = key("coordinated", "roll where the file has none: that of coordinated turns, or 0")
     smoothing_m: Number | None = key(
@@ -81,8 +81,10 @@ class TrackSection(VehicleSection):
             )
         times = np.linspace(0.0, shape.duration_s, 2 * len(shape.points))
         turned = float(np.abs(shape.spline.at(times, 1)[:, 3:]).max()) * sample_interval
-        if turned > TURN:
-            raise InputError(f"vehicle: rotation of {turned:.2g} rad in a sample: allowed is {TURN} rad; use a higher rate_hz")
+        if turned > MAX_ROTATION:
+            raise InputError(
+                f"vehicle: rotation of {turned:.2g} rad in a sample: allowed is {MAX_ROTATION} rad; use a higher rate_hz"
+            )
 
     def start_values(self) -> dict[str, float]:
         """The keys of [start]."""
@@ -167,8 +169,8 @@ class RecordedSection(RecordedFile):
 
 
 def spacing(points: Points) -> float:
-    """Usual time between points, s, at least `SHORTEST_KNOT_S`."""
-    return max(float(np.median(np.diff(points.time))), SHORTEST_KNOT_S)
+    """Usual time between points, s, at least `MIN_KNOT_S`."""
+    return max(float(np.median(np.diff(points.time))), MIN_KNOT_S)
 
 
 def knot_interval(stated: float | None, usual: float, points: Points) -> float:
@@ -177,15 +179,15 @@ def knot_interval(stated: float | None, usual: float, points: Points) -> float:
     Raises `InputError` for too many knots, in all or in a gap, and for too few.
     """
     lasts = float(points.time[-1])
-    interval = stated or max(usual, lasts / (_MOST - 1))
+    interval = stated or max(usual, lasts / (_MAX_KNOTS - 1))
     if interval > lasts:
         raise InputError(f"knot_s = {interval:g} s: allowed is at most the duration of the track, {lasts:.6g} s")
-    if lasts / interval > _MOST:
-        raise InputError(f"knot_s = {interval:g} s: {lasts / interval:.0f} knots: allowed is at most {_MOST}")
+    if lasts / interval > _MAX_KNOTS:
+        raise InputError(f"knot_s = {interval:g} s: {lasts / interval:.0f} knots: allowed is at most {_MAX_KNOTS}")
     gap = float(np.diff(points.time).max())
-    if gap > LONGEST_GAP * interval:
+    if gap > MAX_GAP_KNOTS * interval:
         raise InputError(
-            f"{points.label}: a gap of {gap:.6g} s with knots every {interval:g} s: allowed are {LONGEST_GAP} knots in a gap, "
-            f"with a knot_s of {gap / LONGEST_GAP:.6g} s or more"
+            f"{points.label}: a gap of {gap:.6g} s with knots every {interval:g} s: allowed are {MAX_GAP_KNOTS} knots in a "
+            f"gap, with a knot_s of {gap / MAX_GAP_KNOTS:.6g} s or more"
         )
     return float(interval)

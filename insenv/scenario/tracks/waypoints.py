@@ -27,10 +27,10 @@ Array = NDArray[np.float64]
 STEP_S = 0.25
 """Time between the points of the plan, s."""
 KNOT_S = 0.5
-LONGEST_S = 86400.0
-SPACING_M, MOST_POINTS = 1.0, 2_000_000
+MAX_DURATION_S = 86400.0
+SPACING_M, MAX_POINTS = 1.0, 2_000_000
 """Distance of the points at which speeds are found; larger for a way of more points."""
-SHARPEST = 3.0
+MAX_TURN = 3.0
 """Largest turn on an arc, rad: a sharper one begins far before its place."""
 MAX_CUT = 0.25
 """An arc that passes its place at more than this part of the shorter of its lines is noted."""
@@ -120,7 +120,7 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
     stops = [w.stop_s > 0.0 for w in places]
     lasts = float(np.sum(lengths / [w.speed_mps for w in places[:-1]])) + sum(w.stop_s for w in places)
     _check_duration(lasts)
-    spacing = max(SPACING_M, float(lengths.sum()) / MOST_POINTS)
+    spacing = max(SPACING_M, float(lengths.sum()) / MAX_POINTS)
     for k, length in enumerate(lengths):
         speed = places[k].speed_mps
         direction = legs[k] / length
@@ -130,10 +130,10 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
             turn = float(np.arctan2(direction[0] * after[1] - direction[1] * after[0], direction[:2] @ after[:2]))
             slower = min(speed, places[k + 1].speed_mps)
             shorter = min(length, lengths[k + 1])
-            if abs(turn) > SHARPEST:
+            if abs(turn) > MAX_TURN:
                 raise InputError(
                     f"vehicle.waypoints[{k + 1}]: a turn of {np.degrees(abs(turn)):.4g} deg: allowed is up to "
-                    f"{np.degrees(SHARPEST):.4g} deg, or a stop_s, at which the vehicle turns on the spot"
+                    f"{np.degrees(MAX_TURN):.4g} deg, or a stop_s, at which the vehicle turns on the spot"
                 )
             reach = min(slower**2 / section.lateral_mps2 * abs(np.tan(0.5 * turn)), 0.45 * shorter)
             if abs(turn) > 1e-4:
@@ -170,8 +170,8 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
 
 
 def _check_duration(lasts: float) -> None:
-    if lasts > LONGEST_S:
-        raise InputError(f"vehicle.waypoints: the plan lasts {lasts:.6g} s or more: allowed is up to {LONGEST_S:g} s")
+    if lasts > MAX_DURATION_S:
+        raise InputError(f"vehicle.waypoints: the plan lasts {lasts:.6g} s or more: allowed is up to {MAX_DURATION_S:g} s")
 
 
 def _timed(section: WaypointsSection, line: Array, limits: Array) -> tuple[Array, Array]:
