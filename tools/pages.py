@@ -29,7 +29,7 @@ from insenv.logs.description import EvaluationSection, InitialSection, LogDescri
 from insenv.logs.description import GnssSection as LogGnssSection
 from insenv.logs.description import ImuSection as LogImuSection
 from insenv.logs.description import ReferenceSection as LogReferenceSection
-from insenv.logs.flight.description import FlightDescription
+from insenv.logs.flight_log import FlightDescription
 from insenv.logs.instruments import section_of
 from insenv.scenario import description, json_schema
 from insenv.scenario.description import GravitySection

@@ -28,8 +28,8 @@ from insenv.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from insenv.export.formats import Files
     from insenv.logs import RecordedLog
+    from insenv.logs.formats.contract import Files
     from insenv.report import Report
 
 
@@ -66,11 +66,9 @@ def _exported(report: Report, formats: tuple[str, ...], log: Callable[[], Record
     """The files of the formats by name.  log: the log of the same drive, made only if a format needs it."""
     if not formats:
         return {}
-    from insenv.export.formats import Given, contents_of, needs_log
-    from insenv.report.files import file_name
+    from insenv.export.formats import contents_of, needs_log
 
-    sources = Given(report, log() if needs_log(formats) else None, file_name(report.scenario))
-    return contents_of(sources, formats)
+    return contents_of(report, log() if needs_log(formats) else None, formats)
 
 
 class Start(str, Enum):

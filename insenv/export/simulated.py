@@ -5,7 +5,8 @@ The samples, the fixes and the readings of the instruments are those that estima
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Container, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,13 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
-from insenv.export import log_tables
-from insenv.export.text_log import file_of
-from insenv.export.tracks import degrees_of
 from insenv.logs import GnssFixes, RecordedLog, Reference
-from insenv.logs.build import COLDEST, HOTTEST
+from insenv.logs.formats import log_tables
+from insenv.logs.formats.text_log import file_of
 from insenv.logs.inertial import Gaps
 from insenv.logs.instruments import description_class, section_of
 from insenv.logs.recorded import Readings
+from insenv.logs.text import COLDEST, HOTTEST
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.scenario.chunks import bridge_lost, chunks
 from insenv.sensors import registry
@@ -47,8 +47,8 @@ def record(
     runner = make_runner(plant.model, plant.parameters)
     parts: list[dict[str, Array]] = []
     for begin, count in chunks(plant.samples, 1):
-        shown = plant.model.outputs.unpack(runner.run(count))
-        part = {name: np.array(column) for name, column in shown.items() if not name.startswith("true_")}
+        outputs = plant.model.outputs.unpack(runner.run(count))
+        part = {name: np.array(column) for name, column in outputs.items() if not name.startswith("true_")}
         part["lost"] = part["imu_valid"] == 0
         bridge_lost(part)
         parts.append(part)
@@ -145,42 +145,37 @@ def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings,
             "file": file_of("imu"),
             **log_tables.IMU,
             "rate_hz": scenario.rate_hz,
-            "unit": {"grade": scenario.imu.grade, **_sheet(scenario.imu.model_dump(exclude_defaults=True))},
+            "unit": {"grade": scenario.imu.grade, **_common(scenario.imu, _SHEET_KEYS, exclude_defaults=True)},
         },
         "reference": {"file": file_of("reference"), **log_tables.reference_keys(reference)},
     }
     if gnss is not None and len(gnss.time) and scenario.gnss is not None:
-        rows, told = plant.parameters, plant.knowledge.instruments
+        rows, stated = plant.parameters, plant.knowledge.instruments
         data["gnss"] = {
             "file": file_of("gnss"),
             **log_tables.gnss_keys(gnss),
             "lever_arm_m": list(scenario.gnss.lever_arm_m),
-            "lever_arm_sigma_m": _list(told.get("antenna_lever_arm_sigma", 0.0)),
-            "delay_sigma_s": float(told.get("gnss_delay_sigma", 0.0)),
+            "lever_arm_sigma_m": _list(stated.get("antenna_lever_arm_sigma", 0.0)),
+            "delay_sigma_s": float(stated.get("gnss_delay_sigma", 0.0)),
             "wander_sigma_m": _list(rows.get("gnss_wander_sigma", 0.0)),
             "wander_time_s": float(rows.get("gnss_wander_time", 60.0)),
         }
     for each in readings:
         if len(each.time):
             keys = {"file": file_of(each.id), **log_tables.instrument_keys(each)}
-            data[each.id] = {**_kept(scenario.sensors[each.id], each.id), **keys}
+            section, allowed = scenario.sensors[each.id], section_of(registry.instruments()[each.id]).model_fields
+            data[each.id] = {**_common(section, allowed, mode="json", exclude_none=True), **keys}
     return data
 
 
-def _sheet(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a scenario's [imu] that the data sheet of a log has: figures, and the course of the temperature."""
-    return {name: value for name, value in values.items() if name in _SHEET_KEYS}
-
-
-def _kept(section: Any, id: str) -> dict[str, Any]:
-    """The keys of an instrument's section in a scenario that a log has too: figures, places, water track."""
-    allowed = section_of(registry.instruments()[id]).model_fields
-    return {name: value for name, value in section.model_dump(mode="json", exclude_none=True).items() if name in allowed}
+def _common(section: Any, allowed: Container[str], **dumped: Any) -> dict[str, Any]:
+    """The keys of a section of a scenario that the section of a log has too: figures, places, water track."""
+    return {name: value for name, value in section.model_dump(**dumped).items() if name in allowed}
 
 
 def _initial(plant: Plant) -> dict[str, Any]:
     """The initial conditions as the estimators of a run know them."""
-    known, given = plant.knowledge, plant.scenario.knowledge
+    known, errors = plant.knowledge, plant.scenario.knowledge
     roll, pitch, heading = known.roll, known.pitch, known.heading
     if abs(pitch) > np.pi / 2:
         roll, pitch, heading = (float(v) for v in attitude.numeric.to_euler(attitude.numeric.from_euler(roll, pitch, heading)))
@@ -192,10 +187,10 @@ def _initial(plant: Plant) -> dict[str, Any]:
         "roll_deg": degrees_of(roll),
         "pitch_deg": degrees_of(pitch),
         "heading_deg": degrees_of(heading),
-        "position_sigma_m": list(given.position_sigma_m),
-        "velocity_sigma_mps": list(given.velocity_sigma_mps),
-        "tilt_sigma_deg": given.tilt_sigma_deg,
-        "heading_sigma_deg": min(given.heading_sigma_deg, 180.0),
+        "position_sigma_m": list(errors.position_sigma_m),
+        "velocity_sigma_mps": list(errors.velocity_sigma_mps),
+        "tilt_sigma_deg": errors.tilt_sigma_deg,
+        "heading_sigma_deg": min(errors.heading_sigma_deg, 180.0),
     }
 
 
@@ -207,3 +202,19 @@ _SHEET_KEYS = (
     *FIGURES, "temperature_start_degc", "temperature_end_degc", "temperature_reference_degc", "temperature_ramp_k_h",
     "warm_up_s",
 )  # fmt: skip
+
+
+def degrees_of(angle: float) -> float:
+    """The degrees (float) whose conversion to radians is `angle` (rad), to the bit where such degrees exist.
+
+    Degrees are coarser than radians for about half of the angles: one in ten of these has no such degrees, and the result is
+    then the nearest, one unit in the last place away.
+    """
+    degrees = math.degrees(angle)
+    candidates = [degrees]
+    for towards in (-math.inf, math.inf):
+        near = degrees
+        for _ in range(3):
+            near = math.nextafter(near, towards)
+            candidates.append(near)
+    return min(candidates, key=lambda each: (abs(math.radians(each) - angle), abs(each - degrees)))

@@ -23,7 +23,7 @@ from insenv.core.runner import Progress, check_progress
 from insenv.fmu.instance import Instance
 from insenv.fmu.reading import Array, Variable, element_names
 from insenv.fmu.stepping import DOING, STEPPING, Plan, Ports, make_steps, prepared
-from insenv.logs.readers import check_finite, read_table
+from insenv.logs.formats.csv_table import check_finite, read_table
 
 # Sampled inputs and outputs of an FMU as CSV: a column ``time``, s, and one for each element of each variable.
 #

@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
+from insenv.logs import kf_gins
 from insenv.logs.columns import FileSection, MeasurementSection, window_words
 from insenv.logs.description import PositionSection
+from insenv.logs.files import all_of, read_bytes
+from insenv.logs.formats.csv_table import Column, TextTable, check_finite, column_names, read_table
 from insenv.logs.joining import join
-from insenv.logs.readers import Column, TextTable, all_of, check_finite, column_names, read_bytes, read_table
 from insenv.logs.recorded import Source
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
 
-_NEWEST = -1.0
+_MIN_AGE_S = -1.0
 """Smallest age of a measurement on arrival, s: a delay that a receiver underestimates makes it negative."""
 
 
@@ -39,22 +41,18 @@ class LogReader:
         self,
         name: str,
         section: FileSection,
-        columns: Sequence[Column],
-        expected_fields: Sequence[int] | None = None,
-        variants: Mapping[int, Sequence[Column]] | None = None,
+        columns: Sequence[Column] | None = None,
         optional: Sequence[Column] = (),
         between: bool = False,
     ) -> tuple[TextTable, Array]:
-        """The section's columns from start_s to stop_s, and their time stamps [s], strictly increasing.
+        """Columns of a section from start_s to stop_s, and their time stamps [s], strictly increasing.
 
-        expected_fields: allowed numbers of fields per line; None: any. variants: further columns to read, by the number of
-        fields of a file that has them. optional: columns that may hold no value: NaN. between: whether columns of files with
-        other times may be interpolated. Raises InputError.
+        columns: None: all that the section names. optional: columns that may hold no value: NaN. between: whether columns of
+        files with other times may be interpolated. Raises InputError.
         """
-        table, tables = self._tables(name, section, columns, expected_fields, variants or {}, optional, between)
-        keep = _kept_columns(section)
+        table, tables = self._tables(name, section, section.named_columns() if columns is None else columns, optional, between)
         chosen = np.ones(table.values.shape[0], bool)
-        for column_name, value in keep.items():
+        for column_name, value in _selecting(section).items():
             chosen &= np.isin(table.column(column_name), np.atleast_1d(value))
         if not chosen.any():
             raise InputError(f"{table.label}: no row is left by {name}.keep_where = {section.keep_where}")
@@ -77,41 +75,32 @@ class LogReader:
         if section.age is None:
             return stamp, None, None
         age = table.column(section.age)
-        bad = np.flatnonzero((age < _NEWEST) | (age > oldest))
-        if bad.size:
-            raise InputError(
-                f"{table.where(bad[0])}, column {section.age!r}: age is {age[bad[0]]:g} s, allowed {_NEWEST:g} to {oldest:g} s"
-            )
+        bad = (age < _MIN_AGE_S) | (age > oldest)
+        table.refuse([section.age], bad, lambda row, _: f"age is {age[row]:g} s, allowed {_MIN_AGE_S:g} to {oldest:g} s")
         time = stamp - age
         _check_increasing(table, time)
         return time, stamp, age
 
     def _tables(
-        self,
-        name: str,
-        section: FileSection,
-        columns: Sequence[Column],
-        expected_fields: Sequence[int] | None,
-        variants: Mapping[int, Sequence[Column]],
-        optional: Sequence[Column],
-        between: bool,
+        self, name: str, section: FileSection, columns: Sequence[Column], optional: Sequence[Column], between: bool
     ) -> tuple[TextTable, list[TextTable]]:
         """The table of all files of the section, and that of each file."""
-        wanted = list(dict.fromkeys((section.time, *columns, *_kept_columns(section))))
+        columns = list(dict.fromkeys((section.time, *columns, *_selecting(section))))
         layout: dict[str, Any] = {
             "delimiter": section.delimiter,
             "header_rows": section.header_rows,
             "comment": section.comment,
         }
         options = {**layout, "skip_empty": section.skip_empty, "optional": optional}
-        loaded = all_of(lambda file: read_bytes(file, self.folder), section.file)
-        if len(loaded) > 1:
-            tables = _read_side_by_side(name, loaded, section.time, wanted, layout, options)
+        files = all_of(lambda file: read_bytes(file, self.folder), section.file)
+        if len(files) > 1:
+            tables = _read_side_by_side(name, files, section.time, columns, layout, options)
             return join(name, tables, between, self.notes), tables
-        options["expected_fields"] = None if expected_fields is None else (*expected_fields, *variants)
-        table = read_table(*loaded[0], wanted, **options)
-        if table.fields in variants:
-            table = read_table(*loaded[0], [*wanted, *variants[table.fields]], **options)
+        options["expected_fields"] = kf_gins.allowed_fields(name, section)
+        table = read_table(*files[0], columns, **options)
+        if kf_gins.has_velocity(name, section, table.fields):
+            further = [column for group in kf_gins.GNSS_VELOCITY.values() for column in group]
+            table = read_table(*files[0], [*columns, *further], **options)
         return table, [table]
 
     def _within(self, name: str, table: TextTable, time: Array) -> tuple[TextTable, Array]:
@@ -126,10 +115,10 @@ class LogReader:
         return table.select(inside), time[inside]
 
 
-def check_columns(section: Mapping[str, Any], keys: Sequence[str], folder: Path) -> None:
+def check_columns(section: Mapping[str, Any], model: type[FileSection], folder: Path) -> None:
     """Raise one `InputError` for all columns named in a section that its files do not have, whatever else is wrong with it.
 
-    section: its TOML values, unchecked; keys: those that name columns.
+    section: its TOML values, unchecked; model: what it should be.
     """
     files = section.get("file")
     files = [files] if isinstance(files, str) else files
@@ -142,11 +131,17 @@ def check_columns(section: Mapping[str, Any], keys: Sequence[str], folder: Path)
         layout["delimiter"] = section["delimiter"]
     loaded = all_of(lambda file: read_bytes(file, folder), files)
     known = [name for label, raw in loaded for name in column_names(label, raw, **layout)]
-    wanted = [one for key in keys for one in (section[key] if isinstance(section.get(key), list) else [section.get(key)])]
-    missing = [name for name in wanted if isinstance(name, str) and name not in known]
-    if known and missing:
-        labels = ", ".join(label for label, _ in loaded)
-        raise InputError("\n".join(f"{labels}: no column {name!r}{nearest(name, known)}" for name in missing))
+    values = [section.get(key) for key in model.column_keys()]
+    columns = [each for value in values for each in (value if isinstance(value, list) else [value])]
+    if known:
+        _check_known([name for name in columns if isinstance(name, str)], known, [label for label, _ in loaded])
+
+
+def _check_known(columns: Sequence[str], known: Sequence[str], files: Sequence[str]) -> None:
+    """Raise one InputError for all columns that the files do not have; known: those that they have."""
+    missing = [f"{', '.join(files)}: no column {name!r}{nearest(name, known)}" for name in columns if name not in known]
+    if missing:
+        raise InputError("\n".join(missing))
 
 
 def checked_position(name: str, section: PositionSection, table: TextTable, notes: list[str]) -> tuple[Array, Array]:
@@ -155,15 +150,11 @@ def checked_position(name: str, section: PositionSection, table: TextTable, note
     assert unit is not None and section.latitude is not None and section.longitude is not None
     factor = ANGLE_UNITS[unit]
     result = []
-    for what, column_name, limit in (("latitude", section.latitude, 90.0), ("longitude", section.longitude, 360.0)):
-        values = table.column(column_name)
-        bad = np.flatnonzero(np.abs(values * factor) > math.radians(limit) * (1 + 1e-12))
-        if bad.size:
-            reach = math.radians(limit) / factor
-            raise InputError(
-                f"{table.where(bad[0])}, column {column_name!r}: {what} is {values[bad[0]]:.10g} {unit},"
-                f" allowed {-reach:.6g} to {reach:.6g} {unit}; is position_unit = {unit!r} right?"
-            )
+    for what, column, limit in (("latitude", section.latitude, 90.0), ("longitude", section.longitude, 360.0)):
+        values, reach = table.column(column), math.radians(limit) / factor
+        bad = np.abs(values * factor) > math.radians(limit) * (1 + 1e-12)
+        allowed = f"allowed {-reach:.6g} to {reach:.6g} {unit}; is position_unit = {unit!r} right?"
+        table.refuse([column], bad, lambda row, _: f"{what} is {values[row]:.10g} {unit}, {allowed}")  # noqa: B023
         result.append(np.clip(values * factor, -math.radians(limit), math.radians(limit)))
     latitude, longitude = result
     if unit == "deg" and np.all(np.abs(latitude) < factor * 1.5708) and np.all(np.abs(longitude) < factor * 3.1416):
@@ -171,32 +162,30 @@ def checked_position(name: str, section: PositionSection, table: TextTable, note
     return latitude, longitude
 
 
-def _kept_columns(section: FileSection) -> dict[Column, Any]:
+def _selecting(section: FileSection) -> dict[Column, Any]:
     """keep_where of a section by column; TOML writes column numbers as text."""
     return {int(k) if k.isdigit() else k: v for k, v in section.keep_where.items()}
 
 
 def _read_side_by_side(
     name: str,
-    loaded: Sequence[tuple[str, bytes]],
+    files: Sequence[tuple[str, bytes]],
     time: Column,
-    wanted: Sequence[Column],
+    columns: Sequence[Column],
     layout: Mapping[str, Any],
     options: Mapping[str, Any],
 ) -> list[TextTable]:
-    if not all(isinstance(c, str) for c in wanted):
+    """The table of each file: the time, and those of the columns that it is the first to have."""
+    names = [column for column in columns if isinstance(column, str)]
+    if len(names) < len(columns):
         raise InputError(f"{name}.file: with several files the columns must be given by name, not by number")
-    headers = [column_names(label, raw, **layout) for label, raw in loaded]
-    every = list(dict.fromkeys(h for header in headers for h in header))
-    left = [c for c in wanted if c != time]
+    headers = [column_names(label, raw, **layout) for label, raw in files]
+    left = [column for column in names if column != time]
+    _check_known(left, list(dict.fromkeys(column for header in headers for column in header)), [label for label, _ in files])
     tables = []
-    files = ", ".join(label for label, _ in loaded)
-    missing = [f"{files}: no column {c!r}{nearest(str(c), every)}" for c in left if c not in every]
-    if missing:
-        raise InputError("\n".join(missing))
-    for (label, raw), header in zip(loaded, headers, strict=True):
-        here = [c for c in left if c in header]
-        left = [c for c in left if c not in here]
+    for (label, raw), header in zip(files, headers, strict=True):
+        here = [column for column in left if column in header]
+        left = [column for column in left if column not in here]
         tables.append(read_table(label, raw, [time, *here], **options))
     return tables
 

@@ -39,7 +39,7 @@ MOTION_TIMES = (0.0, 0.02, 0.04, 0.08)
 WINDOW_S = 2.0
 QUIET = 0.1
 _MEDIAN = 0.6744897501960817  # of |z| for a standard normal z
-_LEAST = 8  # differences below which a time is not used
+_MIN_DIFFERENCES = 8  # differences below which a time is not used
 
 
 def noise_at_rest(increments: Array, interval: float) -> float:
@@ -47,28 +47,28 @@ def noise_at_rest(increments: Array, interval: float) -> float:
 
     increments (n, 3): rad or m/s, over samples of `interval` (s); 100 samples or more.
     """
-    found = [0.0]
+    densities = [0.0]
     for tau in REST_TIMES:
         samples = _samples(tau, interval)
         differences = _differences(increments, interval, samples)
-        if len(differences) >= _LEAST or not found[1:]:
+        if len(differences) >= _MIN_DIFFERENCES or not densities[1:]:
             sizes = np.median(np.abs(differences), axis=0) / _MEDIAN if len(differences) else np.zeros(3)
-            found.append(float(sizes.max() * np.sqrt(samples * interval)))
-    return max(found)
+            densities.append(float(sizes.max() * np.sqrt(samples * interval)))
+    return max(densities)
 
 
 def noise_in_motion(increments: Array, interval: float) -> float:
     """The same of a vehicle that moves: of its quietest tenth, which motion and vibration disturb least."""
-    length = min(max(round(WINDOW_S / interval), 6 * _LEAST), len(increments))
+    length = min(max(round(WINDOW_S / interval), 6 * _MIN_DIFFERENCES), len(increments))
     starts = range(0, len(increments) - length + 1, length)
-    found = [0.0]
+    densities = [0.0]
     for tau in MOTION_TIMES:
         samples = _samples(tau, interval)
         windows = [_differences(increments[i : i + length], interval, samples) for i in starts]
-        if windows and len(windows[0]) >= _LEAST:
+        if windows and len(windows[0]) >= _MIN_DIFFERENCES:
             sizes = [np.sqrt(np.mean(window**2, axis=0)) for window in windows]
-            found.append(float(np.quantile(sizes, QUIET, axis=0).max() * np.sqrt(samples * interval)))
-    return max(found)
+            densities.append(float(np.quantile(sizes, QUIET, axis=0).max() * np.sqrt(samples * interval)))
+    return max(densities)
 
 
 def _samples(tau: float, interval: float) -> int:
@@ -86,7 +86,7 @@ def _differences(increments: Array, interval: float, samples: int) -> Array:
 
 MARGIN = 1.25
 """A class covers noise up to this much above its own."""
-LEAST = 0.1
+MIN_NOISE_SHARE = 0.1
 """A noise below this part of the finest class's says nothing of the unit."""
 _REST_SAMPLES = 100
 _LARGEST = (
@@ -108,15 +108,16 @@ def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> 
     """The assumption for the unit of a log.  rest: start and end (s) of the time at rest, if one is known."""
     gyro, accel, where = _measured(samples, rest)
     finest = CLASSES[-1].parameters()
-    told = gyro >= LEAST * finest["angle_random_walk"] and accel >= LEAST * finest["velocity_random_walk"]
+    lowest = [MIN_NOISE_SHARE * finest[name] for name in ("angle_random_walk", "velocity_random_walk")]
+    measured = gyro >= lowest[0] and accel >= lowest[1]
     place = 0
-    if told:
+    if measured:
         place = max(min(_class("angle_random_walk", gyro), _class("velocity_random_walk", accel)) - 1, 0)
     assumed = CLASSES[place]
     largest = {name: max(float(getattr(grade, name)) for grade in CLASSES[place:]) for name in _LARGEST}
     gyro_bias, accel_bias = largest["gyro_bias_sigma_deg_h"], largest["accel_bias_sigma_ug"]
     noise = assumed.parameters()
-    if told:
+    if measured:
         noise |= {"angle_random_walk": gyro, "velocity_random_walk": accel}
     arw, vrw = noise["angle_random_walk"] / units.deg_sqrt_h_to_rad_sqrt_s(1.0), noise["velocity_random_walk"] * units.HOUR**0.5
     unit = replace(
@@ -129,7 +130,7 @@ def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> 
         accel_vrw_m_s_sqrt_h=float(vrw),
         **largest,
     )
-    source = f"the log's own {where}" if told else f"that of class {assumed.name!r}, because the log has less than any unit"
+    source = f"the log's own {where}" if measured else f"that of class {assumed.name!r}, because the log has less than any unit"
     sentence = (
         f"the log gives no grade of its inertial unit: white noise is {source} ({_round(float(arw))} deg/sqrt(h), "
         f"{_round(float(vrw))} m/s/sqrt(h)), everything else is assumed to be that of class {assumed.name!r} (biases "

@@ -1,132 +1,77 @@
-"""Build a `RecordedLog` from a description and its text files."""
+"""`recorded_log`: the one builder of a `RecordedLog`, from what a file of any format holds and the description of the log."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from insenv.base.errors import InputError
-from insenv.estimators.parts.rows import FIX_INPUTS
-from insenv.geodesy import STANDARD_GRAVITY
-from insenv.logs import instruments, kf_gins
-from insenv.logs.assemble import LogReader, checked_position
-from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
-from insenv.logs.inertial import InertialSamples, covered_steps, implausible, increments, sampling
-from insenv.logs.readers import Column, Faults, TextTable
-from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, fixes_from_course
-from insenv.logs.rest import rest_rate_notes, rest_until, turn_notes
-from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
-from insenv.sensors import registry, units
+from insenv.logs import instruments
+from insenv.logs.description import AnyLog, LogDescription
+from insenv.logs.inertial import InertialSamples
+from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
+from insenv.logs.rest import rest_until
+from insenv.logs.units import Array
 from insenv.sensors.contract import Place
-from insenv.sensors.imu_tables import without_thermal_errors
-
-# A receiver's values that a logger repeats in every row until the next ones arrive: each counts as one fix, at its first row.
-#
-# Taken for fixes of their own, they would count a hundred times, late, with errors that are the same in all of them. In an
-# outage the last value is repeated for as long as it lasts, and is wrong by the whole way of the vehicle.
-
-FEWEST = 3
-"""Different fixes from which the receiver's interval is known."""
-FAST_S = 0.05
-"""Rows farther apart are a receiver's own: a receiver at rest may state the same place again and again."""
 
 
-@dataclass(frozen=True)
-class Repeats:
-    """Rows (k,) that are fixes of their own, and the number of rows that each stands for, in the median."""
+def recorded_log(
+    imu: InertialSamples,
+    gnss: GnssFixes | None,
+    reference: Reference | None,
+    readings: Sequence[Readings],
+    *,
+    description: LogDescription,
+    lever_arm_b: Array,
+    sources: Sequence[Source],
+    notes: Sequence[str],
+    unit: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+) -> RecordedLog:
+    """The log, with the end of the time at rest as it shows it and what estimators are told of its instruments.
 
-    rows: np.ndarray
-    each: int
-
-
-def repeats(time: Array, values: Array) -> Repeats | None:
-    """The rows that hold new values; None if the rows are not repetitions.
-
-    time (n,) s; values (n, k): position and, where the receiver has it, velocity.
+    The arguments are the fields of `RecordedLog`.  Raises `InputError` for a magnetometer without a place.
     """
-    if len(time) < 2:
-        return None
-    new = np.concatenate([[True], (np.diff(values, axis=0) != 0.0).any(axis=1)])
-    first = np.flatnonzero(new)
-    length = np.diff(np.append(first, len(time)))
-    known = len(first) >= FEWEST
-    each = int(np.median(length[:-1])) if known else len(time)
-    step = float(np.median(np.diff(time)))
-    if each < 2 or (not known and step > FAST_S):
-        return None
-    return Repeats(first, each)
-
-
-COLDEST, HOTTEST = -100.0, 200.0
-"""Temperatures of a unit, deg C: beyond them the column has another unit."""
-FASTEST = math.radians(1e5)
-"""rad/s: no gyro measures more; those of spinning shells go to 2e4 deg/s and beyond."""
-HARDEST = 2e5 * STANDARD_GRAVITY
-"""m/s^2: no accelerometer measures more; those of impact tests go to 2e5 g."""
-_LONGEST = 100.0
-"""Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
-
-
-def build(description: LogDescription, folder: Path) -> RecordedLog:
-    """The log of a description; relative paths start at `folder`. Raises InputError for any wrong input."""
-    reader = LogReader(folder, description.start_s, description.stop_s)
-    faults = Faults()
-    found = faults.attempt(lambda: _imu(description.imu, reader))
-    gnss_section, reference_section = description.gnss, description.reference
-    gnss = None if gnss_section is None else faults.attempt(lambda: _gnss(gnss_section, reader))
-    sections = {id: section for id in registry.instruments() if (section := getattr(description, id, None)) is not None}
-    found_readings = [faults.attempt(partial(instruments.read, id, section, reader)) for id, section in sections.items()]
-    reference = None if reference_section is None else faults.attempt(lambda: _reference(reference_section, reader))
-    faults.check()
-    assert found is not None
-    imu: InertialSamples = found
-    span = (float(imu.imu_time[0]), float(imu.imu_time[-1]))
-    readings = tuple(each for each in found_readings if each is not None)
-    for name, table in (("gnss", gnss), ("reference", reference), *((each.id, each) for each in readings)):
-        if table is not None and (table.time[-1] < span[0] or table.time[0] > span[1]):
-            raise InputError(
-                f"{name}: its times {table.time[0]:.3f} to {table.time[-1]:.3f} s do not overlap the imu's"
-                f" {span[0]:.3f} to {span[1]:.3f} s; check time_unit and time_offset_s of both"
-            )
-    reader.notes += turn_notes(imu, gnss)
-    description = _with_rest(description, imu, gnss, reader.notes)
-    log = RecordedLog(
+    place = place_of(gnss, description)
+    stated = {} if gnss is None or description.gnss is None else description.gnss.stated_errors()
+    for each in readings:
+        stated |= instruments.stated_errors(each.id, getattr(description, each.id, None), place)
+    return RecordedLog(
         **vars(imu),
         gnss=gnss,
-        lever_arm_b=np.array(description.gnss.lever_arm_m if description.gnss else (0.0, 0.0, 0.0)),
+        lever_arm_b=lever_arm_b,
         reference=reference,
-        sources=tuple(reader.sources),
-        notes=tuple(reader.notes),
-        description=description,
-        instruments=readings,
-        unit=None if description.imu.unit is None else description.imu.unit.rows(1.0 / float(np.median(imu.dt))),
-        told=told_of(description, gnss, readings),
+        sources=tuple(sources),
+        notes=tuple(notes),
+        description=_with_rest(description, imu, gnss),
+        unit=unit,
+        settings=settings or {},
+        instruments=tuple(readings),
+        told=stated,
     )
-    return replace(log, notes=(*log.notes, *rest_rate_notes(log)))
 
 
-def told_of(description: LogDescription, gnss: GnssFixes | None, readings: Sequence[Readings]) -> dict[str, Any]:
-    """What estimators are told of the instruments of a log.  Raises `InputError`."""
-    initial, place = description.initial, None
+def place_of(gnss: GnssFixes | None, description: AnyLog) -> Place | None:
+    """The first fix, or the stated place; None if neither is there."""
+    initial = description.initial
     if gnss is not None:
-        place = Place(float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]))
-    elif initial.latitude_deg is not None and initial.longitude_deg is not None:
-        place = Place(math.radians(initial.latitude_deg), math.radians(initial.longitude_deg), initial.height_m or 0.0)
-    rows: dict[str, Any] = {}
-    if gnss is not None and description.gnss is not None:
-        rows |= description.gnss.stated_errors()
-    for each in readings:
-        rows |= instruments.stated_errors(each.id, getattr(description, each.id), place)
-    return rows
+        return Place(float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]))
+    if initial.latitude_deg is not None and initial.longitude_deg is not None:
+        return Place(math.radians(initial.latitude_deg), math.radians(initial.longitude_deg), initial.height_m or 0.0)
+    return None
 
 
-def _with_rest(description: LogDescription, imu: InertialSamples, gnss: GnssFixes | None, notes: list[str]) -> LogDescription:
+def span_of(imu: InertialSamples) -> tuple[float, float]:
+    """The times (s) of the first and the last sample."""
+    return float(imu.imu_time[0]), float(imu.imu_time[-1])
+
+
+def overlaps(series: GnssFixes | Reference | Readings, span: tuple[float, float]) -> bool:
+    """Whether a series has times between two others (s), or on both sides of them."""
+    return bool(series.time[-1] >= span[0] and series.time[0] <= span[1])
+
+
+def _with_rest(description: LogDescription, imu: InertialSamples, gnss: GnssFixes | None) -> LogDescription:
     """The description with the end of the time at rest, as the log shows it if the description does not state it."""
     initial = description.initial
     if initial.static_until_s is not None:
@@ -136,224 +81,3 @@ def _with_rest(description: LogDescription, imu: InertialSamples, gnss: GnssFixe
     if until is None:
         return description
     return description.model_copy(update={"initial": initial.model_copy(update={"static_until_s": until})})
-
-
-def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
-    expected = kf_gins.IMU_FIELDS if section.format == "kf-gins" else None
-    columns = [*section.gyro, *section.accel, *(c for c in (section.interval, section.temperature) if c is not None)]
-    table, stamps = reader.read("imu", section, columns, expected, between=section.kind == "rate")
-    sampled = sampling(stamps, section.rate_hz)
-    reader.notes += sampled.notes
-    spans, of_gyro, of_accel = _spans(section, stamps), section.gyro_matrix(), section.accel_matrix()
-    _check_measurable(table, "gyro", section.gyro, section.gyro_unit, FASTEST * spans / np.linalg.norm(of_gyro[0]))
-    _check_measurable(table, "accel", section.accel, section.accel_unit, HARDEST * spans / np.linalg.norm(of_accel[0]))
-    gyro = table.columns(section.gyro) @ of_gyro.T
-    accel = table.columns(section.accel) @ of_accel.T
-    samples = np.hstack([gyro, accel])
-    covered, lengths = None, None if section.interval is None else _intervals(section, table, stamps)
-    if section.kind == "increment" and lengths is None:
-        covered = covered_steps(stamps, accel, sampled, section.stamp)
-        if covered.any():
-            reader.notes.append(
-                f"imu: {np.count_nonzero(covered)} increments are those of several samples by their size: each covers the time"
-                " since the one before"
-            )
-    found = increments(
-        stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered, lengths=lengths
-    )
-    if section.temperature is not None:
-        celsius = _temperature(section.temperature, table, stamps, found.imu_time)
-        found = replace(found, temperature=np.asarray(units.deg_c_to_k(celsius)))
-        if any(np.any(getattr(section, slope)) for slope in SLOPES):
-            found = _compensated(section, celsius, found, reader.notes)
-    reader.notes += implausible(found)
-    return found
-
-
-def _spans(section: ImuSection, stamps: Array) -> Array:
-    """Factors (m,) from a rate to what a sample holds: 1, or of increments the longest of the steps beside the stamp and the
-    mean step, s: within a burst of stamps of arrival a sample covers more than the steps beside it.
-    """
-    if section.kind == "rate":
-        return np.ones(stamps.size)
-    steps = np.diff(stamps)
-    return np.maximum(np.maximum(np.append(steps, 0.0), np.insert(steps, 0, 0.0)), np.mean(steps))
-
-
-def _check_measurable(table: TextTable, triad: str, names: Sequence[Column], unit: str, most: Array) -> None:
-    """Raise `InputError` for a sample beyond `most` (m,), in the unit of its column: no sensor measures it."""
-    values = table.columns(names)
-    bad = np.argwhere(np.abs(values) > most[:, None])
-    if bad.size:
-        row, axis = bad[0]
-        raise InputError(
-            f"{table.where(row)}, column {names[axis]!r}: {triad} is {values[row, axis]:g} {unit}, allowed {-most[row]:.4g} to "
-            f"{most[row]:.4g} {unit}, what such sensors measure at most ({len(bad)} such values); is {triad}_unit right?"
-        )
-
-
-def _temperature(column: Column, table: TextTable, stamps: Array, time: Array) -> Array:
-    """Temperature (n,) deg C of the unit at times (n,), s.  Raises `InputError` for one that no unit has."""
-    celsius = table.column(column)
-    bad = np.flatnonzero((celsius < COLDEST) | (celsius > HOTTEST))
-    if bad.size:
-        raise InputError(
-            f"{table.where(bad[0])}, column {column!r}: temperature is {celsius[bad[0]]:g} deg C, allowed"
-            f" {COLDEST:g} to {HOTTEST:g}"
-        )
-    return np.interp(time, stamps, celsius)
-
-
-def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, notes: list[str]) -> InertialSamples:
-    """The samples without the calibrated thermal errors, by the log's own temperature (n,), deg C."""
-    warmth = celsius - section.temperature_reference_degc
-
-    def cleaned(increments: Array, C_bs: Array, bias_slope: Any, scale_slope: Any) -> Array:
-        sensed: Array = np.linalg.solve(C_bs, increments.T).T.astype(np.float64)
-        clean = without_thermal_errors(sensed, samples.dt, warmth, np.array(bias_slope), units.ppm_to_one(scale_slope))
-        return np.asarray(clean @ C_bs.T)
-
-    notes.append(f"imu: the calibrated thermal errors are taken off, at {celsius.min():.3g} to {celsius.max():.3g} deg C")
-    return replace(
-        samples,
-        delta_angle=cleaned(
-            samples.delta_angle,
-            section.gyro_axes(),
-            units.deg_h_to_rad_s(section.gyro_temperature_slope_deg_h_k),
-            section.gyro_scale_factor_slope_ppm_k,
-        ),
-        delta_velocity=cleaned(
-            samples.delta_velocity,
-            section.force_axes(),
-            units.ug_to_m_s2(section.accel_temperature_slope_ug_k),
-            section.accel_scale_factor_slope_ppm_k,
-        ),
-    )
-
-
-def _intervals(section: ImuSection, table: TextTable, stamps: Array) -> Array:
-    """Lengths (m,) s of the sample intervals as the log states them.  Raises `InputError` for one that no sample has."""
-    assert section.interval is not None
-    lengths = table.column(section.interval)
-    usual = float(np.median(np.diff(stamps)))
-    bad = np.flatnonzero((lengths <= 0.0) | (lengths > _LONGEST * usual))
-    if bad.size:
-        raise InputError(
-            f"{table.where(bad[0])}, column {section.interval!r}: interval is {lengths[bad[0]]:g} s, allowed is above 0"
-            f" up to {_LONGEST:g} times the median step of the time stamps, {usual:g} s"
-        )
-    return lengths
-
-
-def _velocity(section: PositionSection, table: TextTable) -> Array | None:
-    if section.velocity is None:
-        return None
-    return table.columns(section.velocity) * np.array([1.0, 1.0, -1.0 if section.velocity_vertical == "up" else 1.0])
-
-
-def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
-    expected, variants = None, {}
-    if section.format == "kf-gins" and section.velocity is not None:
-        expected = kf_gins.GNSS_VELOCITY_FIELDS
-    elif section.format == "kf-gins":
-        expected = kf_gins.GNSS_FIELDS
-        further = [column for group in kf_gins.GNSS_VELOCITY.values() for column in group]
-        variants = dict.fromkeys(kf_gins.GNSS_VELOCITY_FIELDS, further)
-    wanted = [section.latitude, section.longitude, section.height]
-    wanted += [c for group in (section.position_sigma, section.velocity, section.velocity_sigma) if group for c in group]
-    wanted += [c for c in (section.speed, section.course, section.speed_sigma, section.age) if c is not None]
-    course = () if section.course is None else (section.course,)
-    table, time = reader.read("gnss", section, wanted, expected, variants, optional=course)
-    if table.fields in variants:
-        section = section.model_copy(update=kf_gins.GNSS_VELOCITY)
-    moving = [c for c in (*(section.velocity or ()), section.speed, section.course) if c is not None]
-    repeated = repeats(time, np.nan_to_num(table.columns((section.latitude, section.longitude, section.height, *moving))))
-    if repeated is not None:
-        reader.notes.append(
-            f"gnss: {len(time)} rows repeat {len(repeated.rows)} fixes, each about {repeated.each} times: a fix counts once, at"
-            " its first row"
-        )
-        table, time = table.select(repeated.rows), time[repeated.rows]
-    faults = Faults()
-    place = faults.attempt(lambda: checked_position("gnss", section, table, reader.notes))
-    height = table.column(section.height) + section.height_offset_m
-    position_sigma = faults.attempt(lambda: _sigma(table, section.position_sigma, section.position_sigma_m, "m"))
-    motion = faults.attempt(lambda: _motion(section, table))
-    delivery = faults.attempt(lambda: reader.validity(section, table, time, FIX_INPUTS["gnss_age"].upper))
-    faults.check()
-    assert place is not None and position_sigma is not None and motion is not None and delivery is not None
-    return GnssFixes(delivery[0], place[0], wrap(place[1]), height, position_sigma, *motion, *delivery[1:])
-
-
-def _motion(section: GnssSection, table: TextTable) -> tuple[Array | None, Array | None]:
-    """Velocity (m, 3) m/s and its standard deviation, or None of both."""
-    if section.speed is not None and section.course is not None:
-        return _from_course(section, section.speed, section.course, table)
-    velocity = _velocity(section, table)
-    if velocity is None:
-        return None, None
-    return velocity, _sigma(table, section.velocity_sigma, section.velocity_sigma_mps, "m/s")
-
-
-def _from_course(section: GnssSection, speed: str | int, course: str | int, table: TextTable) -> tuple[Array, Array]:
-    """Velocity (m, 3) m/s and its standard deviation from speed over ground and course."""
-    values = table.column(speed) * SPEED_UNITS[section.speed_unit]
-    bad = np.flatnonzero(values < 0)
-    if bad.size:
-        raise InputError(
-            f"{table.where(bad[0])}, column {speed!r}: speed is {table.column(speed)[bad[0]]:g}, must be from 0 up"
-        )
-    if section.speed_sigma is not None:
-        sigma = table.column(section.speed_sigma)
-        bad = np.flatnonzero(sigma <= 0)
-        if bad.size:
-            raise InputError(
-                f"{table.where(bad[0])}, column {section.speed_sigma!r}: standard deviation is {sigma[bad[0]]:g} m/s, must be"
-                f" above 0 ({len(bad)} such values; keep_where can exclude invalid fixes)"
-            )
-    else:
-        sigma = np.full(len(values), section.speed_sigma_mps)
-    return fixes_from_course(values, table.column(course) * ANGLE_UNITS[section.course_unit], sigma)
-
-
-def _sigma(
-    table: TextTable,
-    names: tuple[str | int, str | int, str | int] | None,
-    constant: tuple[float, float, float] | None,
-    unit: str,
-) -> Array:
-    """(m, 3) standard deviations, from columns or constant. Raises InputError: zero or negative."""
-    if names is None:
-        return np.tile(np.array(constant, dtype=np.float64), (table.values.shape[0], 1))
-    sigma = table.columns(names)
-    bad = np.argwhere(sigma <= 0)
-    if bad.size:
-        row, axis = bad[0]
-        raise InputError(
-            f"{table.where(row)}, column {names[axis]!r}: standard deviation is {sigma[row, axis]:g} {unit}, must be above 0"
-            f" ({len(bad)} such values; keep_where can exclude invalid fixes)"
-        )
-    return sigma
-
-
-def _reference(section: ReferenceSection, reader: LogReader) -> Reference:
-    place = [c for c in (section.latitude, section.longitude, section.height) if c is not None]
-    wanted = [*place, *(section.velocity or ())]
-    attitude = [c for c in (section.roll, section.pitch, section.heading) if c is not None]
-    expected = kf_gins.REFERENCE_FIELDS if section.format == "kf-gins" else None
-    table, time = reader.read("reference", section, (*wanted, *attitude), expected)
-    found = Reference(time, velocity_n=_velocity(section, table))
-    if section.height is not None:
-        latitude, longitude = checked_position("reference", section, table, reader.notes)
-        height = table.column(section.height) + section.height_offset_m
-        found = replace(found, latitude=latitude, longitude=wrap(longitude), height=height)
-    if not attitude or section.attitude_unit is None:
-        return found
-    roll, pitch, heading = (table.column(c) * ANGLE_UNITS[section.attitude_unit] for c in attitude)
-    steep = np.flatnonzero(np.abs(pitch) > math.pi / 2 + 1e-9)
-    if steep.size:
-        raise InputError(
-            f"{table.where(steep[0])}, column {attitude[1]!r}: pitch is {math.degrees(pitch[steep[0]]):.6g} deg,"
-            " allowed -90 to 90; check attitude_unit and the order of roll, pitch, heading"
-        )
-    return replace(found, roll=wrap(roll), pitch=pitch, heading=wrap(heading))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Strict
+from pydantic import BeforeValidator, Strict, model_validator
 
 from insenv.base.toml import Number, Positive, Section, check_three, key
+from insenv.logs import kf_gins
 
 
 def _check_column(value: object) -> object:
@@ -31,6 +33,9 @@ AngleUnit = Literal["deg", "rad"]
 
 class FileSection(Section):
     """The files of a section: how they are written, and the column and unit of the time."""
+
+    KF_GINS: ClassVar[Mapping[str, Any]] = {}
+    """The keys that the format kf-gins fixes."""
 
     file: Files = key(
         ...,
@@ -59,6 +64,21 @@ class FileSection(Section):
     time_unit: Literal["s", "ms", "us", "ns", "min", "h"] = key("s", "unit of the time column")
     time_scale: Positive = key(1.0, "further factor on the time, for a clock that runs fast or slow")
     time_offset_s: Number = key(0.0, "added to the time after unit and scale; all tables must share one clock", "s")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill(cls, data: Any) -> Any:
+        return kf_gins.filled(data, cls.KF_GINS)
+
+    @classmethod
+    def column_keys(cls) -> tuple[str, ...]:
+        """The keys that name columns."""
+        return tuple(name for name, field in cls.model_fields.items() if (field.description or "").startswith("column"))
+
+    def named_columns(self) -> list[Column]:
+        """The columns that the keys name."""
+        values = [value for name in self.column_keys() if (value := getattr(self, name)) is not None]
+        return [column for value in values for column in (value if isinstance(value, tuple) else (value,))]
 
 
 class MeasurementSection(FileSection):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, ValidationInfo, field_validator
 
 from insenv import attitude
 from insenv.base.errors import nearest
@@ -44,13 +45,10 @@ SLOPES = (
 """The calibrated thermal errors of a log's unit."""
 
 
-def columns_of(model: type[FileSection]) -> tuple[str, ...]:
-    """The keys of a section that name columns."""
-    return tuple(name for name, field in model.model_fields.items() if (field.description or "").startswith("column"))
-
-
 class ImuSection(FileSection):
     """The inertial sensor."""
+
+    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.IMU
 
     gyro: Columns3 = key(..., "columns of the gyro's x, y, z")
     accel: Columns3 = key(
@@ -116,11 +114,6 @@ class ImuSection(FileSection):
         1.0, "a longer gap in the samples is an error; shorter ones are interpolated and counted", "s", ge=0, le=60
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _fill(cls, data: Any) -> Any:
-        return kf_gins.filled(data, kf_gins.IMU)
-
     @field_validator("axes", "accel_axes")
     @classmethod
     def _axes(cls, value: Any, info: Any) -> Any:
@@ -150,9 +143,9 @@ class ImuSection(FileSection):
     @field_validator("temperature")
     @classmethod
     def _slopes_with_temperature(cls, value: Any, info: ValidationInfo) -> Any:
-        given = [name for name in SLOPES if np.any(info.data.get(name, 0.0))]
-        if given and value is None:
-            raise ValueError(f"must be given with {' and '.join(given)}: the column of the temperature [deg C]")
+        slopes = [name for name in SLOPES if np.any(info.data.get(name, 0.0))]
+        if slopes and value is None:
+            raise ValueError(f"must be given with {' and '.join(slopes)}: the column of the temperature [deg C]")
         return value
 
     @field_validator("interval")
@@ -210,6 +203,8 @@ class PositionSection(FileSection):
 class GnssSection(PositionSection, MeasurementSection):
     """Position fixes of the antenna, each at its time of validity."""
 
+    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.GNSS
+
     latitude: Column = key(..., "column of the geodetic latitude (WGS-84)")
     longitude: Column = key(..., "column of the longitude, east positive")
     height: Column = key(..., "column of the height above the ellipsoid [m], up positive")
@@ -241,28 +236,11 @@ class GnssSection(PositionSection, MeasurementSection):
         rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s}
         return {name: value for name, value in rows.items() if np.asarray(value).any()}
 
-    @model_validator(mode="before")
-    @classmethod
-    def _fill(cls, data: Any) -> Any:
-        return kf_gins.filled(data, kf_gins.GNSS)
-
     @field_validator("position_sigma_m")
     @classmethod
     def _one_position_sigma(cls, value: Any, info: ValidationInfo) -> Any:
         if "position_sigma" in info.data and (info.data["position_sigma"] is None) == (value is None):
             raise ValueError("give either position_sigma (three columns) or position_sigma_m (three numbers [m])")
-        return value
-
-    @field_validator("velocity_sigma_mps")
-    @classmethod
-    def _one_velocity_sigma(cls, value: Any, info: ValidationInfo) -> Any:
-        if not {"velocity", "velocity_sigma"} <= set(info.data):
-            return value
-        pair = (info.data["velocity_sigma"] is not None) + (value is not None)
-        if info.data["velocity"] is not None and pair != 1:
-            raise ValueError("velocity needs either velocity_sigma (three columns) or velocity_sigma_mps (three numbers [m/s])")
-        if info.data["velocity"] is None and pair and info.data.get("format") == "csv":
-            raise ValueError("velocity_sigma is given without velocity")
         return value
 
     @field_validator("course")
@@ -274,31 +252,31 @@ class GnssSection(PositionSection, MeasurementSection):
             raise ValueError("give either velocity or speed and course")
         return value
 
-    @field_validator("speed_sigma_mps")
+    @field_validator("velocity_sigma_mps", "speed_sigma_mps")
     @classmethod
-    def _one_speed_sigma(cls, value: Any, info: ValidationInfo) -> Any:
-        if not {"speed", "speed_sigma"} <= set(info.data):
+    def _sigma_of_motion(cls, value: Any, info: ValidationInfo) -> Any:
+        quantity = "speed" if info.field_name == "speed_sigma_mps" else "velocity"
+        if not {quantity, f"{quantity}_sigma"} <= set(info.data):
             return value
-        pair = (info.data["speed_sigma"] is not None) + (value is not None)
-        if info.data["speed"] is not None and pair != 1:
-            raise ValueError("speed needs either speed_sigma (a column) or speed_sigma_mps (a number [m/s])")
-        if info.data["speed"] is None and pair:
-            raise ValueError("speed_sigma is given without speed")
+        number = (info.data[f"{quantity}_sigma"] is not None) + (value is not None)
+        if info.data[quantity] is not None and number != 1:
+            column, constant = ("a column", "a number") if quantity == "speed" else ("three columns", "three numbers")
+            raise ValueError(f"{quantity} needs either {quantity}_sigma ({column}) or {quantity}_sigma_mps ({constant} [m/s])")
+        by_format = quantity == "velocity" and info.data.get("format") != "csv"
+        if info.data[quantity] is None and number and not by_format:
+            raise ValueError(f"{quantity}_sigma is given without {quantity}")
         return value
 
 
 class ReferenceSection(PositionSection):
     """A reference solution at the IMU, for comparison and as an optional start: position, velocity and attitude, or some."""
 
+    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.REFERENCE
+
     roll: Column | None = key(None, "column of the roll (right side down positive); with pitch, heading and attitude_unit")
     pitch: Column | None = key(None, "column of the pitch (nose up positive); with roll and heading")
     heading: Column | None = key(None, "column of the heading (clockwise from north); with roll and pitch")
     attitude_unit: AngleUnit | None = key(None, "unit of roll, pitch, heading", validate_default=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _fill(cls, data: Any) -> Any:
-        return kf_gins.filled(data, kf_gins.REFERENCE)
 
     @field_validator("attitude_unit")
     @classmethod
@@ -306,10 +284,10 @@ class ReferenceSection(PositionSection):
         keys = {**info.data, "attitude_unit": value}
         faults, some = [], keys.get("velocity") is not None
         for group in (("latitude", "longitude", "height", "position_unit"), ("roll", "pitch", "heading", "attitude_unit")):
-            given = [name for name in group if keys.get(name) is not None]
-            some = some or bool(given)
-            if given and len(given) != 4 and set(group) <= set(keys):
-                faults.append(f"{', '.join(group[:3])} and {group[3]} go together; only {', '.join(given)} given")
+            stated = [name for name in group if keys.get(name) is not None]
+            some = some or bool(stated)
+            if stated and len(stated) != 4 and set(group) <= set(keys):
+                faults.append(f"{', '.join(group[:3])} and {group[3]} go together; only {', '.join(stated)} given")
         if not some and {"latitude", "roll", "velocity"} <= set(keys):
             faults.append("give the columns of position, velocity or attitude")
         if faults:

@@ -18,21 +18,21 @@ from insenv.logs.units import Array
 # Samples of a phone, of a bus that is polled, or stamps of arrival in bursts have steps of every length. Each sample then
 # covers the time since the one before, and a gap is a step far beyond all usual ones.
 
-OFF = 0.25
+MAX_JITTER = 0.25
 """Part of the interval by which a regular step differs from a whole number of intervals at most."""
-MOST_OFF = 0.2
+MAX_JITTER_SHARE = 0.2
 """Share of steps that may differ by more: jitter."""
-MOST_MISSING = 0.5
+MAX_MISSING_SHARE = 0.5
 """Missing samples per sample from which it is the interval that is wrong, not the samples that are missing."""
-MANY_GAPS = 0.01
+MAX_GAP_SHARE = 0.01
 """Share of steps, likewise: a single long gap is a gap."""
-GAP = 5.0
+GAP_STEPS = 5.0
 """In irregular sampling a gap is a step longer than this many times the step that 99 % do not exceed."""
-LATE = 1.5
+LATE_STEPS = 1.5
 """A step longer than this many nominal intervals may be a gap."""
-COVERED = 0.5
+MIN_COVERED_SHARE = 0.5
 """Part of the missing time from which the increment beside a long step covers it: it is larger by as much."""
-FASTEST_HZ = 1e4
+MAX_RATE_HZ = 1e4
 """Mean rate of samples from which the unit of the time stamps is wrong, unless the rate is stated."""
 NEIGHBOURS = 2
 """Steps on either side that are searched for the jitter of a late stamp."""
@@ -71,19 +71,19 @@ def sampling(time: Array, rate_hz: float | None, label: str = "imu") -> Sampling
             )
         return Sampling(1.0 / rate_hz)
     mean_hz = steps.size / float(time[-1] - time[0])  # not by the median: stamps of arrival come in bursts
-    if mean_hz > FASTEST_HZ:
+    if mean_hz > MAX_RATE_HZ:
         raise InputError(
-            f"{label}: {time.size} samples in {time[-1] - time[0]:.4g} s are {mean_hz:.6g} Hz: allowed is up to {FASTEST_HZ:g} "
-            "Hz, unless imu.rate_hz states the rate; check time_unit and time_scale"
+            f"{label}: {time.size} samples in {time[-1] - time[0]:.4g} s are {mean_hz:.6g} Hz: allowed is up to "
+            f"{MAX_RATE_HZ:g} Hz, unless imu.rate_hz states the rate; check time_unit and time_scale"
         )
     whole = np.maximum(np.rint(steps / median), 1.0)
-    off = float(np.mean(np.abs(steps / median - whole) > OFF))
+    off = float(np.mean(np.abs(steps / median - whole) > MAX_JITTER))
     missing = missing_samples(time, median)
-    too_many = missing.sum() > MOST_MISSING * time.size and np.count_nonzero(missing) > MANY_GAPS * time.size
-    if off <= MOST_OFF and not too_many:
+    too_many = missing.sum() > MAX_MISSING_SHARE * time.size and np.count_nonzero(missing) > MAX_GAP_SHARE * time.size
+    if off <= MAX_JITTER_SHARE and not too_many:
         return Sampling(median)
     low, usual = (float(np.quantile(steps, q)) for q in (0.01, 0.99))
-    gap = GAP * usual
+    gap = GAP_STEPS * usual
     note = (
         f"{label}: irregular time stamps, with steps of {low * 1e3:.3g} to {usual * 1e3:.3g} ms (median {median * 1e3:.3g} ms):"
         f" each sample covers the time since the one before, and only steps above {gap * 1e3:.3g} ms are gaps"
@@ -106,7 +106,7 @@ def covered_steps(time: Array, increments: Array, sampled: Sampling, stamp: str)
     size = np.linalg.norm(increments, axis=1)
     over, late = (size[1:] if stamp == "interval_end" else size[:-1]), missing > 0
     usual = float(np.median(over[~late])) if (~late).any() else 0.0
-    covered = late & (over > usual * (1 + COVERED * missing)) & (usual > 0)
+    covered = late & (over > usual * (1 + MIN_COVERED_SHARE * missing)) & (usual > 0)
     return covered if np.count_nonzero(covered) > 0.5 * np.count_nonzero(late) else np.zeros_like(covered)
 
 
@@ -125,7 +125,7 @@ def missing_samples(time: Array, interval: float) -> np.ndarray:
     for k in range(1, NEIGHBOURS + 1):
         around += padded[NEIGHBOURS - k : NEIGHBOURS - k + size] + padded[NEIGHBOURS + k : NEIGHBOURS + k + size]
     missing = np.rint((steps + around) / interval).astype(np.int64) - 1
-    return np.where(steps > LATE * interval, np.maximum(missing, 0), 0)
+    return np.where(steps > LATE_STEPS * interval, np.maximum(missing, 0), 0)
 
 
 _MIN_FORCE, _MAX_FORCE = 8.8, 10.8

@@ -17,7 +17,7 @@ from insenv.base.toml import Number, Positive, key
 from insenv.logs.assemble import LogReader
 from insenv.logs.columns import Column, Columns3, MeasurementSection
 from insenv.logs.description import LogDescription
-from insenv.logs.readers import TextTable
+from insenv.logs.formats.csv_table import TextTable
 from insenv.logs.recorded import Readings, delivered
 from insenv.logs.units import Array, axes_matrix, wrap
 from insenv.sensors import registry

@@ -7,14 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from insenv.base.errors import InputError
-from insenv.logs.readers import TextTable
+from insenv.logs.formats.csv_table import TextTable
+from insenv.logs.formats.series import nearest_rows
 from insenv.logs.units import Array
 
-SAME = 0.01
+SAME_STEP_SHARE = 0.01
 """Times that differ by less than this part of the interval are the same: files round differently."""
-GAP = 5.0
+GAP_STEPS = 5.0
 """A step of this many median steps is a gap."""
-ENOUGH = 0.5
+MIN_PARTNERS = 0.5
 """Share of the rows of the shortest file that must have partners in the others, if values between rows are not allowed."""
 
 
@@ -32,11 +33,11 @@ def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[str]
         _check_order(table)
     time = first.values[:, 0]
     step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    partners = [_partners(time, other.values[:, 0], SAME * step) for other in tables[1:]]
+    partners = [_partners(time, other.values[:, 0], SAME_STEP_SHARE * step) for other in tables[1:]]
     same = np.all([partner >= 0 for partner in partners], axis=0)
     shortest = min(table.values.shape[0] for table in tables)
     files = ", ".join(f"{table.label} ({table.values.shape[0]} rows)" for table in tables)
-    if np.count_nonzero(same) >= ENOUGH * shortest:
+    if np.count_nonzero(same) >= MIN_PARTNERS * shortest:
         notes.append(
             f"{name}: joined by time: {np.count_nonzero(same)} rows have the same time in {files}; the others are left out"
         )
@@ -68,9 +69,7 @@ def _beside(first: TextTable, columns: Sequence[Array], tables: Sequence[TextTab
 
 def _partners(time: Array, other: Array, tolerance: float) -> np.ndarray:
     """Index in `other` of the row with the same time as each in `time`; -1 where there is none."""
-    right = np.searchsorted(other, time).clip(0, other.size - 1)
-    left = (right - 1).clip(0)
-    near = np.where(np.abs(other[left] - time) <= np.abs(other[right] - time), left, right)
+    near = nearest_rows(other, time)
     return np.where(np.abs(other[near] - time) <= tolerance, near, -1)
 
 
@@ -80,7 +79,7 @@ def _in_gap(time: Array, other: Array) -> np.ndarray:
     if not steps.size:
         return np.ones(time.size, bool)
     after = np.searchsorted(other, time).clip(1, other.size - 1)
-    return np.asarray((steps[after - 1] > GAP * np.median(steps)) & (time > other[after - 1]) & (time < other[after]))
+    return np.asarray((steps[after - 1] > GAP_STEPS * np.median(steps)) & (time > other[after - 1]) & (time < other[after]))
 
 
 def _check_order(table: TextTable) -> None:

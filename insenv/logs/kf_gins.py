@@ -8,6 +8,7 @@ height [m], velocity N E D [m/s], roll, pitch, yaw [deg].
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 IMU = {
@@ -20,10 +21,8 @@ IMU = {
     "accel_unit": "m/s",
     "axes": "FRD",
 }
-IMU_FIELDS = (7,)
 _POSITION = {"latitude": 1, "longitude": 2, "height": 3}
 GNSS = {"time": 0, **_POSITION, "position_sigma": (4, 5, 6), "position_unit": "deg"}
-GNSS_FIELDS, GNSS_VELOCITY_FIELDS = (7,), (13,)
 GNSS_VELOCITY = {"velocity": (7, 8, 9), "velocity_sigma": (10, 11, 12)}
 """Further columns of the variant with 13 columns."""
 REFERENCE = {
@@ -36,10 +35,25 @@ REFERENCE = {
     "position_unit": "deg",
     "attitude_unit": "deg",
 }
-REFERENCE_FIELDS = (11,)
+VELOCITY_FIELDS = 13
+"""Numbers of fields on a line of the variant of a GNSS file with velocity."""
+FIELDS = {"imu": (7,), "gnss": (7, VELOCITY_FIELDS), "reference": (11,)}
+"""Allowed numbers of fields on a line, by section."""
 
 
-def filled(data: Any, fixed: dict[str, Any]) -> Any:
+def allowed_fields(name: str, section: Any) -> tuple[int, ...] | None:
+    """Numbers of fields on a line of the file of a section; None: any."""
+    if section.format != "kf-gins":
+        return None
+    return (VELOCITY_FIELDS,) if name == "gnss" and section.velocity is not None else FIELDS.get(name)
+
+
+def has_velocity(name: str, section: Any, fields: int) -> bool:
+    """Whether a file with so many fields on a line is a GNSS file with velocity columns that its section does not name."""
+    return section.format == "kf-gins" and name == "gnss" and fields == VELOCITY_FIELDS and section.velocity is None
+
+
+def filled(data: Any, fixed: Mapping[str, Any]) -> Any:
     """The section `data` with the keys that the format fixes, if its format is kf-gins; keys in the file win.
 
     A constant position_sigma_m replaces the columns.

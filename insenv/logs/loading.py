@@ -11,13 +11,13 @@ from insenv.base.resources import scenario_names
 from insenv.base.toml import BINARY, GPX, KML, NMEA, OTHER, TABLE, is_log, is_scenario, read_toml, validated
 from insenv.estimators.settings import tuning
 from insenv.logs.assemble import check_columns
-from insenv.logs.build import build
-from insenv.logs.description import GnssSection, ImuSection, ReferenceSection, columns_of
-from insenv.logs.flight import FlightDescription, build_flight, is_flight_log
-from insenv.logs.flight.description import SUFFIXES
+from insenv.logs.description import GnssSection, ImuSection, ReferenceSection
+from insenv.logs.files import Faults
+from insenv.logs.flight_log import FlightDescription, build_flight
+from insenv.logs.formats import SUFFIXES, is_flight_log
 from insenv.logs.instruments import description_class
-from insenv.logs.readers import Faults
 from insenv.logs.recorded import RecordedLog
+from insenv.logs.text import build
 from insenv.sensors.grade_file import beside
 
 _TRACK = (
@@ -70,7 +70,7 @@ def _check_columns(data: Mapping[str, Any], folder: Path, faults: Faults) -> Non
     for name, model in (("imu", ImuSection), ("gnss", GnssSection), ("reference", ReferenceSection)):
         section = data.get(name)
         if isinstance(section, dict):
-            faults.attempt(lambda section=section, model=model: check_columns(section, columns_of(model), folder))  # type: ignore[misc]
+            faults.attempt(lambda section=section, model=model: check_columns(section, model, folder))  # type: ignore[misc]
 
 
 def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None:
@@ -78,7 +78,7 @@ def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None
     tables = data.get("estimator")
     for id, table in tables.items() if isinstance(tables, dict) else ():
         for key, value in table.items() if isinstance(table, dict) else ():
-            own = Faults()
-            own.attempt(lambda id=id, key=key, value=value: tuning(id, {key: value}))  # type: ignore[misc]
-            found = [f"{label}: {line}" for line in own.messages]
-            faults.messages += [line for line in found if line not in faults.messages]
+            of_key = Faults()
+            of_key.attempt(lambda id=id, key=key, value=value: tuning(id, {key: value}))  # type: ignore[misc]
+            lines = [f"{label}: {line}" for line in of_key.messages]
+            faults.messages += [line for line in lines if line not in faults.messages]

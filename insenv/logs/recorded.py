@@ -41,12 +41,12 @@ class Readings:
 
     def columns(self) -> dict[str, Array]:
         """The values by row, (m, ...)."""
-        table, found, begin = registry.instruments()[self.id].measurement, {}, 0
+        table, columns, begin = registry.instruments()[self.id].measurement, {}, 0
         for row in self.rows:
             size, shape = table[row].size, table[row].shape
-            found[row] = self.values[:, begin : begin + size].reshape(-1, *shape)
+            columns[row] = self.values[:, begin : begin + size].reshape(-1, *shape)
             begin += size
-        return found
+        return columns
 
 
 def delivered(
@@ -78,24 +78,19 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Positions:
-    """time (m,) s, on the IMU's clock; latitude, longitude (m,) rad; height (m,) m above the ellipsoid."""
-
-    time: Array
-    latitude: Array
-    longitude: Array
-    height: Array
-
-
-@dataclass(frozen=True)
-class GnssFixes(Positions):
+class GnssFixes:
     """Fixes of the antenna at their times of validity.
 
+    time (m,) s, on the IMU's clock; latitude, longitude (m,) rad; height (m,) m above the ellipsoid.
     position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None. NaN: not stated.
     arrival, age (m,) s: when each fix arrived, and its age then; None: at its time of validity. Raises
     `InputError` for a standard deviation that no estimator takes: with 0 a fix would be exact.
     """
 
+    time: Array
+    latitude: Array
+    longitude: Array
+    height: Array
     position_sigma: Array
     velocity_n: Array | None = None
     velocity_sigma: Array | None = None

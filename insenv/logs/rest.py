@@ -36,7 +36,7 @@ REST_PUSH = 0.2
 REST_SPEED = 0.5
 """Largest speed over ground that a receiver shows at rest (m/s)."""
 REST_SAMPLES = 100
-LEAVES = 4.0
+LEAVING_SIGMAS = 4.0
 """Standard deviations of a fix by which a vehicle has left its place."""
 SMOOTH_S = 10.0
 """Time that a vehicle may move unnoticed before its fixes show it (s)."""
@@ -110,7 +110,7 @@ def _left_at(gnss: GnssFixes, since: float, begin: float, end: float) -> float |
         return None
     places = [values[use] for values in (gnss.latitude, gnss.longitude, gnss.height)]
     way = geodesy.numeric.ned_offset(*places, *(float(p[~now].mean()) for p in places))[:, :2]
-    if not (np.abs(way[now]) > LEAVES * gnss.position_sigma[use][now, :2]).any():
+    if not (np.abs(way[now]) > LEAVING_SIGMAS * gnss.position_sigma[use][now, :2]).any():
         return None
     time = gnss.time[use] - gnss.time[use].mean()
     way = way - way.mean(axis=0)
@@ -127,12 +127,12 @@ def travel(log: RecordedLog, begin_s: float, end_s: float) -> Travel | None:
     The speed is that of the median velocity over `TRAVEL_WINDOW_S`, or of the way between median places; what their
     standard deviations explain does not count.
     """
-    found = _ground_track(log, begin_s, end_s)
-    if found is None:
+    track = _ground_track(log, begin_s, end_s)
+    if track is None:
         return None
-    time, velocity, sigma = found
+    time, velocity, sigma = track
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    at = np.flatnonzero(speed > TRAVEL_SPEED + LEAVES * sigma)
+    at = np.flatnonzero(speed > TRAVEL_SPEED + LEAVING_SIGMAS * sigma)
     return Travel(float(time[at[0]]), float(speed[at[0]])) if at.size else None
 
 
@@ -143,15 +143,13 @@ def shows_travel(log: RecordedLog, begin_s: float, end_s: float) -> bool:
 
 def _ground_track(log: RecordedLog, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
     """Middle (k,) s, median velocity (k, 2) m/s and its standard deviation (k,) of windows; None if nothing shows them."""
-    gnss, reference = log.gnss, log.reference
+    gnss, reference, track = log.gnss, log.reference, None
     if gnss is not None and gnss.velocity_n is not None and gnss.velocity_sigma is not None:
-        found = _by_velocity(gnss.time, gnss.velocity_n, gnss.velocity_sigma, begin_s, end_s)
-        if found is not None:
-            return found
-    if gnss is not None:
-        found = _by_way(gnss, begin_s, end_s)
-        if found is not None:
-            return found
+        track = _by_velocity(gnss.time, gnss.velocity_n, gnss.velocity_sigma, begin_s, end_s)
+    if gnss is not None and track is None:
+        track = _by_way(gnss, begin_s, end_s)
+    if track is not None:
+        return track
     if reference is not None and reference.velocity_n is not None:
         return _by_velocity(reference.time, reference.velocity_n, np.zeros(reference.velocity_n.shape), begin_s, end_s)
     for each in log.instruments:
@@ -171,20 +169,20 @@ def _over_ground(log: RecordedLog, readings: Readings) -> Array | None:
 
 def _by_velocity(time: Array, velocity: Array, sigma: Array, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
     known = sigma[:, :2].max(axis=1) < NO_INFORMATION
-    found = _windows(np.column_stack([time, velocity[:, :2], sigma[:, :2].max(axis=1)])[known], begin_s, end_s)
-    if found is None:
+    windows = _windows(np.column_stack([time, velocity[:, :2], sigma[:, :2].max(axis=1)])[known], begin_s, end_s)
+    if windows is None:
         return None
-    middle, count = found
+    middle, count = windows
     return middle[:, 0], middle[:, 1:3], middle[:, 3] / np.sqrt(count)
 
 
 def _by_way(gnss: GnssFixes, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
     """From the median place of each window to that of the next."""
     place = [gnss.latitude, np.unwrap(gnss.longitude), gnss.height, gnss.position_sigma[:, :2].max(axis=1)]
-    found = _windows(np.column_stack([gnss.time, *place]), begin_s, end_s)
-    if found is None or len(found[0]) < 2:
+    windows = _windows(np.column_stack([gnss.time, *place]), begin_s, end_s)
+    if windows is None or len(windows[0]) < 2:
         return None
-    middle, count = found
+    middle, count = windows
     way = geodesy.numeric.ned_offset(*middle[1:, 1:4].T, *middle[:-1, 1:4].T)
     took = np.diff(middle[:, 0])
     sigma = middle[:, 4] / np.sqrt(count)
@@ -272,22 +270,22 @@ def rest_of(log: RecordedLog, rows: NDArray[np.intp], first: int) -> Rest:
 # The size of gravity shows a wrong unit of the accelerometers. Gyros measure the Earth's rate and their bias at rest, and a
 # vehicle that follows its course turns about the vertical as its course over ground does, whatever its side slip.
 
-SPEED = 3.0
+MIN_COURSE_SPEED = 3.0
 """Speed over ground (m/s) from which the course counts."""
-STEP_S, LONGEST_S = 1.0, 2.5
+MIN_TURN_S, MAX_TURN_S = 1.0, 2.5
 """Turns are compared between fixes that are this far apart, at least and at most (s)."""
-FEWEST = 10
+MIN_PAIRS = 10
 """Pairs of fixes that are needed."""
-TURNED = np.radians(45.0)
+MIN_TURN = np.radians(45.0)
 """Extent of the course (rad) from which the vehicle has turned: waves of 2 m swing that of a ship of 6 m/s by 20 deg."""
-ALIKE = 0.9
+MIN_CORRELATION = 0.9
 """Correlation of the turns from which the vehicle follows its course: not that of a multirotor."""
-WRONG = 2.0
+WRONG_RATIO = 2.0
 """Ratio of the turns, or its inverse, that no scale factor and no side slip explains."""
 
-BEYOND = 10.0
+BIAS_SIGMAS = 10.0
 """Standard deviations of the bias by which the rate at rest differs from the Earth's if the unit is wrong."""
-SCATTERED = 3.0
+RATE_SIGMAS = 3.0
 """Standard deviations of the mean rate, likewise, of a vehicle that rocks."""
 
 
@@ -298,7 +296,7 @@ def rest_rate_notes(log: RecordedLog) -> list[str]:
         return []
     rest = rest_of(log, rows, 0)
     rate, bias = float(np.linalg.norm(rest.rate)), float(np.sqrt(3.0) * log.sensors(in_place=True).gyro_bias_sigma)
-    if abs(rate - OMEGA_IE) <= BEYOND * bias + SCATTERED * np.sqrt(3.0) * rest.rate_sigma:
+    if abs(rate - OMEGA_IE) <= BIAS_SIGMAS * bias + RATE_SIGMAS * np.sqrt(3.0) * rest.rate_sigma:
         return []
     hourly = float(np.degrees(3600.0))
     return [
@@ -311,17 +309,17 @@ def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[str]:
     """A note if the turns that the gyros measure are proportional to those of the course, and not equal to them."""
     if gnss is None or gnss.velocity_n is None or gnss.velocity_sigma is None:
         return []
-    moving = np.hypot(gnss.velocity_n[:, 0], gnss.velocity_n[:, 1]) > SPEED
+    moving = np.hypot(gnss.velocity_n[:, 0], gnss.velocity_n[:, 1]) > MIN_COURSE_SPEED
     moving &= gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
     moving &= (gnss.time >= samples.imu_time[0]) & (gnss.time <= samples.imu_time[-1])
     time, velocity = gnss.time[moving], gnss.velocity_n[moving]
-    _, first = np.unique(np.floor(time / STEP_S), return_index=True)
+    _, first = np.unique(np.floor(time / MIN_TURN_S), return_index=True)
     time, velocity = time[first], velocity[first]
-    near = np.diff(time) <= LONGEST_S
-    if np.count_nonzero(near) < FEWEST:
+    near = np.diff(time) <= MAX_TURN_S
+    if np.count_nonzero(near) < MIN_PAIRS:
         return []
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
-    if np.ptp(course) < TURNED:
+    if np.ptp(course) < MIN_TURN:
         return []
     down = -np.median(samples.delta_velocity / samples.dt[:, None], axis=0)
     turned = np.cumsum(samples.delta_angle @ down) / max(float(np.linalg.norm(down)), 1e-9)
@@ -329,10 +327,10 @@ def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[str]:
     by_gyro = np.diff(np.interp(time, samples.imu_time, turned))[near]
     by_course, by_gyro = by_course - by_course.mean(), by_gyro - by_gyro.mean()
     both, alone = float(by_gyro @ by_course), float(by_course @ by_course)
-    if both <= ALIKE * np.sqrt(float(by_gyro @ by_gyro) * alone):
+    if both <= MIN_CORRELATION * np.sqrt(float(by_gyro @ by_gyro) * alone):
         return []
     ratio = both / alone
-    if 1.0 / WRONG < ratio < WRONG:
+    if 1.0 / WRONG_RATIO < ratio < WRONG_RATIO:
         return []
     return [
         f"imu: the gyros turn {ratio:.3g} times as far as the course of the fixes (57.3 or 0.0175: degrees and radians): check "

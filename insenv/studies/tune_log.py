@@ -31,7 +31,7 @@ from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.nis import NOTABLE
 from insenv.logs import RecordedLog
-from insenv.logs.flight.description import is_flight_log
+from insenv.logs.formats import is_flight_log
 from insenv.runs.replayed import Prepared, prepared, replay
 from insenv.scenario.chunks import input_rows
 from insenv.studies.campaign.running import cores

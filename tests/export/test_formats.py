@@ -13,7 +13,6 @@ from command_line import call, refused
 import insenv
 from insenv.base.errors import InputError
 from insenv.export import to_dataframes
-from insenv.export.geo import nmea_text
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +75,7 @@ def test_kml_is_valid_and_read_by_fastkml(tmp_path, report):
     assert {(item.angle.tilt, item.angle.roll) for item in track.track_items} == {(0.0, 0.0)}
 
 
-def test_nmea_is_read_by_pynmea2():
+def test_nmea_is_read_by_pynmea2(tmp_path):
     import pynmea2
 
     scenario = {
@@ -85,7 +84,7 @@ def test_nmea_is_read_by_pynmea2():
         "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 12.0}]}, "gnss": {"grade": "rtk", "interval_s": 0.2},
     }  # fmt: skip
     fixes = insenv.record(scenario).gnss
-    lines = nmea_text(insenv.record(scenario)).split("\r\n")
+    lines = insenv.write(insenv.record(scenario), tmp_path, "nmea")[0].read_bytes().decode("ascii").split("\r\n")
     sentences = [pynmea2.parse(line, check=True) for line in lines if line]
     kinds = {kind: [s for s in sentences if s.sentence_type == kind] for kind in ("GGA", "RMC", "VTG", "GST")}
     assert {kind: len(each) for kind, each in kinds.items()} == dict.fromkeys(kinds, len(fixes.time))

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from insenv import record
-from insenv.export import log_tables
-from insenv.export.text_log import toml_text
+from insenv.logs.formats import csv_table, log_tables
+from insenv.logs.formats.text_log import toml_text
 from insenv.scenario import load, parse
 
 LEVER_ARM_M = [-1.2, 0.3, -1.0]
@@ -56,7 +56,7 @@ def written_log(
     if odometer is not None:
         sections["odometer"] = {**sections["odometer"], "lever_arm_m": [0.0, 0.0, 0.0]}
     for id, table in columns.items():
-        (folder / f"{id}.csv").write_text(log_tables.csv_text(table), encoding="utf-8")
+        (folder / f"{id}.csv").write_text(csv_table.csv_text(table), encoding="utf-8")
     description = {
         "title": "a simulated drive",
         **{id: {"file": f"{id}.csv", **keys} for id, keys in sections.items()},

@@ -9,7 +9,7 @@ from places import ROOT
 
 from insenv.base import installing
 from insenv.base.installing import install_extra, install_package
-from insenv.export.formats import FORMATS
+from insenv.export import FORMATS
 
 DECLARED = (ROOT / "pyproject.toml").read_text("utf-8")
 CODE = "".join(path.read_text("utf-8") for path in (ROOT / "insenv").rglob("*.py"))

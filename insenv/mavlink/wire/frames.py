@@ -206,7 +206,7 @@ def resequenced(frame: bytes, sequence: int, *, signed: bool) -> bytes:
 # Write telemetry logs (tlog) as ground stations write and read them.
 #
 # A record is the Unix time in microseconds, a big-endian unsigned 64-bit number whose two lowest bits hold the link
-# number, followed by the frame.  `insenv.logs.flight.telemetry` reads these files.
+# number, followed by the frame.  `insenv.logs.formats.telemetry` reads these files.
 
 _LINK_BITS = 0b11
 

@@ -1,1 +1,1 @@
-"""Tracks of one's own: recorded or planned points become the motion of a vehicle."""
+"""Tracks: recorded or planned points become the motion of a vehicle."""

@@ -7,7 +7,6 @@ Its binary code runs with the rights of the user: use FMUs that you trust.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,6 +16,7 @@ from pydantic import BeforeValidator, model_validator
 from insenv import attitude
 from insenv.base.errors import InputError, nearest
 from insenv.base.toml import Number, Positive, Section, key
+from insenv.logs.units import ANGLE_UNITS
 from insenv.scenario.tracks.points import Points, checked
 from insenv.scenario.tracks.quaternion_order import ORDERS, contradictions, other_order
 from insenv.scenario.tracks.section import RecordedFile, knot_interval, spacing
@@ -57,8 +57,8 @@ class Outputs(Section):
 
     @model_validator(mode="after")
     def _one_attitude(self) -> Outputs:
-        given = [each for each in (self.roll, self.pitch, self.heading) if each is not None]
-        if len(given) not in (0, 3) or (given and self.quaternion is not None):
+        angles = [each for each in (self.roll, self.pitch, self.heading) if each is not None]
+        if len(angles) not in (0, 3) or (angles and self.quaternion is not None):
             raise ValueError("allowed are roll, pitch and heading, or quaternion, or none of them")
         if self.quaternion_order is not None and self.quaternion is None:
             raise ValueError(f"quaternion_order = {self.quaternion_order!r} has no effect without quaternion")
@@ -78,20 +78,12 @@ class FmuSection(RecordedFile):
         0.05, "a larger difference between the velocities and the derivative of the positions is an error", "m/s", le=100
     )
 
-    @property
-    def shape(self) -> Shape:
-        """The splines.  Raises `InputError` for an FMU that cannot be run or is no vehicle."""
-        return _shape(self.model_dump_json())
-
-
-@lru_cache(maxsize=8)
-def _shape(text: str) -> Shape:
-    section = FmuSection.model_validate_json(text)
-    points = checked(_run(section), 10.0 * section.step_s, 1e4)
-    shape = shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
-    if points.velocity is not None:
-        check_velocity(points, shape, section.max_contradiction_mps)
-    return shape if section.outputs.quaternion is None else _in_order(section, points, shape)
+    def make_shape(self) -> Shape:
+        points = checked(_run(self), 10.0 * self.step_s, 1e4)
+        shape = shaped(points, knot_interval(self.knot_s, spacing(points), points), self.smoothing_m, self.bank)
+        if points.velocity is not None:
+            check_velocity(points, shape, self.max_contradiction_mps)
+        return shape if self.outputs.quaternion is None else _in_order(self, points, shape)
 
 
 def _in_order(section: FmuSection, points: Points, shape: Shape) -> Shape:
@@ -100,13 +92,13 @@ def _in_order(section: FmuSection, points: Points, shape: Shape) -> Shape:
     order = stated or "wxyz"
     assert points.attitude is not None
     q_nb = attitude.numeric.from_euler(*points.attitude.T)
-    found = contradictions(q_nb, order, motion(points, shape, 1), motion(points, shape, 2))
-    other = other_order(found, order)
+    apart = contradictions(q_nb, order, motion(points, shape, 1), motion(points, shape, 2))
+    other = other_order(apart, order)
     if other is None:
         return shape
     said = (
-        f"the attitude contradicts the motion by {np.degrees(found[order]):.0f} deg on average with the scalar of the "
-        f"quaternion {ORDERS[order]}, by {np.degrees(found[other]):.0f} deg with it {ORDERS[other]}"
+        f"the attitude contradicts the motion by {np.degrees(apart[order]):.0f} deg on average with the scalar of the "
+        f"quaternion {ORDERS[order]}, by {np.degrees(apart[other]):.0f} deg with it {ORDERS[other]}"
     )
     if stated is None:
         raise InputError(
@@ -118,16 +110,14 @@ def _in_order(section: FmuSection, points: Points, shape: Shape) -> Shape:
 def _failed(description: Any, step_s: float, said: str) -> str:
     """What to say of an FMU that failed: its step where step_s is no multiple of it, or else what the FMU said itself."""
     experiment = description.defaultExperiment
-    own = float((experiment.stepSize if experiment is not None else None) or 0.0)
-    if own > 0.0 and abs(step_s / own - max(round(step_s / own), 1)) > 1e-6:
-        return f"the FMU failed with vehicle.step_s = {step_s:g} s: allowed is a whole multiple of its own step, {own:g} s"
+    step = float((experiment.stepSize if experiment is not None else None) or 0.0)
+    if step > 0.0 and abs(step_s / step - max(round(step_s / step), 1)) > 1e-6:
+        return f"the FMU failed with vehicle.step_s = {step_s:g} s: allowed is a whole multiple of its own step, {step:g} s"
     return f"the FMU failed: {said}"
 
 
 def _run(section: FmuSection) -> Points:
     import fmpy
-
-    from insenv.logs.units import ANGLE_UNITS
 
     path, names = Path(section.file), section.outputs
     place, velocity = [names.latitude, names.longitude, names.height], list(names.velocity or ())
@@ -147,23 +137,23 @@ def _run(section: FmuSection) -> Points:
             raise InputError(f"{path}: no variable {name!r}{nearest(name, known, 'fmpy info')}")
     whole = list(dict.fromkeys(name if name in known else name.partition("[")[0] for name in outputs))
     try:
-        found = fmpy.simulate_fmu(
+        result = fmpy.simulate_fmu(
             str(path),
             stop_time=section.run_s,
             output_interval=section.step_s,
             start_values=dict(section.parameters),
             output=whole,
             validate=False,
-            logger=lambda *given: said.append(given[-1].decode("utf-8", "replace").strip()),
+            logger=lambda *message: said.append(message[-1].decode("utf-8", "replace").strip()),
         )
     except Exception as error:
         raise InputError(f"{path}: {_failed(description, section.step_s, said[-1] if said else str(error))}") from None
 
     def column(name: str) -> Any:
-        if name in found.dtype.names:
-            return np.asarray(found[name], dtype=np.float64)
+        if name in result.dtype.names:
+            return np.asarray(result[name], dtype=np.float64)
         inner, _, number = name.partition("[")
-        elements = np.asarray(found[inner], dtype=np.float64).reshape(len(found), -1)
+        elements = np.asarray(result[inner], dtype=np.float64).reshape(len(result), -1)
         place = number.removesuffix("]")
         if not place.isdecimal() or not 1 <= int(place) <= elements.shape[1]:
             raise InputError(
@@ -180,4 +170,4 @@ def _run(section: FmuSection) -> Points:
         euler = np.column_stack(attitude.numeric.to_euler(q_nb / np.linalg.norm(q_nb, axis=1)[:, None]))
     north, east, up = (column(name) for name in place)
     moving = np.column_stack([column(name) for name in velocity]) if velocity else None
-    return Points(str(path), np.asarray(found["time"], dtype=np.float64), north * degrees, east * degrees, up, euler, moving)
+    return Points(str(path), np.asarray(result["time"], dtype=np.float64), north * degrees, east * degrees, up, euler, moving)

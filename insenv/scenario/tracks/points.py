@@ -12,7 +12,7 @@ from insenv.base.errors import InputError
 
 Array = NDArray[np.float64]
 
-LEAST = 8
+MIN_POINTS = 8
 """Points that a track has at least."""
 
 
@@ -40,39 +40,37 @@ class Points:
 def checked(points: Points, max_gap_s: float, max_acceleration: float) -> Points:
     """The points with times from 0 on.  Raises `InputError` for what cannot be a track: it names the place in the file."""
     label, time = points.label, points.time
-    if len(time) < LEAST:
-        raise InputError(f"{label}: {len(time)} points: allowed is {LEAST} or more")
+    if len(time) < MIN_POINTS:
+        raise InputError(f"{label}: {len(time)} points: allowed is {MIN_POINTS} or more")
     more = [each for each in (points.attitude, points.velocity) if each is not None]
     columns = [points.latitude, points.longitude, points.height, *more]
-    bad = np.flatnonzero(~np.all(np.isfinite(np.column_stack([time, *columns])), axis=1))
+    bad = np.flatnonzero(~np.isfinite(np.column_stack([time, *columns])).all(axis=1))
     if bad.size:
         raise InputError(f"{label}: point {bad[0] + 1} has a value that is not finite")
     step = np.diff(time)
-    if np.any(step <= 0):
-        at = int(np.flatnonzero(step <= 0)[0])
+    at = int(np.argmax(step <= 0))
+    if step[at] <= 0:
         raise InputError(
             f"{label}: time goes from {time[at]:.10g} s to {time[at + 1]:.10g} s at point {at + 2}: it must increase"
         )
-    if np.any(np.abs(points.latitude) > 1.57):
-        at = int(np.flatnonzero(np.abs(points.latitude) > 1.57)[0])
+    at = int(np.argmax(np.abs(points.latitude) > 1.57))
+    if abs(points.latitude[at]) > 1.57:
         raise InputError(
             f"{label}: latitude {np.degrees(points.latitude[at]):.6g} deg of point {at + 1}: allowed is from -89.9 to 89.9 "
             "deg; check position_unit"
         )
     time = time - time[0]
-    if step.max() > max_gap_s:
+    gaps = int(np.count_nonzero(step > max_gap_s))
+    if gaps:
         at = int(np.argmax(step))
+        several = f" (the longest of {gaps} such gaps)" if gaps > 1 else ""
         raise InputError(
             f"{label}: no points between {time[at]:.6g} s and {time[at + 1]:.6g} s: a gap of {step[at]:.6g} s, allowed "
-            f"max_gap_s = {max_gap_s:g} s{_of_several(int(np.count_nonzero(step > max_gap_s)))}"
+            f"max_gap_s = {max_gap_s:g} s{several}"
         )
-    found = replace(points, time=time, longitude=np.unwrap(points.longitude))
-    _check_jumps(found, max_acceleration)
-    return found
-
-
-def _of_several(gaps: int) -> str:
-    return f" (the longest of {gaps} such gaps)" if gaps > 1 else ""
+    points = replace(points, time=time, longitude=np.unwrap(points.longitude))
+    _check_jumps(points, max_acceleration)
+    return points
 
 
 def _check_jumps(points: Points, largest: float) -> None:

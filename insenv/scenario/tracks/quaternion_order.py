@@ -19,7 +19,7 @@ ORDERS = {"wxyz": "first", "xyzw": "last"}
 """Place of the scalar, by order."""
 MOVING = 2.0
 """Speed (m/s) from which a vehicle's direction counts."""
-LEAST = np.radians(20.0)
+MIN_ANGLE = np.radians(20.0)
 """Smallest contradiction that counts (rad): a ship's list, an aircraft's drift angle."""
 
 
@@ -30,12 +30,12 @@ def contradictions(q_nb: Array, order: str, velocity: Array, acceleration: Array
     """
     force = acceleration - [0.0, 0.0, STANDARD_GRAVITY]
     moving = np.linalg.norm(velocity, axis=1) > MOVING
-    found = {}
+    angles = {}
     other, moved = ("xyzw", [3, 0, 1, 2]) if order == "wxyz" else ("wxyz", [1, 2, 3, 0])
     for each, q in ((order, q_nb), (other, q_nb[:, moved])):
         C_nb = attitude.numeric.to_dcm(q)
-        found[each] = _mean_angle(-C_nb[:, :, 2], force) + _mean_angle(C_nb[moving, :, 0], velocity[moving])
-    return found
+        angles[each] = _mean_angle(-C_nb[:, :, 2], force) + _mean_angle(C_nb[moving, :, 0], velocity[moving])
+    return angles
 
 
 def _mean_angle(directions: Array, vectors: Array) -> float:
@@ -45,7 +45,7 @@ def _mean_angle(directions: Array, vectors: Array) -> float:
     return float(np.mean(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def other_order(found: dict[str, float], order: str) -> str | None:
+def other_order(angles: dict[str, float], order: str) -> str | None:
     """The order other than `order` if the motion speaks for it, by the result of `contradictions`."""
     other = next(each for each in ORDERS if each != order)
-    return other if found[order] > 2.0 * found[other] + LEAST else None
+    return other if angles[order] > 2.0 * angles[other] + MIN_ANGLE else None

@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import model_validator
 
 from insenv.attitude import numeric
 from insenv.base.errors import InputError, nearest
-from insenv.base.installing import need
 from insenv.base.toml import Section, key, read_toml
+from insenv.logs import RecordedLog, load
+from insenv.logs.columns import AngleUnit
+from insenv.logs.files import read_bytes
+from insenv.logs.formats import TRACKS, is_flight_log
+from insenv.logs.formats.contract import NamedTrack
+from insenv.logs.formats.csv_table import Column, check_finite, read_table
+from insenv.logs.units import ANGLE_UNITS, TIME_UNITS
 from insenv.scenario.tracks.points import Points
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
-
-    from insenv.logs import RecordedLog
-
-
-Column = str | int
-Rows = list[tuple[float, float, float, float]]
-"""Time s, latitude deg, longitude deg, height m or NaN."""
 
 
 class Columns(Section):
@@ -41,8 +36,8 @@ class Columns(Section):
     pitch: Column | None = key(None, "pitch")
     heading: Column | None = key(None, "heading, clockwise from north")
     time_unit: Literal["s", "ms", "us", "ns", "min", "h"] = key("s", "unit of the time")
-    position_unit: Literal["deg", "rad"] = key("deg", "unit of latitude and longitude")
-    angle_unit: Literal["deg", "rad"] = key("deg", "unit of roll, pitch and heading")
+    position_unit: AngleUnit = key("deg", "unit of latitude and longitude")
+    angle_unit: AngleUnit = key("deg", "unit of roll, pitch and heading")
 
     @model_validator(mode="after")
     def _one_attitude(self) -> Columns:
@@ -57,7 +52,7 @@ class Columns(Section):
 
 def formats() -> str:
     """The suffixes of the files that can be read."""
-    return ", ".join(sorted([*_READERS, *_WITH_TRACKS])) + ", or a flight log"
+    return ", ".join(sorted([*_READERS, *TRACKS])) + ", or a flight log"
 
 
 def points_of(path: Path, columns: Columns, height_offset_m: float = 0.0, track: Column | None = None) -> Points:
@@ -65,31 +60,32 @@ def points_of(path: Path, columns: Columns, height_offset_m: float = 0.0, track:
 
     Raises `InputError` for a file that cannot be read, and for a track that is not in it.
     """
-    from insenv.logs.flight import is_flight_log
-
     suffix = path.suffix.lower()
-    reader = _READERS.get(suffix)
-    if reader is None and is_flight_log(path):
-        reader = _log
-    if reader is None and suffix not in _WITH_TRACKS:
+    form, reader = TRACKS.get(suffix), _READERS.get(suffix, _log if is_flight_log(path) else None)
+    if form is None and reader is None:
         raise InputError(f"{path}: allowed is {formats()}")
-    if reader is not None and track is not None:
-        raise InputError(f"vehicle.track = {track!r}: allowed with {' and '.join(_WITH_TRACKS)}, not with {path}")
+    if track is not None and (form is None or not form.several):
+        several = " and ".join(end for end, each in TRACKS.items() if each.several)
+        raise InputError(f"vehicle.track = {track!r}: allowed with {several}, not with {path}")
     try:
-        found = _chosen(path, _WITH_TRACKS[suffix](path), track) if reader is None else reader(path, columns)
+        if form is not None and form.read_tracks is not None:
+            points = _chosen(path, form.read_tracks(str(path), path.read_bytes()), track)
+        else:
+            assert reader is not None
+            points = reader(path, columns)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    return replace(found, height=found.height + height_offset_m)
+    return replace(points, height=points.height + height_offset_m)
 
 
-def _chosen(path: Path, tracks: Sequence[tuple[str, Rows]], track: Column | None) -> Points:
+def _chosen(path: Path, tracks: Sequence[NamedTrack], track: Column | None) -> Points:
     """The points of one of the named tracks of a file, with a note if it is one of several and not chosen."""
-    names = [name for name, _ in tracks]
-    shown = ", ".join(map(repr, names))
+    names = [each.name for each in tracks]
+    listed = ", ".join(map(repr, names))
     if isinstance(track, int):
         if not 0 <= track < len(tracks):
-            raise InputError(f"vehicle.track = {track}: {path} has the tracks {shown}, numbered from 0")
-        return _points(path, tracks[track][1])
+            raise InputError(f"vehicle.track = {track}: {path} has the tracks {listed}, numbered from 0")
+        return _points(path, tracks[track])
     if track is not None:
         if names.count(track) > 1:
             raise InputError(
@@ -97,18 +93,30 @@ def _chosen(path: Path, tracks: Sequence[tuple[str, Rows]], track: Column | None
             )
         if track not in names:
             raise InputError(f"vehicle.track = {track!r}: no such track in {path}{nearest(track, names)}")
-        return _points(path, tracks[names.index(track)][1])
-    points = _points(path, tracks[0][1])
+        return _points(path, tracks[names.index(track)])
+    points = _points(path, tracks[0])
     if len(tracks) == 1:
         return points
-    note = f"{path.name} has the tracks {shown}: the first is taken; vehicle.track chooses another"
+    note = f"{path.name} has the tracks {listed}: the first is taken; vehicle.track chooses another"
     return replace(points, notes=(note, *points.notes))
 
 
-def _csv(path: Path, columns: Columns) -> Points:
-    from insenv.logs.readers import check_finite, read_table
-    from insenv.logs.units import ANGLE_UNITS, TIME_UNITS
+def _points(path: Path, track: NamedTrack) -> Points:
+    """The points of a track; their heights are 0, with a note, if none has one.  Raises `InputError` if some have none."""
+    assert track.place is not None
+    latitude, longitude, height = track.place
+    unknown = np.flatnonzero(np.isnan(height))
+    if 0 < len(unknown) < len(height):
+        raise InputError(
+            f"{path}: point {unknown[0] + 1} has no height, others have one: allowed are heights of all or of none"
+        )
+    if not len(unknown):
+        return Points(str(path), track.time, latitude, longitude, height)
+    note = f"{path.name} has no heights: the track is at height_offset_m above the ellipsoid"
+    return Points(str(path), track.time, latitude, longitude, np.zeros(len(height)), notes=(note,))
 
+
+def _csv(path: Path, columns: Columns) -> Points:
     attitude = [each for each in (columns.roll, columns.pitch, columns.heading) if each is not None]
     place = [columns.latitude, columns.longitude, columns.height]
     table = read_table(str(path), path.read_bytes(), [columns.time, *place, *attitude])
@@ -124,125 +132,8 @@ def _csv(path: Path, columns: Columns) -> Points:
     )
 
 
-def _points(path: Path, rows: Rows) -> Points:
-    """Points from rows; their heights are 0, with a note, if none has one.  Raises `InputError` if some have none."""
-    values = np.array(rows, dtype=np.float64).reshape(-1, 4)
-    notes: tuple[str, ...] = ()
-    unknown = np.flatnonzero(np.isnan(values[:, 3]))
-    if 0 < len(unknown) < len(values):
-        raise InputError(
-            f"{path}: point {unknown[0] + 1} has no height, others have one: allowed are heights of all or of none"
-        )
-    if len(unknown):
-        values[:, 3] = 0.0
-        notes = (f"{path.name} has no heights: the track is at height_offset_m above the ellipsoid",)
-    return Points(str(path), values[:, 0], np.radians(values[:, 1]), np.radians(values[:, 2]), values[:, 3], notes=notes)
-
-
-def _height(given: float | None) -> float:
-    return float("nan") if given is None else float(given)
-
-
-def _gpx(path: Path) -> list[tuple[str, Rows]]:
-    """The tracks with points; the segments of a track follow each other."""
-    need(f"{path}: a GPX file", "gpxpy", extra="workbench")
-    import gpxpy
-
-    try:
-        found = gpxpy.parse(path.read_text(encoding="utf-8-sig"))
-    except (gpxpy.gpx.GPXException, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: no GPX file: {error}") from None
-    tracks = []
-    for track in found.tracks:
-        rows = []
-        for number, (point, _, _) in enumerate(track.walk(), 1):
-            if point.time is None:
-                raise InputError(f"{path}: point {number} has no time: a planned route is no recorded track")
-            rows.append((point.time.timestamp(), point.latitude, point.longitude, _height(point.elevation)))
-        if rows:
-            tracks.append((track.name or "", rows))
-    if not tracks:
-        raise InputError(f"{path}: no track with points")
-    return tracks
-
-
-def _nmea(path: Path, columns: Columns) -> Points:
-    """Fixes of the sentences GGA, whose heights are above mean sea level and of the geoid; days follow from midnights."""
-    need(f"{path}: an NMEA file", "pynmea2", extra="workbench")
-    import pynmea2
-
-    rows: Rows = []
-    wrong, day = "", 0.0
-    for number, line in enumerate(path.read_text(encoding="ascii", errors="replace").splitlines(), 1):
-        start = line.find("$")
-        if start < 0 or line[start + 3 : start + 6] != "GGA":
-            continue
-        try:
-            fix = pynmea2.parse(line[start:], check=True)
-        except (pynmea2.ParseError, ValueError) as error:
-            wrong = wrong or f"{path}: line {number}: {error}"
-            continue
-        if not fix.gps_qual or fix.timestamp is None or not fix.lat or not fix.lon:
-            continue
-        stamp = fix.timestamp
-        time = stamp.hour * 3600.0 + stamp.minute * 60.0 + stamp.second + stamp.microsecond * 1e-6 + day
-        if rows and time < rows[-1][0] - 43200.0:
-            day, time = day + 86400.0, time + 86400.0
-        height = _height(fix.altitude) + float(fix.geo_sep or 0.0)
-        rows.append((time, fix.latitude, fix.longitude, height))
-    if wrong:
-        raise InputError(wrong)
-    if not rows:
-        raise InputError(f"{path}: no sentence GGA with a fix")
-    return _points(path, rows)
-
-
-def _kml(path: Path) -> list[tuple[str, Rows]]:
-    """The placemarks with a gx:Track, pairs of when and gx:coord; a LineString has no times and is no recorded track."""
-    from xml.etree.ElementTree import ParseError, fromstring
-
-    text = path.read_bytes()
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise InputError(f"{path}: declares a document type: allowed is plain KML")
-    try:
-        root = fromstring(text)
-    except ParseError as error:
-        raise InputError(f"{path}: no KML file: {error}") from None
-    tracks = []
-    for mark in [each for each in root.iter() if each.tag.endswith("}Placemark")]:
-        name = next((each.text for each in mark if each.tag.endswith("}name")), None)
-        rows = [row for track in mark.iter() if track.tag.endswith("}Track") for row in _kml_rows(path, track)]
-        if rows:
-            tracks.append((name or "", rows))
-    if not tracks:
-        raise InputError(f"{path}: no gx:Track in a Placemark: only points with times are a recorded track")
-    return tracks
-
-
-def _kml_rows(path: Path, track: Element) -> Rows:
-    """The points of a gx:Track."""
-    times = [each.text or "" for each in track if each.tag.endswith("}when")]
-    places = [(each.text or "").split() for each in track if each.tag.endswith("}coord")]
-    if len(times) != len(places):
-        raise InputError(f"{path}: {len(times)} times for {len(places)} places: allowed is one for each")
-    rows = []
-    for number, (stamp, place) in enumerate(zip(times, places, strict=True), 1):
-        try:
-            moment = datetime.fromisoformat(stamp.strip().replace("Z", "+00:00"))
-            longitude, latitude, height = (float(part) for part in (*place, "nan")[:3])
-        except ValueError:
-            raise InputError(
-                f"{path}: point {number}: {stamp!r} at {place!r}: allowed is a time and two or three numbers"
-            ) from None
-        moment = moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)
-        rows.append((moment.timestamp(), latitude, longitude, height))
-    return rows
-
-
 def _log(path: Path, columns: Columns) -> Points:
     """The reference of a log, with its attitude if it has one, or else its fixes."""
-    from insenv.logs import load
-
     log = load(path)
     known, attitude = log.reference, None
     if known is not None and known.latitude is not None and known.longitude is not None and known.height is not None:
@@ -266,8 +157,8 @@ def _run(path: Path, columns: Columns) -> Points:
     """The truth of the result file of a run."""
     names = ("time", "latitude", "longitude", "height", "q_nb")
     try:
-        with np.load(path, allow_pickle=False) as found:
-            time, latitude, longitude, height, q_nb = (found[f"truth/{name}"] for name in names)
+        with np.load(path, allow_pickle=False) as arrays:
+            time, latitude, longitude, height, q_nb = (arrays[f"truth/{name}"] for name in names)
     except (KeyError, ValueError) as error:
         raise InputError(f"{path}: no result of a run with its truth: {error}") from None
     unknown = np.flatnonzero(~np.all(np.isfinite(np.column_stack([latitude, longitude, height, q_nb])), axis=1))
@@ -280,15 +171,8 @@ def _run(path: Path, columns: Columns) -> Points:
     return Points(str(path), time, latitude, longitude, height, attitude)
 
 
-_READERS: dict[str, Callable[[Path, Columns], Points]] = {
-    ".csv": _csv,
-    ".txt": _csv,
-    ".nmea": _nmea,
-    ".npz": _run,
-    ".toml": _log,
-}
-_WITH_TRACKS: dict[str, Callable[[Path], list[tuple[str, Rows]]]] = {".gpx": _gpx, ".kml": _kml}
-"""Files that may hold several tracks: the readers of all, by name."""
+_READERS = {".csv": _csv, ".txt": _csv, ".npz": _run, ".toml": _log}
+"""The readers of files that hold one track; those of other formats: `insenv.logs.formats.TRACKS`."""
 
 
 # The fingerprint of the file of a track, which changes with whatever the track is read from.
@@ -299,8 +183,6 @@ def fingerprint(path: Path) -> str:
 
     Raises `InputError` for a file that cannot be read; a file that a description names is left to the reader of the log.
     """
-    from insenv.logs.readers import read_bytes  # which needs scenarios
-
     digest = hashlib.sha256(read_bytes(str(path), Path())[1])
     if path.suffix.lower() == ".toml":
         for file in _files_of(read_toml(path)):
@@ -312,7 +194,7 @@ def fingerprint(path: Path) -> str:
 def _files_of(data: Mapping[str, Any]) -> Iterator[str]:
     """The files that a description of a log names."""
     for name, value in data.items():
-        found = value.get("file") if isinstance(value, Mapping) else value if name == "flight" else None
-        for file in found if isinstance(found, list) else [found]:
+        files = value.get("file") if isinstance(value, Mapping) else value if name == "flight" else None
+        for file in files if isinstance(files, list) else [files]:
             if isinstance(file, str) and file:
                 yield file

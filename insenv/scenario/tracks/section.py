@@ -20,16 +20,16 @@ from insenv.vehicles.section import MARGIN_MPS, StartSection, VehicleSection
 from insenv.vehicles.track import DEGREE, SIZES, track
 from insenv.vehicles.truth import Vehicle
 
-SHORTEST_KNOT_S = 0.05
-LONGEST_GAP = 200
+MIN_KNOT_S = 0.05
+MAX_GAP_KNOTS = 200
 """Knots between two points: with more, rounding decides what the smoothest spline between them is."""
-TURN = 0.25
+MAX_ROTATION = 0.25
 """Largest rotation in a sample, rad, that the truth of a vehicle allows."""
-_MOST = SIZES[-1] - DEGREE - 1
+_MAX_KNOTS = SIZES[-1] - DEGREE - 1
 
 
 class TrackSection(VehicleSection):
-    """Keys of the tracks of one's own."""
+    """Keys of every kind of track."""
 
     bank: Literal["coordinated", "level"] = key("coordinated", "roll where the file has none: that of coordinated turns, or 0")
     smoothing_m: Number | None = key(
@@ -39,7 +39,11 @@ class TrackSection(VehicleSection):
 
     @property
     def shape(self) -> Shape:
-        """The splines."""
+        """The splines, made once for the same values.  Raises `InputError` for what cannot be a track."""
+        return _shape(type(self), self.model_dump_json())
+
+    def make_shape(self) -> Shape:
+        """The splines from the file or the plan."""
         raise NotImplementedError
 
     @property
@@ -77,8 +81,10 @@ class TrackSection(VehicleSection):
             )
         times = np.linspace(0.0, shape.duration_s, 2 * len(shape.points))
         turned = float(np.abs(shape.spline.at(times, 1)[:, 3:]).max()) * sample_interval
-        if turned > TURN:
-            raise InputError(f"vehicle: rotation of {turned:.2g} rad in a sample: allowed is {TURN} rad; use a higher rate_hz")
+        if turned > MAX_ROTATION:
+            raise InputError(
+                f"vehicle: rotation of {turned:.2g} rad in a sample: allowed is {MAX_ROTATION} rad; use a higher rate_hz"
+            )
 
     def start_values(self) -> dict[str, float]:
         """The keys of [start]."""
@@ -90,8 +96,8 @@ class TrackSection(VehicleSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a [start] that is not that of the track."""
-        shape, own = self.shape, self.start_values()
-        for name, value in own.items():
+        shape = self.shape
+        for name, value in self.start_values().items():
             if abs(getattr(start, name) - value) > 1e-6:
                 raise InputError(
                     f"start.{name} = {getattr(start, name):g}: the track begins at {value:.10g}; leave [start] out"
@@ -111,6 +117,11 @@ class TrackSection(VehicleSection):
             "mean_roll": 0.0,
             "mean_pitch": 0.0,
         }
+
+
+@lru_cache(maxsize=32)
+def _shape(kind: type[TrackSection], text: str) -> Shape:
+    return kind.model_validate_json(text).make_shape()
 
 
 def _size(count: int) -> int:
@@ -151,23 +162,15 @@ class RecordedSection(RecordedFile):
     max_gap_s: Positive = key(10.0, "a longer gap between points is an error", "s", le=3600)
     max_acceleration_mps2: Positive = key(20.0, "a larger acceleration over one second is a jump, an error", "m/s2", le=1e4)
 
-    @property
-    def shape(self) -> Shape:
-        """The splines.  Raises `InputError` for a file that is no track."""
-        return _shape(self.model_dump_json())
-
-
-@lru_cache(maxsize=16)
-def _shape(text: str) -> Shape:
-    section = RecordedSection.model_validate_json(text)
-    found = points_of(Path(section.file), section.columns, section.height_offset_m, section.track)
-    points = checked(found, section.max_gap_s, section.max_acceleration_mps2)
-    return shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
+    def make_shape(self) -> Shape:
+        read = points_of(Path(self.file), self.columns, self.height_offset_m, self.track)
+        points = checked(read, self.max_gap_s, self.max_acceleration_mps2)
+        return shaped(points, knot_interval(self.knot_s, spacing(points), points), self.smoothing_m, self.bank)
 
 
 def spacing(points: Points) -> float:
-    """Usual time between points, s, at least `SHORTEST_KNOT_S`."""
-    return max(float(np.median(np.diff(points.time))), SHORTEST_KNOT_S)
+    """Usual time between points, s, at least `MIN_KNOT_S`."""
+    return max(float(np.median(np.diff(points.time))), MIN_KNOT_S)
 
 
 def knot_interval(stated: float | None, usual: float, points: Points) -> float:
@@ -176,15 +179,15 @@ def knot_interval(stated: float | None, usual: float, points: Points) -> float:
     Raises `InputError` for too many knots, in all or in a gap, and for too few.
     """
     lasts = float(points.time[-1])
-    interval = stated or max(usual, lasts / (_MOST - 1))
+    interval = stated or max(usual, lasts / (_MAX_KNOTS - 1))
     if interval > lasts:
         raise InputError(f"knot_s = {interval:g} s: allowed is at most the duration of the track, {lasts:.6g} s")
-    if lasts / interval > _MOST:
-        raise InputError(f"knot_s = {interval:g} s: {lasts / interval:.0f} knots: allowed is at most {_MOST}")
+    if lasts / interval > _MAX_KNOTS:
+        raise InputError(f"knot_s = {interval:g} s: {lasts / interval:.0f} knots: allowed is at most {_MAX_KNOTS}")
     gap = float(np.diff(points.time).max())
-    if gap > LONGEST_GAP * interval:
+    if gap > MAX_GAP_KNOTS * interval:
         raise InputError(
-            f"{points.label}: a gap of {gap:.6g} s with knots every {interval:g} s: allowed are {LONGEST_GAP} knots in a gap, "
-            f"with a knot_s of {gap / LONGEST_GAP:.6g} s or more"
+            f"{points.label}: a gap of {gap:.6g} s with knots every {interval:g} s: allowed are {MAX_GAP_KNOTS} knots in a "
+            f"gap, with a knot_s of {gap / MAX_GAP_KNOTS:.6g} s or more"
         )
     return float(interval)

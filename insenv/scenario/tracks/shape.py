@@ -71,13 +71,13 @@ def motion(points: Points, shape: Shape, derivative: int) -> Array:
 def check_velocity(points: Points, shape: Shape, largest: float) -> None:
     """Raise `InputError` where the velocities of the points are not those of the track; largest: difference allowed, m/s."""
     assert points.velocity is not None
-    own = motion(points, shape, 1)
-    apart = np.abs(own - points.velocity)
+    velocity = motion(points, shape, 1)
+    apart = np.abs(velocity - points.velocity)
     at, axis = np.unravel_index(int(np.argmax(apart)), apart.shape)
     if apart[at, axis] > largest:
         raise InputError(
             f"{points.label}: velocity {('north', 'east', 'down')[axis]} is {points.velocity[at, axis]:.6g} m/s at "
-            f"{points.time[at]:.6g} s, and {own[at, axis]:.6g} m/s by the positions: allowed is a difference of "
+            f"{points.time[at]:.6g} s, and {velocity[at, axis]:.6g} m/s by the positions: allowed is a difference of "
             f"max_contradiction_mps = {largest:g} m/s; check the order north, east, down, the unit and the Earth model; a "
             "step_s too long for the motion does this too"
         )

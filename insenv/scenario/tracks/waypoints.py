@@ -8,7 +8,6 @@ acceleration.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -28,12 +27,12 @@ Array = NDArray[np.float64]
 STEP_S = 0.25
 """Time between the points of the plan, s."""
 KNOT_S = 0.5
-LONGEST_S = 86400.0
-SPACING_M, MOST_POINTS = 1.0, 2_000_000
+MAX_DURATION_S = 86400.0
+SPACING_M, MAX_POINTS = 1.0, 2_000_000
 """Distance of the points at which speeds are found; larger for a way of more points."""
-SHARPEST = 3.0
+MAX_TURN = 3.0
 """Largest turn on an arc, rad: a sharper one begins far before its place."""
-FAR = 0.25
+MAX_CUT = 0.25
 """An arc that passes its place at more than this part of the shorter of its lines is noted."""
 REST_S = 2.0
 """Time at rest at the first and at the last place, at least, s."""
@@ -63,10 +62,14 @@ class WaypointsSection(TrackSection):
             raise ValueError("must have two places or more")
         return value
 
-    @property
-    def shape(self) -> Shape:
-        """The splines.  Raises `InputError` for places that cannot be driven."""
-        return _shape(self.model_dump_json())
+    def make_shape(self) -> Shape:
+        time, place = planned(self)
+        first = self.waypoints[0]
+        origin = np.radians(first.latitude_deg), np.radians(first.longitude_deg), first.height_m
+        latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(place, *origin)
+        points = checked(Points("vehicle.waypoints", time, latitude, longitude, height), np.inf, np.inf)
+        noise = SMOOTHING_M if self.smoothing_m is None else self.smoothing_m
+        return shaped(points, knot_interval(self.knot_s, KNOT_S, points), noise, self.bank)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -77,18 +80,6 @@ class WaypointsSection(TrackSection):
     def lasts_s(self) -> float | None:
         """Duration of the plan, s, which needs no splines."""
         return float(planned(self)[0][-1])
-
-
-@lru_cache(maxsize=16)
-def _shape(text: str) -> Shape:
-    section = WaypointsSection.model_validate_json(text)
-    time, place = planned(section)
-    first = section.waypoints[0]
-    origin = np.radians(first.latitude_deg), np.radians(first.longitude_deg), first.height_m
-    latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(place, *origin)
-    points = checked(Points("vehicle.waypoints", time, latitude, longitude, height), np.inf, np.inf)
-    noise = SMOOTHING_M if section.smoothing_m is None else section.smoothing_m
-    return shaped(points, knot_interval(section.knot_s, KNOT_S, points), noise, section.bank)
 
 
 def planned(section: WaypointsSection) -> tuple[Array, Array]:
@@ -129,7 +120,7 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
     stops = [w.stop_s > 0.0 for w in places]
     lasts = float(np.sum(lengths / [w.speed_mps for w in places[:-1]])) + sum(w.stop_s for w in places)
     _check_duration(lasts)
-    spacing = max(SPACING_M, float(lengths.sum()) / MOST_POINTS)
+    spacing = max(SPACING_M, float(lengths.sum()) / MAX_POINTS)
     for k, length in enumerate(lengths):
         speed = places[k].speed_mps
         direction = legs[k] / length
@@ -139,10 +130,10 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
             turn = float(np.arctan2(direction[0] * after[1] - direction[1] * after[0], direction[:2] @ after[:2]))
             slower = min(speed, places[k + 1].speed_mps)
             shorter = min(length, lengths[k + 1])
-            if abs(turn) > SHARPEST:
+            if abs(turn) > MAX_TURN:
                 raise InputError(
                     f"vehicle.waypoints[{k + 1}]: a turn of {np.degrees(abs(turn)):.4g} deg: allowed is up to "
-                    f"{np.degrees(SHARPEST):.4g} deg, or a stop_s, at which the vehicle turns on the spot"
+                    f"{np.degrees(MAX_TURN):.4g} deg, or a stop_s, at which the vehicle turns on the spot"
                 )
             reach = min(slower**2 / section.lateral_mps2 * abs(np.tan(0.5 * turn)), 0.45 * shorter)
             if abs(turn) > 1e-4:
@@ -150,7 +141,7 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
                 corner = min(slower, float(np.sqrt(section.lateral_mps2 * radius)))
                 end, arc = end - reach * direction, (end + reach * after, radius, turn, corner)
                 missed = radius * (1.0 / np.cos(0.5 * turn) - 1.0)
-                if missed > FAR * shorter:
+                if missed > MAX_CUT * shorter:
                     notes.append(
                         f"the arc at vehicle.waypoints[{k + 1}] passes {missed:.0f} m from the place: a stop_s, a lower "
                         "speed or a larger lateral_mps2 keeps it closer"
@@ -179,8 +170,8 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
 
 
 def _check_duration(lasts: float) -> None:
-    if lasts > LONGEST_S:
-        raise InputError(f"vehicle.waypoints: the plan lasts {lasts:.6g} s or more: allowed is up to {LONGEST_S:g} s")
+    if lasts > MAX_DURATION_S:
+        raise InputError(f"vehicle.waypoints: the plan lasts {lasts:.6g} s or more: allowed is up to {MAX_DURATION_S:g} s")
 
 
 def _timed(section: WaypointsSection, line: Array, limits: Array) -> tuple[Array, Array]:

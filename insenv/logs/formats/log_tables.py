@@ -5,21 +5,16 @@ Every value is in SI and in body or navigation axes, as `insenv.logs.RecordedLog
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from insenv.logs import GnssFixes, RecordedLog, Reference
-from insenv.logs.recorded import Readings
+from insenv.logs.formats.contract import Columns
+from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference
+from insenv.logs.units import Array
 from insenv.sensors import registry
 from insenv.sensors.instrument import Column
 from insenv.sensors.units import ZERO_CELSIUS
-
-Array = NDArray[np.float64]
-Columns = dict[str, Array]
-"""Columns (n,) by name."""
 
 _TIME: dict[str, Any] = {"time": "time_s"}
 _AGE = {"age": "age_s"}
@@ -90,23 +85,23 @@ def _measured(readings: Readings) -> list[Column]:
 
 def reference_keys(reference: Reference) -> dict[str, Any]:
     """The keys of [reference] for the columns of `reference_columns`."""
-    found = dict(_TIME)
-    found |= _PLACE if reference.latitude is not None else {}
-    found |= {"velocity": _NED_VELOCITY} if reference.velocity_n is not None else {}
-    return found | (_ATTITUDE if reference.roll is not None else {})
+    keys = dict(_TIME)
+    keys |= _PLACE if reference.latitude is not None else {}
+    keys |= {"velocity": _NED_VELOCITY} if reference.velocity_n is not None else {}
+    return keys | (_ATTITUDE if reference.roll is not None else {})
 
 
 def imu_columns(log: RecordedLog) -> Columns:
     """The samples that the log has: those that were interpolated are left out."""
-    own = ~log.bridged
+    sampled = ~log.bridged
     columns = {
-        "time_s": log.imu_time[own],
-        "interval_s": log.dt[own],
-        **_vector(IMU["gyro"], log.delta_angle[own]),
-        **_vector(IMU["accel"], log.delta_velocity[own]),
+        "time_s": log.imu_time[sampled],
+        "interval_s": log.dt[sampled],
+        **_vector(IMU["gyro"], log.delta_angle[sampled]),
+        **_vector(IMU["accel"], log.delta_velocity[sampled]),
     }
     if log.temperature is not None:  # the difference is exact, so that reading gives the same kelvins
-        columns["temperature_degc"] = log.temperature[own] - ZERO_CELSIUS
+        columns["temperature_degc"] = log.temperature[sampled] - ZERO_CELSIUS
     return columns
 
 
@@ -151,18 +146,12 @@ def _vector(names: list[str], values: Array) -> Columns:
     return dict(zip(names, values.T, strict=True))
 
 
-def csv_text(columns: Mapping[str, Array]) -> str:
-    """A header and one line per row; each number in the fewest digits from which it is read back to the bit."""
-    rows = zip(*(np.asarray(column, dtype=np.float64).tolist() for column in columns.values()), strict=True)
-    return "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n"
-
-
 def tables(log: RecordedLog) -> dict[str, Columns]:
     """All tables of a log by section: imu, gnss, the instruments, reference; those that it has."""
-    found = {"imu": imu_columns(log)}
+    columns = {"imu": imu_columns(log)}
     if log.gnss is not None:
-        found["gnss"] = gnss_columns(log.gnss)
-    found |= {each.id: instrument_columns(each) for each in log.instruments}
+        columns["gnss"] = gnss_columns(log.gnss)
+    columns |= {each.id: instrument_columns(each) for each in log.instruments}
     if log.reference is not None:
-        found["reference"] = reference_columns(log.reference)
-    return found
+        columns["reference"] = reference_columns(log.reference)
+    return columns

@@ -9,7 +9,7 @@ from flight_drive import START_UNIX, described, drive, telemetry
 from insenv import replay, run
 from insenv.base.errors import InputError
 from insenv.logs import load
-from insenv.logs.flight.telemetry import TelemetryLog
+from insenv.logs.formats.telemetry import TelemetryLog
 from insenv.mavlink import Stream, Vehicle
 from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.wire import TlogWriter, dialect, open_link

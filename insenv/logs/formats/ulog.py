@@ -16,20 +16,20 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.installing import need
-from insenv.logs.flight.series import (
+from insenv.logs.formats.contract import Format
+from insenv.logs.formats.series import (
     AZIMUTH_SIGMA,
     FIX_3D,
     GAUSS,
     UNIX_US,
     FixSeries,
     Flight,
-    FlightFormat,
     ImuSeries,
     SolutionSeries,
     instance_name,
-    interpolated_angles,
     reading,
     three_sigmas,
+    with_places,
 )
 from insenv.logs.recorded import Readings
 from insenv.logs.units import Array
@@ -42,14 +42,14 @@ _MESSAGES = frozenset(b"ABCDFILMOPQRS")
 """Kinds of messages, by the letter after the size."""
 _SYNC = ord("S")
 _SYNC_BYTES = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
-_MOST_READS = 300_000
+_MAX_READS = 300_000
 """Allowed reads without progress: two for each byte of the longest message, after which pyulog searches byte by byte."""
 _E7 = np.pi / 180.0 * 1e-7
+_RECEIVERS = ("vehicle_gps_position", "sensor_gps")
 _TOPICS = [
     "sensor_combined",
     "vehicle_imu",
-    "vehicle_gps_position",
-    "sensor_gps",
+    *_RECEIVERS,
     "vehicle_attitude",
     "vehicle_local_position",
     "vehicle_global_position",
@@ -60,7 +60,7 @@ _TOPICS = [
 Columns = dict[str, Any]
 
 
-def read_ulog(label: str, data: bytes) -> Flight:
+def read(label: str, data: bytes) -> Flight:
     """The series of a ULog file. Raises InputError: not such a file, or not readable by pyulog."""
     if not data.startswith(MAGIC):
         raise InputError(f"{label}: not a PX4 ULog file: it must begin with 'ULog'")
@@ -75,31 +75,27 @@ def read_ulog(label: str, data: bytes) -> Flight:
         raise InputError(f"{label}: not readable as a PX4 ULog file: {error or type(error).__name__}") from None
     topics = {(d.name, d.multi_id): d.data for d in log.data_list if len(d.data["timestamp"])}
     notes = _rebased(topics)
-    imus = _imus(topics)
     fixes = [
-        series
+        _fixes(instance_name(name, instance or None), table)
         for (name, instance), table in sorted(topics.items(), key=lambda item: (item[0][0] == "sensor_gps", item[0]))
-        if name in ("vehicle_gps_position", "sensor_gps")
-        and (series := _fixes(instance_name(name, instance or None), table)) is not None
+        if name in _RECEIVERS
     ]
-    undulation = next((series.undulation for series in fixes if series.undulation is not None), None)
-    solution = _solution(topics, undulation or 0.0)
+    undulation = next((each.undulation for each in fixes if each is not None and each.undulation is not None), None)
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
         notes.append(f"{len(log.dropouts)} dropouts of the logger, {lost:.3g} s in total")
     notes += damage
     if log.file_corruption and not damage:
         notes.append("the file is damaged: its readable part is used")
-    readings = tuple(each for each in _readings(topics) if each is not None)
-    rows = sum(len(table["timestamp"]) for table in topics.values())
-    parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
-    solutions = () if solution is None else (solution,)
-    return Flight(imus, tuple(fixes), solutions, tuple(notes), rows, (), parameters, readings=readings)
-
-
-FORMAT = FlightFormat(
-    ".ulg", "PX4 ULog file", "SDLOG_PROFILE selects what is logged: the default includes sensor_combined", read_ulog
-)
+    return Flight(
+        imus=_imus(topics),
+        fixes=fixes,
+        solutions=[_solution(topics, undulation or 0.0)],
+        notes=notes,
+        rows=sum(len(table["timestamp"]) for table in topics.values()),
+        parameters={str(name): float(value) for name, value in log.initial_parameters.items()},
+        readings=list(_readings(topics)),
+    )
 
 
 def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
@@ -113,9 +109,9 @@ def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
     while at + 3 <= end:
         size, kind = int.from_bytes(data[at : at + 2], "little"), data[at + 2]
         if kind not in _MESSAGES or (kind == _SYNC and data[at + 3 : at + 11] != _SYNC_BYTES):
-            found = _resumed(data, at + 1)
+            resumed = _resumed(data, at + 1)
             pieces.append(data[begin:at])
-            lost, places, at, begin = lost + found - at, places + 1, found, found
+            lost, places, at, begin = lost + resumed - at, places + 1, resumed, resumed
         elif at + 3 + size > end:
             break
         else:
@@ -159,7 +155,7 @@ class _Advancing(io.BytesIO):
         self._since += 1
         if self.tell() > self._furthest:
             self._furthest, self._since = self.tell(), 0
-        elif self._since > _MOST_READS:
+        elif self._since > _MAX_READS:
             raise _EndlessError("a broken message")
         return piece
 
@@ -183,7 +179,7 @@ def _rebased(topics: dict[tuple[str, int], Columns]) -> list[str]:
     return ["time stamps are Unix time: times are counted from the first inertial sample"]
 
 
-def _imus(topics: dict[tuple[str, int], Columns]) -> tuple[ImuSeries, ...]:
+def _imus(topics: dict[tuple[str, int], Columns]) -> list[ImuSeries]:
     imus = []
     for (name, instance), table in topics.items():
         if name == "sensor_combined":
@@ -195,7 +191,7 @@ def _imus(topics: dict[tuple[str, int], Columns]) -> tuple[ImuSeries, ...]:
         else:
             continue
         imus.append(ImuSeries(instance_name(name, instance or None), _seconds(time), rate, force, "interval_end"))
-    return tuple(sorted(imus, key=lambda imu: (-imu.rate_hz, imu.name)))
+    return sorted(imus, key=lambda imu: imu.name)
 
 
 def _fixes(name: str, table: Columns) -> FixSeries | None:
@@ -210,11 +206,6 @@ def _fixes(name: str, table: Columns) -> FixSeries | None:
         latitude, longitude = table["lat"] * _E7, table["lon"] * _E7
         sea, height = table["alt"] * 1e-3, table["alt_ellipsoid"] * 1e-3
     ellipsoidal = bool(np.any(height != 0.0))  # a receiver without heights above the ellipsoid leaves them at zero
-    time = (
-        table["timestamp_sample"]
-        if "timestamp_sample" in table and (table["timestamp_sample"] > 0).all()
-        else table["timestamp"]
-    )
     velocity = velocity_sigma = None
     if (table["vel_ned_valid"] != 0).all():
         velocity = np.stack([table["vel_n_m_s"], table["vel_e_m_s"], table["vel_d_m_s"]], axis=1).astype(np.float64)
@@ -223,7 +214,7 @@ def _fixes(name: str, table: Columns) -> FixSeries | None:
             velocity_sigma = np.stack([accuracy] * 3, axis=1)
     return FixSeries(
         name=name,
-        time=_seconds(time),
+        time=_sampled_at(table),
         latitude=np.asarray(latitude, dtype=np.float64),
         longitude=np.asarray(longitude, dtype=np.float64),
         height=height if ellipsoidal else sea,
@@ -246,7 +237,7 @@ def _readings(topics: dict[tuple[str, int], Columns]) -> Iterator[Readings | Non
         yield reading("magnetometer", "vehicle_magnetometer", _sampled_at(magnetometer), field)
     if air is not None and "baro_alt_meter" in air:
         yield reading("barometer", "vehicle_air_data", _sampled_at(air), np.asarray(air["baro_alt_meter"], dtype=np.float64))
-    for name in ("vehicle_gps_position", "sensor_gps"):
+    for name in _RECEIVERS:
         table = topics.get((name, 0))
         if table is not None and "heading" in table and np.isfinite(table["heading"]).any():
             azimuth = np.asarray(table["heading"], dtype=np.float64)
@@ -272,38 +263,31 @@ def _solution(topics: dict[tuple[str, int], Columns], undulation: float) -> Solu
     good = np.isfinite(length) & (length > 0.5)  # zeros before PX4's filter has started
     if np.count_nonzero(good) < 2:
         return None
-    angles = attitude.numeric.to_euler(q[good] / length[good, None])
+    roll, pitch, heading = attitude.numeric.to_euler(q[good] / length[good, None])
     time = _seconds(turned["timestamp"])[good]
-    alone = SolutionSeries(name="vehicle_attitude", time=time, roll=angles[0], pitch=angles[1], heading=angles[2])
+    alone = SolutionSeries(name="vehicle_attitude", time=time, roll=roll, pitch=pitch, heading=heading)
     if place is None:
         return alone
     known = (np.asarray(place["xy_global"]) != 0) & (np.asarray(place["z_global"]) != 0)
     place = {column: np.asarray(values)[known] for column, values in place.items()}
-    at = _seconds(place["timestamp"])
-    inside = (at >= time[0]) & (at <= time[-1])
-    if np.count_nonzero(inside) < 2:
-        return alone
-    roll, pitch, heading = interpolated_angles(at[inside], time, angles)
-    offset = _columns(place, ["x", "y", "z"])[inside]
-    origin = (np.radians(place["ref_lat"][inside]), np.radians(place["ref_lon"][inside]), place["ref_alt"][inside] + undulation)
-    latitude, longitude, height = _placed(offset, origin)
-    return SolutionSeries(
-        name="vehicle_attitude, vehicle_local_position",
-        time=at[inside],
+    origin = (np.radians(place["ref_lat"]), np.radians(place["ref_lon"]), place["ref_alt"] + undulation)
+    latitude, longitude, height = _placed(_columns(place, ["x", "y", "z"]), origin)
+    return with_places(
+        alone,
+        "vehicle_attitude, vehicle_local_position",
+        _seconds(place["timestamp"]),
         latitude=latitude,
         longitude=longitude,
         height=height,
-        velocity_n=_columns(place, ["vx", "vy", "vz"])[inside],
-        roll=roll,
-        pitch=pitch,
-        heading=heading,
+        velocity_n=_columns(place, ["vx", "vy", "vz"]),
     )
 
 
 def _placed(offset: Array, origin: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
     """Latitude, longitude (rad) and height (m) of offsets from origins."""
     places = np.array([geodesy.numeric.geodetic_from_ned_offset(o, *place) for o, *place in zip(offset, *origin, strict=True)])
-    return places[:, 0], places[:, 1], places[:, 2]
+    latitude, longitude, height = places.reshape(-1, 3).T
+    return latitude, longitude, height
 
 
 def _three(table: Columns, name: str) -> Array:
@@ -316,3 +300,12 @@ def _columns(table: Columns, names: list[str]) -> Array:
 
 def _seconds(microseconds: Any) -> Array:
     return np.asarray(microseconds, dtype=np.float64) * 1e-6
+
+
+FORMAT = Format(
+    name="ulog",
+    kind="PX4 ULog file",
+    suffixes=(".ulg",),
+    read_flight=read,
+    hint="SDLOG_PROFILE selects what is logged: the default includes sensor_combined",
+)

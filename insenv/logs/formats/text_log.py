@@ -8,11 +8,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.export import log_tables
-from insenv.logs import LogDescription, RecordedLog
-from insenv.logs.columns import FileSection, MeasurementSection
-from insenv.logs.description import SLOPES, GnssSection, ImuSection, ReferenceSection, columns_of
-from insenv.logs.instruments import section_of
+from insenv.logs.columns import MeasurementSection
+from insenv.logs.description import SLOPES, LogDescription
+from insenv.logs.formats import log_tables
+from insenv.logs.formats.contract import Drive, Files, Format
+from insenv.logs.formats.csv_table import csv_text
+from insenv.logs.recorded import RecordedLog
 from insenv.sensors import registry
 
 # Values of a TOML file as text.
@@ -94,9 +95,9 @@ def texts(log: RecordedLog, name: str) -> dict[str, str]:
         keys[each.id] = log_tables.instrument_keys(each)
     if log.reference is not None and len(tables["reference"]["time_s"]):
         keys["reference"] = log_tables.reference_keys(log.reference)
-    sections = {id: {"file": file_of(id, name), **keys[id], **_kept(log, id)} for id in keys}
+    sections = {id: {"file": file_of(id, name), **keys[id], **_stated(log, id)} for id in keys}
     text = _HEAD.format(name=name) + toml_text({**_common(log.description), **sections})
-    return {f"{name}.toml": text, **{file_of(id, name): log_tables.csv_text(tables[id]) for id in keys}}
+    return {f"{name}.toml": text, **{file_of(id, name): csv_text(tables[id]) for id in keys}}
 
 
 _HEAD = """# A recorded log: insenv replay {name}.toml -e ID --start stated starts from [initial].
@@ -112,13 +113,19 @@ def _common(description: LogDescription) -> dict[str, Any]:
     return {name: value for name, value in data.items() if value not in ({}, "")}
 
 
-def _kept(log: RecordedLog, id: str) -> dict[str, Any]:
+def _stated(log: RecordedLog, id: str) -> dict[str, Any]:
     """What a section says beside how its files are read: grades, errors, lever arms."""
     section = getattr(log.description, id)
     if section is None:  # of a flight log, whose description has no instruments
         return {}
-    models: dict[str, type[FileSection]] = {"imu": ImuSection, "gnss": GnssSection, "reference": ReferenceSection}
-    models |= {id: section_of(instrument) for id, instrument in registry.instruments().items()}
-    drop = _AS_READ | set(columns_of(models[id]))
+    drop = _AS_READ | set(section.column_keys())
     data = section.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     return {name: value for name, value in data.items() if name not in drop}
+
+
+def write(drive: Drive) -> Files:
+    """NAME-log.toml and its CSV files."""
+    return texts(drive.sensors(), f"{drive.name}-log")
+
+
+FORMAT = Format(name="log", write=write, needs_log=True)

@@ -8,31 +8,31 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.logs.flight.series import (
+from insenv.logs.formats.contract import Format
+from insenv.logs.formats.series import (
     AZIMUTH_SIGMA,
     FIX_3D,
     GAUSS,
     UNIX_US,
     FixSeries,
     Flight,
-    FlightFormat,
     ImuSeries,
     Place,
     SolutionSeries,
-    interpolated_angles,
     nearest_rows,
     reading,
     three_sigmas,
+    with_places,
 )
 from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
 from insenv.logs.units import Array
@@ -114,8 +114,8 @@ class TelemetryLog:
 
     def _resynchronised(self, at: int) -> int:
         """Offset at which the next record may begin: eight bytes before the next magic byte."""
-        found = _MAGIC.search(self.data, at + STAMP + 1)
-        after = len(self.data) if found is None else found.start() - STAMP
+        magic = _MAGIC.search(self.data, at + STAMP + 1)
+        after = len(self.data) if magic is None else magic.start() - STAMP
         self.skipped += after - at
         return after
 
@@ -127,17 +127,25 @@ _MAGNETOMETER, _PRESSURE_HEIGHT = 0b111 << 6, 1 << 11
 """Bits of fields_updated."""
 _REAL32 = 9
 """MAV_PARAM_TYPE_REAL32."""
+_UNITS: Mapping[str, Literal["interval_end", "instant"]] = {"HIL_SENSOR": "interval_end", "HIGHRES_IMU": "instant"}
+"""Messages of the inertial unit in SI, and their stamps."""
+_SCALED = ("SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3")
+_NAMES = {
+    *_UNITS, *_SCALED, "RAW_IMU", "HIL_GPS", "GPS_RAW_INT", "PARAM_VALUE", "HOME_POSITION", "HIL_STATE_QUATERNION", "ATTITUDE",
+    "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT",
+}  # fmt: skip
 
 
-def read_telemetry(label: str, data: bytes) -> Flight:
+def read(label: str, data: bytes) -> Flight:
     """The series of a telemetry log. Raises InputError: not a telemetry log."""
     log = TelemetryLog(data)
-    by_sender: dict[tuple[int, int], dict[int, list[tuple[int, bytes]]]] = defaultdict(lambda: defaultdict(list))
+    names = {number: kind.msgname for number, kind in messages().items() if kind.msgname in _NAMES}
+    by_sender: dict[tuple[int, int], dict[str, list[tuple[int, bytes]]]] = defaultdict(lambda: defaultdict(list))
     for record in log:
-        by_sender[record.system, record.component][record.number].append((record.time_us, record.payload))
+        by_sender[record.system, record.component][names.get(record.number, "")].append((record.time_us, record.payload))
     if not log.records:
         raise InputError(f"{label}: not a MAVLink telemetry log: it holds no frame after a time stamp")
-    tables = {sender: _Tables(found) for sender, found in by_sender.items()}
+    tables = {sender: _Tables(rows) for sender, rows in by_sender.items()}
     sender = max(tables, key=lambda s: tables[s].inertial_samples())
     notes = []
     if len(tables) > 1:
@@ -148,132 +156,105 @@ def read_telemetry(label: str, data: bytes) -> Flight:
     return tables[sender].flight(notes, log.records)
 
 
-FORMAT = FlightFormat(
-    ".tlog",
-    "MAVLink telemetry log",
-    "request HIGHRES_IMU from the vehicle (SET_MESSAGE_INTERVAL), or use the log on its own card",
-    read_telemetry,
-)
-
-
 class _Tables:
-    """The messages of one sender, by name, as columns."""
+    """The messages of one sender as columns.  rows: times of arrival (us) and payloads by name of the message."""
 
-    def __init__(self, found: dict[int, list[tuple[int, bytes]]]) -> None:
-        self._found = {messages()[number].msgname: rows for number, rows in found.items()}
-        self._kinds = {messages()[number].msgname: messages()[number] for number in found}
+    def __init__(self, rows: Mapping[str, list[tuple[int, bytes]]]) -> None:
+        self._rows = rows
         self.base_us = 0
 
-    def __contains__(self, name: str) -> bool:
-        return name in self._found
-
     def inertial_samples(self) -> int:
-        return sum(len(self._found.get(name, ())) for name in ("HIL_SENSOR", "HIGHRES_IMU", "SCALED_IMU", "RAW_IMU"))
-
-    def received_us(self, name: str) -> np.ndarray:
-        return np.array([time for time, _ in self._found[name]], dtype=np.int64)
+        return sum(len(self._rows.get(name, ())) for name in (*_UNITS, "SCALED_IMU", "RAW_IMU"))
 
     def columns(self, name: str) -> np.ndarray:
-        """The payloads as a structured array; trailing bytes that MAVLink truncates are zero."""
-        kind = self._kinds[name]
-        fields: list[Any] = []
-        # native_format: one letter per field, in wire order
+        """The messages of a name as a structured array, with the column received_us; trailing bytes that MAVLink truncates are
+        zero.
+        """
+        kind = next(kind for kind in messages().values() if kind.msgname == name)
+        # native_format: one letter of struct per field, in wire order; array_lengths: 0 for scalars
         letters = bytes(kind.native_format).decode("ascii").lstrip("<>=")
-        for field, letter, length in zip(kind.ordered_fieldnames, letters, _lengths(kind), strict=True):
-            code = {"c": "S", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}.get(letter)
-            code = code or {"q": "<i8", "Q": "<u8", "f": "<f4", "d": "<f8"}[letter]
-            if letter == "c":
-                fields.append((field, f"S{max(length, 1)}"))
-            else:
-                fields.append((field, code, (length,)) if length else (field, code))
-        dtype = np.dtype(fields)
-        size = dtype.itemsize
-        return np.frombuffer(b"".join(payload.ljust(size, b"\0")[:size] for _, payload in self._found[name]), dtype)
+        fields: list[Any] = [
+            (field, f"S{max(length, 1)}") if letter == "c" else (field, f"<{letter}", (length,) if length else ())
+            for field, letter, length in zip(kind.ordered_fieldnames, letters, kind.array_lengths, strict=True)
+        ]
+        size = np.dtype(fields).itemsize
+        rows = (payload.ljust(size, b"\0")[:size] + time.to_bytes(8, "little") for time, payload in self._rows.get(name, ()))
+        return np.frombuffer(b"".join(rows), np.dtype([*fields, ("received_us", "<u8")]))
+
+    def each_once(self, name: str, column: str = "time_usec") -> np.ndarray:
+        """The first message of each time, in order of time."""
+        rows = self.columns(name)
+        return rows[np.unique(rows[column], return_index=True)[1]]
 
     def seconds(self, rows: np.ndarray) -> Array:
         """Column time_usec (n,) as seconds since `base_us`."""
         return np.asarray((rows["time_usec"].astype(np.int64) - self.base_us) * 1e-6, dtype=np.float64)
 
-    # --- series ----------------------------------------------------------------------------------
+    # Series.
 
     def flight(self, notes: list[str], records: int) -> Flight:
-        for name in ("HIL_SENSOR", "HIGHRES_IMU"):
-            if name in self and not self.base_us and (first := int(self.columns(name)["time_usec"][0])) > UNIX_US:
-                # double precision of seconds since 1970 is too coarse for the steps between samples
-                self.base_us = first
-                notes.append("the vehicle's time stamps are Unix time: times are counted from the first inertial sample")
-        imus, others = self._imus()
+        first = [int(rows["time_usec"][0]) for name in _UNITS if (rows := self.columns(name)).size]
+        self.base_us = next((time for time in first if time > UNIX_US), 0)
+        if self.base_us:  # double precision of seconds since 1970 is too coarse for the steps between samples
+            notes.append("the vehicle's time stamps are Unix time: times are counted from the first inertial sample")
+        imus = list(self._imus())
         undulation = self._undulation()
-        clock = imus[0].time if imus else np.zeros(0)
-        fixes = [f for f in (self._hil_gps(undulation, notes), self._gps_raw_int(undulation, clock, notes)) if f is not None]
-        solutions = [s for s in (self._truth(), self._estimate()) if s is not None]
+        clock = max(imus, key=lambda imu: imu.rate_hz).time if imus else np.zeros(0)
         return Flight(
-            imus,
-            tuple(fixes),
-            tuple(solutions),
-            tuple(notes),
-            records,
-            others,
-            self._parameters(),
-            self._home(undulation),
-            tuple(each for each in self._readings() if each is not None),
+            imus=imus,
+            fixes=[self._hil_gps(undulation, notes), self._gps_raw_int(undulation, clock, notes)],
+            solutions=[self._truth(), self._estimate()],
+            notes=notes,
+            rows=records,
+            others=["RAW_IMU (counts of no stated unit)"] if "RAW_IMU" in self._rows else [],
+            parameters=self._parameters(),
+            place=self._home(undulation),
+            readings=list(self._readings()),
         )
 
-    def _imus(self) -> tuple[tuple[ImuSeries, ...], tuple[str, ...]]:
-        imus = []
-        for name, stamp in (("HIL_SENSOR", "interval_end"), ("HIGHRES_IMU", "instant")):
-            if name not in self:
-                continue
-            rows = self.columns(name)
-            rows = rows[(rows["fields_updated"].astype(np.uint32) & 0b111111) == 0b111111]
-            rows = rows[rows["id"] == 0] if "id" in (rows.dtype.names or ()) else rows
+    def _unit(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """The messages of the first unit, and the bits of their fields_updated."""
+        rows = self.columns(name)
+        rows = rows[rows["id"] == 0] if "id" in (rows.dtype.names or ()) else rows
+        return rows, rows["fields_updated"].astype(np.uint32)
+
+    def _imus(self) -> Iterator[ImuSeries]:
+        for name, stamp in _UNITS.items():
+            rows, bits = self._unit(name)
+            rows = rows[bits & 0b111111 == 0b111111]
             if len(rows):
-                imus.append(
-                    ImuSeries(name, self.seconds(rows), _three(rows, "gyro"), _three(rows, "acc"), stamp)  # type: ignore[arg-type]
-                )
-        for name in ("SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3"):
-            if name in self:
-                rows = self.columns(name)
-                time = rows["time_boot_ms"] * 1e-3
-                imus.append(
-                    ImuSeries(name, time, _three(rows, "gyro") * 1e-3, _three(rows, "acc") * 1e-3 * STANDARD_GRAVITY, "instant")
-                )
-        others = ("RAW_IMU (counts of no stated unit)",) if "RAW_IMU" in self else ()
-        return tuple(sorted(imus, key=lambda imu: -imu.rate_hz)), others
+                yield ImuSeries(name, self.seconds(rows), _three(rows, "gyro"), _three(rows, "acc"), stamp)
+        for name in _SCALED:
+            rows = self.columns(name)
+            if len(rows):
+                rate, force = _three(rows, "gyro") * 1e-3, _three(rows, "acc") * 1e-3 * STANDARD_GRAVITY
+                yield ImuSeries(name, rows["time_boot_ms"] * 1e-3, rate, force, "instant")
 
     def _readings(self) -> Iterator[Readings | None]:
         """Magnetometer and barometer of the unit's messages, where they are new, and the heading of the receiver."""
-        name = next((name for name in ("HIL_SENSOR", "HIGHRES_IMU") if name in self), None)
+        name = next((name for name in _UNITS if name in self._rows), None)
         if name is not None:
-            rows = self.columns(name)
-            rows = rows[rows["id"] == 0] if "id" in (rows.dtype.names or ()) else rows
-            bits = rows["fields_updated"].astype(np.uint32)
+            rows, bits = self._unit(name)
             field, air = rows[bits & _MAGNETOMETER == _MAGNETOMETER], rows[bits & _PRESSURE_HEIGHT == _PRESSURE_HEIGHT]
             if len(field):
                 yield reading("magnetometer", name, self.seconds(field), _three(field, "mag") * GAUSS)
             if len(air):
                 yield reading("barometer", name, self.seconds(air), air["pressure_alt"].astype(np.float64))
-        if "GPS_RAW_INT" in self:
-            rows = _each_once(self.columns("GPS_RAW_INT"))
-            rows = rows[(rows["yaw"] > 0) & (rows["yaw"] <= 36000)]  # 0: no such receiver, 65535: no heading now
-            if len(rows):
-                stated = rows["hdg_acc"] * _DEG_E5
-                azimuth = np.radians(rows["yaw"] * 1e-2)
-                sigma = np.where(stated > 0, stated, AZIMUTH_SIGMA)
-                wrapped = np.arctan2(np.sin(azimuth), np.cos(azimuth))
-                yield reading("heading", "GPS_RAW_INT", self.seconds(rows), np.stack([wrapped, sigma], axis=1))
+        rows = self.each_once("GPS_RAW_INT")
+        rows = rows[(rows["yaw"] > 0) & (rows["yaw"] <= 36000)]  # 0: no such receiver, 65535: no heading now
+        if len(rows):
+            stated, azimuth = rows["hdg_acc"] * _DEG_E5, np.radians(rows["yaw"] * 1e-2)
+            sigma = np.where(stated > 0, stated, AZIMUTH_SIGMA)
+            wrapped = np.arctan2(np.sin(azimuth), np.cos(azimuth))
+            yield reading("heading", "GPS_RAW_INT", self.seconds(rows), np.stack([wrapped, sigma], axis=1))
 
     def _undulation(self) -> float | None:
-        if "GPS_RAW_INT" not in self:
-            return None
         rows = self.columns("GPS_RAW_INT")
         rows = rows[(rows["fix_type"] >= FIX_3D) & (rows["alt_ellipsoid"] != 0)]
         return float(np.median((rows["alt_ellipsoid"] - rows["alt"].astype(np.int64)) * 1e-3)) if len(rows) else None
 
     def _parameters(self) -> dict[str, float]:
         """PARAM_VALUE by name, the last value of each; integers, which clients encode in two ways, are left out."""
-        if "PARAM_VALUE" not in self:
-            return {}
         rows = self.columns("PARAM_VALUE")
         real = rows[rows["param_type"] == _REAL32]
         return {
@@ -282,41 +263,38 @@ class _Tables:
         }
 
     def _home(self, undulation: float | None) -> Place | None:
-        if "HOME_POSITION" not in self:
+        rows = self.columns("HOME_POSITION")
+        if not len(rows):
             return None
-        row = self.columns("HOME_POSITION")[-1]
-        height = float(row["altitude"]) * 1e-3 + (undulation or 0.0)
-        return Place(
-            "HOME_POSITION", float(row["latitude"] * _DEG_E7), float(row["longitude"] * _DEG_E7), height, undulation is None
-        )
+        latitude, longitude = (float(rows[-1][angle] * _DEG_E7) for angle in ("latitude", "longitude"))
+        height = float(rows[-1]["altitude"]) * 1e-3 + (undulation or 0.0)
+        return Place("HOME_POSITION", latitude, longitude, height, undulation is None)
 
     def _hil_gps(self, undulation: float | None, notes: list[str]) -> FixSeries | None:
-        if "HIL_GPS" not in self:
-            return None
-        rows = _each_once(self.columns("HIL_GPS"))
+        rows = self.each_once("HIL_GPS")
         rows = rows[rows["fix_type"] >= FIX_3D]
         if not len(rows):
             return None
         # a simulator sends zeros for a velocity that the receiver does not have, and an unknown speed
         known = rows["vel"] < _UNKNOWN
-        velocity = np.stack([rows["vn"], rows["ve"], rows["vd"]], axis=1) * 1e-2
+        speed_sigma = None
         stated = self._accuracies(rows["time_usec"])
         if stated is None:
             horizontal, vertical = (np.where(rows[name] < _UNKNOWN, rows[name], 0) * 1e-2 for name in ("eph", "epv"))
-            speed_sigma = None
             if (horizontal > 0).all():
                 notes.append("HIL_GPS: eph and epv are taken as accuracies in cm, as PX4 does; MAVLink defines dilutions")
         else:
             horizontal, vertical, moving = stated
-            speed_sigma = np.where(known & (moving > 0), moving, NO_INFORMATION) if (known & (moving > 0)).any() else None
+            if (known & (moving > 0)).any():
+                speed_sigma = np.stack([np.where(known & (moving > 0), moving, NO_INFORMATION)] * 3, axis=1)
         return FixSeries(
             name="HIL_GPS",
             time=self.seconds(rows),
             **_place(rows),
             undulation=undulation,
             position_sigma=three_sigmas(horizontal, vertical),
-            velocity_n=velocity if known.any() else None,
-            velocity_sigma=None if speed_sigma is None or not known.any() else np.stack([speed_sigma] * 3, axis=1),
+            velocity_n=_velocity(rows, "vn", "ve", "vd") if known.any() else None,
+            velocity_sigma=speed_sigma,
         )
 
     def _accuracies(self, time_usec: np.ndarray) -> tuple[Array, Array, Array] | None:
@@ -325,9 +303,7 @@ class _Tables:
 
         Unlike the eph and epv of HIL_GPS their unit is not in dispute.
         """
-        if "GPS_RAW_INT" not in self:
-            return None
-        rows = _each_once(self.columns("GPS_RAW_INT"))
+        rows = self.each_once("GPS_RAW_INT")
         rows = rows[(rows["fix_type"] >= FIX_3D) & (rows["h_acc"] > 0) & (rows["v_acc"] > 0)]
         if not len(rows):
             return None
@@ -336,20 +312,14 @@ class _Tables:
         return horizontal, vertical, speed
 
     def _gps_raw_int(self, undulation: float | None, clock: Array, notes: list[str]) -> FixSeries | None:
-        if "GPS_RAW_INT" not in self:
-            return None
-        rows, received = self.columns("GPS_RAW_INT"), self.received_us("GPS_RAW_INT")
-        _, first = np.unique(rows["time_usec"], return_index=True)
-        first = np.sort(first)
-        rows, received = rows[first], received[first]
-        good = rows["fix_type"] >= FIX_3D
-        rows, received = rows[good], received[good]
+        rows = self.columns("GPS_RAW_INT")
+        rows = rows[np.sort(np.unique(rows["time_usec"], return_index=True)[1])]  # in order of arrival
+        rows = rows[rows["fix_type"] >= FIX_3D]
         if not len(rows):
             return None
         time = self.seconds(rows)
         if clock.size and (time[-1] < clock[0] or time[0] > clock[-1]):
-            offset = self._clock_offset()
-            time = received * 1e-6 - offset
+            time = np.asarray(rows["received_us"].astype(np.int64) * 1e-6 - self._clock_offset(), dtype=np.float64)
             notes.append("GPS_RAW_INT: stamped by a different clock than the inertial unit: times of arrival are used")
         velocity, velocity_sigma = _from_course(rows["vel"], rows["cog"], rows["vel_acc"])
         return FixSeries(
@@ -364,24 +334,21 @@ class _Tables:
 
     def _clock_offset(self) -> float:
         """Time of arrival minus the vehicle's time, s: the smallest among the inertial messages."""
-        for name in ("HIL_SENSOR", "HIGHRES_IMU"):
-            if name in self:
-                return (
-                    float(np.min(self.received_us(name) - self.columns(name)["time_usec"].astype(np.int64) + self.base_us))
-                    * 1e-6
-                )
-        return 0.0
+        rows = next((rows for name in _UNITS if (rows := self.columns(name)).size), None)
+        if rows is None:
+            return 0.0
+        return float(np.min(rows["received_us"].astype(np.int64) - rows["time_usec"].astype(np.int64) + self.base_us)) * 1e-6
 
     def _truth(self) -> SolutionSeries | None:
-        if "HIL_STATE_QUATERNION" not in self:
+        rows = self.each_once("HIL_STATE_QUATERNION")
+        if not len(rows):
             return None
-        rows = _each_once(self.columns("HIL_STATE_QUATERNION"))
-        roll, pitch, heading = attitude.numeric.to_euler(_unit(rows["attitude_quaternion"]))
+        roll, pitch, heading = _euler(rows["attitude_quaternion"])
         return SolutionSeries(
             name="HIL_STATE_QUATERNION",
             time=self.seconds(rows),
             **_place(rows),
-            velocity_n=np.stack([rows["vx"], rows["vy"], rows["vz"]], axis=1) * 1e-2,
+            velocity_n=_velocity(rows, "vx", "vy", "vz"),
             roll=roll,
             pitch=pitch,
             heading=heading,
@@ -389,40 +356,18 @@ class _Tables:
         )
 
     def _estimate(self) -> SolutionSeries | None:
-        if not ("ATTITUDE" in self or "ATTITUDE_QUATERNION" in self):
+        name = next((name for name in ("ATTITUDE_QUATERNION", "ATTITUDE") if name in self._rows), None)
+        if name is None:
             return None
-        name = "ATTITUDE_QUATERNION" if "ATTITUDE_QUATERNION" in self else "ATTITUDE"
-        rows = _each_once(self.columns(name), "time_boot_ms")
+        rows = self.each_once(name, "time_boot_ms")
         if name == "ATTITUDE":
-            angles = [rows["roll"], rows["pitch"], rows["yaw"]]
+            roll, pitch, heading = (rows[angle].astype(np.float64) for angle in ("roll", "pitch", "yaw"))
         else:
-            angles = list(attitude.numeric.to_euler(_unit(np.stack([rows[q] for q in ("q1", "q2", "q3", "q4")], axis=1))))
-        angles = [angle.astype(np.float64) for angle in angles]
-        time = rows["time_boot_ms"] * 1e-3
-        alone = SolutionSeries(name=name, time=time, roll=angles[0], pitch=angles[1], heading=angles[2])
-        if "GLOBAL_POSITION_INT" not in self:
-            return alone
-        places = _each_once(self.columns("GLOBAL_POSITION_INT"), "time_boot_ms")
-        at = places["time_boot_ms"] * 1e-3
-        inside = (at >= time[0]) & (at <= time[-1])
-        if np.count_nonzero(inside) < 2:
-            return alone
-        places, at = places[inside], at[inside]
-        roll, pitch, heading = interpolated_angles(at, time, angles)
-        return SolutionSeries(
-            name=f"{name}, GLOBAL_POSITION_INT",
-            time=at,
-            **_place(places),
-            velocity_n=np.stack([places["vx"], places["vy"], places["vz"]], axis=1) * 1e-2,
-            roll=roll,
-            pitch=pitch,
-            heading=heading,
-        )
-
-
-def _lengths(kind: Any) -> list[int]:
-    """Lengths of the arrays in wire order, 0 for scalars."""
-    return list(kind.array_lengths)
+            roll, pitch, heading = _euler(np.stack([rows[q] for q in ("q1", "q2", "q3", "q4")], axis=1))
+        turned = SolutionSeries(name=name, time=rows["time_boot_ms"] * 1e-3, roll=roll, pitch=pitch, heading=heading)
+        rows = self.each_once("GLOBAL_POSITION_INT", "time_boot_ms")
+        placed = {**_place(rows), "velocity_n": _velocity(rows, "vx", "vy", "vz")}
+        return with_places(turned, f"{name}, GLOBAL_POSITION_INT", rows["time_boot_ms"] * 1e-3, **placed)
 
 
 def _place(rows: np.ndarray) -> dict[str, Any]:
@@ -435,15 +380,16 @@ def _three(rows: np.ndarray, what: str) -> Array:
     return np.stack([rows[f"{axis}{what}"].astype(np.float64) for axis in "xyz"], axis=1)
 
 
-def _each_once(rows: np.ndarray, column: str = "time_usec") -> np.ndarray:
-    """The first row of each time, in order of time."""
-    _, first = np.unique(rows[column], return_index=True)
-    return rows[first]
+def _velocity(rows: np.ndarray, *columns: str) -> Array:
+    """Columns in cm/s as (n, 3) m/s."""
+    return np.asarray(np.stack([rows[column] for column in columns], axis=1) * 1e-2)
 
 
-def _unit(q: np.ndarray) -> Array:
-    q = q.astype(np.float64)
-    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
+def _euler(q: np.ndarray) -> tuple[Array, Array, Array]:
+    """Roll, pitch, heading (rad) of quaternions (n, 4) of any length, scalar first."""
+    double = q.astype(np.float64)
+    roll, pitch, heading = attitude.numeric.to_euler(double / np.linalg.norm(double, axis=1, keepdims=True))
+    return roll, pitch, heading
 
 
 def _from_course(speed_cm: np.ndarray, course_cdeg: np.ndarray, accuracy_mm: np.ndarray) -> tuple[Array | None, Array | None]:
@@ -460,3 +406,12 @@ def _from_course(speed_cm: np.ndarray, course_cdeg: np.ndarray, accuracy_mm: np.
     sigma = np.where(known, sigma, NO_INFORMATION)
     velocity = course_velocity(speed, course, np.zeros(len(speed)))
     return velocity, np.stack([sigma, sigma, np.full(len(speed), NO_INFORMATION)], axis=1)
+
+
+FORMAT = Format(
+    name="telemetry",
+    kind="MAVLink telemetry log",
+    suffixes=(".tlog",),
+    read_flight=read,
+    hint="request HIGHRES_IMU from the vehicle (SET_MESSAGE_INTERVAL), or use the log on its own card",
+)

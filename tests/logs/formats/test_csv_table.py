@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from text_logs import N, as_text, imu_rows
 
 from insenv.base.errors import InputError
-from insenv.logs.readers import read_table
+from insenv.logs.formats.csv_table import read_table
 
 
 @pytest.mark.parametrize(

@@ -17,51 +17,48 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
-from insenv.logs.flight.series import (
+from insenv.logs.formats.contract import Format
+from insenv.logs.formats.series import (
     FIX_3D,
     GAUSS,
     FixSeries,
     Flight,
-    FlightFormat,
     ImuSeries,
     Place,
     SolutionSeries,
     instance_name,
-    interpolated_angles,
     nearest_rows,
     reading,
     three_sigmas,
+    with_places,
 )
 from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
 from insenv.logs.units import Array, standard_height
 
 HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3
-_CODES = {"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8"}
-_CODES |= {"e": "<f2", "f": "<f4", "d": "<f8"}
 
 
-def read_dataflash(label: str, data: bytes) -> Flight:
+def read(label: str, data: bytes) -> Flight:
     """The series of a dataflash log. Raises InputError: not such a log, or not readable by DFReader."""
     if not data.startswith(HEAD):
         raise InputError(f"{label}: not an ArduPilot dataflash log: it must begin with the bytes A3 95")
     with _reader(label, data) as reader:
         tables = _Tables(reader, data)
-        imus, others = tables.imus()
         fixes = [series for name in tables.instances("GPS") if (series := tables.fixes(*name)) is not None]
-        solution = tables.solution()
-        rows = sum(len(offsets) for offsets in reader.offsets)
-        parameters = tables.parameters()
-        place = tables.place()
-        readings = tuple(each for each in tables.readings() if each is not None)
-    late = "fixes are stamped at logging, after their time of validity: a negative gnss_time_offset_s corrects it"
-    solutions = () if solution is None else (solution,)
-    return Flight(imus, tuple(fixes), solutions, (late,) if fixes else (), rows, others, parameters, place, readings)
-
-
-FORMAT = FlightFormat(
-    ".BIN", "ArduPilot dataflash log", "LOG_BITMASK selects what is logged: set its IMU and fast bits", read_dataflash
-)
+        late = "fixes are stamped at logging, after their time of validity: a negative gnss_time_offset_s corrects it"
+        imus, others = tables.imus()
+        return Flight(
+            imus=imus,
+            fixes=fixes,
+            solutions=[tables.solution()],
+            notes=[late] if fixes else [],
+            rows=sum(len(offsets) for offsets in reader.offsets),
+            others=others,
+            parameters=tables.parameters(),
+            place=tables.place(),
+            readings=list(tables.readings()),
+        )
 
 
 @contextlib.contextmanager
@@ -140,7 +137,7 @@ class _Tables:
         offsets = offsets[offsets + form.len <= self._bytes.size]
         letters = [FORMAT_TO_STRUCT[letter] for letter in form.msg_fmts]
         fields = [
-            (column, f"S{code[:-1]}" if code.endswith("s") else _CODES[code])
+            (column, f"S{code[:-1]}" if code.endswith("s") else f"<{code}")
             for column, (code, _, _) in zip(form.columns, letters, strict=True)
         ]
         dtype = np.dtype(fields)
@@ -173,14 +170,14 @@ class _Tables:
 
     def instances(self, base: str) -> list[tuple[str, int | None]]:
         """(message, instance) of each sensor: by the column I, or by the number after the name in old logs."""
-        found: list[tuple[str, int | None]] = []
+        instances: list[tuple[str, int | None]] = []
         for name in (base, f"{base}2", f"{base}3"):
             table = self.columns(name)
             if "I" in table:
-                found += [(name, int(i)) for i in np.unique(table["I"])]
+                instances += [(name, int(i)) for i in np.unique(table["I"])]
             elif table:
-                found.append((name, None))
-        return found
+                instances.append((name, None))
+        return instances
 
     def select(self, name: str, instance: int | None) -> dict[str, Array]:
         """The rows of one instance."""
@@ -192,7 +189,7 @@ class _Tables:
 
     # --- series ----------------------------------------------------------------------------------
 
-    def imus(self) -> tuple[tuple[ImuSeries, ...], tuple[str, ...]]:
+    def imus(self) -> tuple[list[ImuSeries], list[str]]:
         imus, others = [], []
         for base in ("IMT", "IMU"):
             for name, instance in self.instances(base):
@@ -209,7 +206,7 @@ class _Tables:
         for name in ("ISBH", "ACC", "GYR"):
             if self.columns(name):
                 others.append(f"{name} (raw samples of one sensor each: not read)")
-        return tuple(sorted(imus, key=lambda imu: -imu.rate_hz)), tuple(others)
+        return imus, others
 
     def fixes(self, name: str, instance: int | None) -> FixSeries | None:
         """Fixes of one receiver, with the accuracies from its GPA messages."""
@@ -259,36 +256,38 @@ class _Tables:
         filters = next((name for name in ("XKF1", "NKF1") if self.columns(name)), None)
         if not {"Roll", "Pitch", "Yaw"} <= set(attitude) or not attitude["TimeUS"].size:
             return None
-        time = attitude["TimeUS"] * 1e-6
-        angles = [np.radians(attitude[angle]) for angle in ("Roll", "Pitch", "Yaw")]
-        alone = SolutionSeries(name="ATT", time=time, roll=angles[0], pitch=angles[1], heading=angles[2])
+        roll, pitch, heading = (np.radians(attitude[angle]) for angle in ("Roll", "Pitch", "Yaw"))
+        alone = SolutionSeries(name="ATT", time=attitude["TimeUS"] * 1e-6, roll=roll, pitch=pitch, heading=heading)
         if not {"Lat", "Lng", "Alt"} <= set(place):
             return alone
-        at = place["TimeUS"] * 1e-6
-        inside = (at >= time.min()) & (at <= time.max())
-        velocity = None
+        at, name, velocity = place["TimeUS"] * 1e-6, "ATT, POS", None
         if filters is not None:
-            table = self.columns(filters)
+            table, name = self.columns(filters), f"ATT, POS, {filters}"
             core = table.get("C", np.zeros(table["TimeUS"].size)) == 0
             moments = table["TimeUS"][core] * 1e-6
-            inside &= (at >= moments.min()) & (at <= moments.max())
-            velocity = np.stack([np.interp(at[inside], moments, table[v][core]) for v in ("VN", "VE", "VD")], axis=1)
-        if np.count_nonzero(inside) < 2:
-            return alone
-        roll, pitch, heading = interpolated_angles(at[inside], time, angles)
-        return SolutionSeries(
-            name="ATT, POS" + (f", {filters}" if filters else ""),
-            time=at[inside],
-            latitude=np.radians(place["Lat"][inside]),
-            longitude=np.radians(place["Lng"][inside]),
-            height=place["Alt"][inside],
+            inside = (at >= moments.min()) & (at <= moments.max())
+            place, at = {column: values[inside] for column, values in place.items()}, at[inside]
+            velocity = np.stack([np.interp(at, moments, table[v][core]) for v in ("VN", "VE", "VD")], axis=1)
+        return with_places(
+            alone,
+            name,
+            at,
+            latitude=np.radians(place["Lat"]),
+            longitude=np.radians(place["Lng"]),
+            height=place["Alt"],
             height_sea=True,
             velocity_n=velocity,
-            roll=roll,
-            pitch=pitch,
-            heading=heading,
         )
 
 
 def _three(table: dict[str, Array], what: str) -> Array:
     return np.stack([table[f"{what}{axis}"] for axis in "XYZ"], axis=1)
+
+
+FORMAT = Format(
+    name="dataflash",
+    kind="ArduPilot dataflash log",
+    suffixes=(".BIN",),
+    read_flight=read,
+    hint="LOG_BITMASK selects what is logged: set its IMU and fast bits",
+)

@@ -3,7 +3,7 @@
 import numpy as np
 from text_logs import imu_rows
 
-from insenv.logs.build import repeats
+from insenv.logs.text import repeats
 
 
 def test_a_value_that_is_repeated_at_the_inertial_rate_is_one_fix(folder):

@@ -1,0 +1,398 @@
+"""Flight logs: the TOML file with what such a log does not hold, and the `RecordedLog` of one continuous segment of it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import model_validator
+
+from insenv.base.errors import InputError, nearest
+from insenv.base.toml import Number, Vector3, key, validated
+from insenv.logs.build import overlaps, place_of, recorded_log, span_of
+from insenv.logs.columns import window_words
+from insenv.logs.description import AnyLog, Grade, LogDescription, Sigma3
+from insenv.logs.files import read_bytes
+from insenv.logs.formats import SUFFIXES, Format, flight_format
+from insenv.logs.formats.series import FixSeries, Flight, ImuSeries, SolutionSeries
+from insenv.logs.formats.vehicle_parameters import lever_arm, settings, unit_rows
+from insenv.logs.inertial import implausible, increments, sampling
+from insenv.logs.instruments import description_class
+from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
+from insenv.logs.units import Array, wrap
+
+USABLE_HZ = 20.0
+"""Lowest rate at which the attitude can be propagated through a vehicle's turns."""
+SLOW_HZ = 90.0
+RESTART_S = 1.0
+"""A clock that goes back by more has restarted; by less, samples are out of order."""
+POSITION_SIGMA = (2.5, 2.5, 5.0)
+"""Assumed if a log states no accuracy: a single-frequency receiver under open sky (m)."""
+VELOCITY_SIGMA = (0.3, 0.3, 0.5)
+_NONE = "none"
+
+AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries, Readings)
+
+
+class FlightDescription(AnyLog):
+    """A flight log and additional information about it."""
+
+    flight: str = key(
+        ...,
+        f"the log: {SUFFIXES}, or the folder of a ROS 2 bag, relative to this TOML file; .gz and .zip with one file are "
+        "unpacked",
+        min_length=1,
+    )
+    imu: str = key("", 'the inertial unit, if not the default: "HIGHRES_IMU", "IMU[1]", "sensor_combined"')
+    gnss: str = key("", 'the receiver, likewise: "GPS_RAW_INT", "GPS[1]"; "none": without GNSS')
+    reference: str = key("", 'the solution for comparison, likewise: "ATTITUDE"; "none": none')
+    grade: Grade = key("", "grade of the catalogue (docs/sensors.md), or a grade file (docs/allan.md), of the unit")
+    max_gap_s: Number = key(
+        1.0, "a longer gap in the samples ends the segment; shorter ones are interpolated and counted", "s", ge=0, le=60
+    )
+    lever_arm_m: Vector3 | None = key(
+        None, "from the IMU to the antenna: forward, right, down; absent: by the parameters in the log, or 0", "m"
+    )
+    gnss_time_offset_s: Number = key(
+        0.0, "added to the fixes' stamps, as time_offset_s of other logs; negative where they are late", "s", ge=-5, le=5
+    )
+    position_sigma_m: Sigma3 | None = key(None, "standard deviations N, E, D of the fixes, instead of those in the log", "m")
+    velocity_sigma_mps: Sigma3 | None = key(None, "standard deviations N, E, D of their velocities, likewise", "m/s")
+    undulation_m: Number | None = key(
+        None, "height of the geoid above the ellipsoid, where the log has heights above mean sea level", "m"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_sign(cls, data: Any) -> Any:
+        if isinstance(data, dict) and isinstance(delay := data.get("gnss_delay_s"), (int, float)):
+            raise ValueError(
+                f"gnss_delay_s = {delay:g} s: offsets of clocks are added to the stamps in all logs: write gnss_time_offset_s ="
+                f" {-delay:g}"
+            )
+        return data
+
+
+def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
+    """The log of a description; a relative path starts at `folder`. Raises InputError for any wrong input."""
+    form = flight_format(folder / description.flight)
+    if form is None:
+        raise InputError(
+            f"flight = {description.flight!r}: its name must end in {SUFFIXES} (or that and .gz, .zip), or it is"
+            " the folder of a ROS 2 bag"
+        )
+    label, data = read_bytes(description.flight, folder)
+    flight = _read(form, label, data)
+    notes = list(flight.notes)
+    imu, part = _imu(label, form, flight, description, notes)
+    sampled = sampling(imu.time, None, imu.name)
+    notes += sampled.notes
+    samples = np.hstack([imu.rate_ib_b, imu.specific_force_b])
+    inertial = increments(imu.time, samples, sampled, "rate", imu.stamp, description.max_gap_s, imu.name)
+    notes += implausible(inertial)
+    span = span_of(inertial)
+
+    fixes = _chosen(label, "gnss", flight.fixes, description.gnss, part, notes)
+    if fixes is None:
+        notes.append("no GNSS: the log has no fixes" if not flight.fixes else "no GNSS: the log's fixes are not used")
+    undulation = description.undulation_m
+    if undulation is None and fixes is not None:
+        undulation = fixes.undulation
+    gnss = None if fixes is None else _gnss(fixes, description, undulation, notes)
+    solution = _chosen(label, "reference", flight.solutions, description.reference, part, notes)
+    if gnss is not None and not overlaps(gnss, span):
+        notes.append(f"no GNSS: its times do not overlap those of the inertial unit, {span[0]:.3f} to {span[1]:.3f} s")
+        gnss = None
+    reference = None if solution is None else _reference(solution, span, undulation or 0.0, notes)
+    arm = _lever_arm(flight, description, gnss is not None, notes)
+    description = _placed(flight, description, gnss, notes)
+    unit = None if description.grade else unit_rows(flight.parameters)
+    tuned = settings(flight.parameters)
+    if unit is not None:
+        notes.append("the data sheet of the inertial unit is that of the simulated one, by the parameters in the log")
+    if tuned:
+        notes.append(f"settings of {', '.join(tuned)} by the parameters in the log")
+    return recorded_log(
+        inertial,
+        gnss,
+        reference,
+        _readings(flight, part, span, undulation or 0.0, place_of(gnss, description) is not None),
+        description=_as_log_description(description, label, form, imu, fixes, arm),
+        lever_arm_b=arm,
+        sources=[Source("flight", label, flight.rows, len(imu.time), hashlib.sha256(data).hexdigest())],
+        notes=notes,
+        unit=unit,
+        settings=tuned,
+    )
+
+
+def _read(form: Format, label: str, data: bytes) -> Flight:
+    """The series of a log, those that it does not have left out, units by their rate and a simulator's truth first."""
+    assert form.read_flight is not None
+    try:
+        flight = form.read_flight(label, data)
+    except InputError:
+        raise
+    except (LookupError, ValueError, TypeError, ArithmeticError) as error:  # wrong names or sizes of columns in a damaged file
+        raise InputError(f"{label}: the log is damaged, or of an unknown kind: {type(error).__name__}: {error}") from None
+    solutions = [each for each in flight.solutions if each is not None]
+    solutions.sort(key=lambda solution: not solution.true)
+    return replace(
+        flight,
+        imus=sorted(flight.imus, key=lambda imu: -imu.rate_hz),
+        fixes=[each for each in flight.fixes if each is not None],
+        solutions=solutions,
+    )
+
+
+def _chosen(
+    label: str, section: str, series: Sequence[AnySeries | None], name: str, part: int, notes: list[str]
+) -> AnySeries | None:
+    """The series of a name, or the first, in the segment after `part` restarts; None if there is none."""
+    chosen = _named(label, section, series, name)
+    return None if chosen is None else only(chosen, part, section, notes)
+
+
+def _named(label: str, section: str, series: Sequence[AnySeries | None], name: str) -> AnySeries | None:
+    if name == _NONE or not (name or series):
+        return None
+    chosen = next((each for each in series if each is not None and name in ("", each.name)), None)
+    if chosen is None:
+        names = [each.name for each in series if each is not None]
+        raise InputError(f"{label}: no {section} {name!r} in the log{nearest(name, names)}")
+    return chosen
+
+
+def _readings(flight: Flight, part: int, span: tuple[float, float], undulation: float, placed: bool) -> list[Readings]:
+    """The readings of the segment that is used, heights above the ellipsoid; those of a magnetometer only with a place."""
+    readings = []
+    for series in flight.readings:
+        each = None if series is None else only(series, part, series.id, [])
+        if each is None or not overlaps(each, span) or (each.id == "magnetometer" and not placed):
+            continue
+        readings.append(replace(each, values=each.values + undulation) if each.id == "barometer" else each)
+    return readings
+
+
+def _imu(label: str, form: Format, flight: Flight, description: FlightDescription, notes: list[str]) -> tuple[ImuSeries, int]:
+    """The unit's samples of one segment, and the number of restarts of the clock before them."""
+    units = ", ".join([f"{imu.name} at {imu.rate_hz:.3g} Hz" for imu in flight.imus] + list(flight.others)) or "none at all"
+    imu = _named(label, "imu", flight.imus, description.imu)
+    if imu is None or imu.rate_hz < USABLE_HZ:
+        raise InputError(
+            f"{label}: this {form.kind} has no inertial unit at a usable rate, {USABLE_HZ:g} Hz or more: found {units};"
+            f" {form.hint}"
+        )
+    notes.append(f"inertial unit: {imu.name} at {imu.rate_hz:.4g} Hz (in the log: {units})")
+    if imu.rate_hz < SLOW_HZ:
+        notes.append(f"{imu.rate_hz:.3g} Hz is a low rate: motion between the samples, such as vibration, is lost")
+    finite = np.isfinite(imu.rate_ib_b).all(axis=1) & np.isfinite(imu.specific_force_b).all(axis=1)
+    if not finite.all():
+        notes.append(f"{np.count_nonzero(~finite)} samples with values that are not finite are skipped")
+    low = -np.inf if description.start_s is None else description.start_s
+    high = np.inf if description.stop_s is None else description.stop_s
+    inside = np.asarray(finite & (imu.time >= low) & (imu.time <= high))
+    if np.count_nonzero(inside) < 3:
+        raise InputError(
+            f"{label}: {np.count_nonzero(inside)} samples of {imu.name}"
+            f" {window_words(description.start_s, description.stop_s)}: its times are {imu.time.min():.3f} to"
+            f" {imu.time.max():.3f} s"
+        )
+    return longest(imu, inside, description.max_gap_s, notes)
+
+
+def _gnss(fixes: FixSeries, description: FlightDescription, undulation: float | None, notes: list[str]) -> GnssFixes:
+    notes.append(f"GNSS: {fixes.name}, {len(fixes.time)} fixes")
+    height = fixes.height
+    if fixes.height_sea:
+        if undulation is None:
+            notes.append(
+                f"{fixes.name}: heights above mean sea level are used as ellipsoidal heights (undulation_m corrects it)"
+            )
+        height = height + (undulation or 0.0)
+    position_sigma = _sigma(fixes.position_sigma, fixes, description.position_sigma_m, POSITION_SIGMA, "position", notes)
+    velocity_sigma = None
+    if fixes.velocity_n is None:
+        notes.append(f"{fixes.name}: no velocity")
+    else:
+        velocity_sigma = _sigma(fixes.velocity_sigma, fixes, description.velocity_sigma_mps, VELOCITY_SIGMA, "velocity", notes)
+    time = fixes.time + description.gnss_time_offset_s
+    return GnssFixes(time, fixes.latitude, wrap(fixes.longitude), height, position_sigma, fixes.velocity_n, velocity_sigma)
+
+
+def _lever_arm(flight: Flight, description: FlightDescription, fixes: bool, notes: list[str]) -> Array:
+    """Lever arm (3,) m: of the description, or by the parameters in the log, or 0."""
+    if description.lever_arm_m is not None:
+        return np.array(description.lever_arm_m)
+    stated = lever_arm(flight.parameters) if fixes else None
+    if stated is None:
+        return np.zeros(3)
+    arm, names = stated
+    numbers = ", ".join(f"{value:.3g}" for value in arm)
+    notes.append(f"lever arm of the antenna {numbers} m (forward, right, down), by the parameters {names} in the log")
+    return arm
+
+
+def _placed(flight: Flight, description: FlightDescription, gnss: GnssFixes | None, notes: list[str]) -> FlightDescription:
+    """The description with the place that the log states, if there are neither fixes nor a place in `[initial]`."""
+    place, initial = flight.place, description.initial
+    if place is None or gnss is not None or initial.latitude_deg is not None or initial.longitude_deg is not None:
+        return description
+    notes.append(f"the place is that of {place.name}, {np.degrees(place.latitude):.6f}, {np.degrees(place.longitude):.6f} deg")
+    height = place.height + (description.undulation_m or 0.0 if place.height_sea else 0.0)
+    values = {"latitude_deg": float(np.degrees(place.latitude)), "longitude_deg": float(np.degrees(place.longitude))}
+    if initial.height_m is None:
+        values["height_m"] = height
+    return description.model_copy(update={"initial": initial.model_copy(update=values)})
+
+
+def _sigma(
+    stated: Array | None,
+    fixes: FixSeries,
+    wanted: tuple[float, ...] | None,
+    assumed: tuple[float, ...],
+    what: str,
+    notes: list[str],
+) -> Array:
+    if wanted is None and stated is not None and not np.isnan(stated).any():
+        return stated
+    if wanted is None:
+        numbers = ", ".join(f"{value:g}" for value in assumed)
+        notes.append(f"the log states no accuracy of the fixes' {what}: {numbers} (N, E, D) assumed")
+    return np.tile(np.array(assumed if wanted is None else wanted), (len(fixes.time), 1))
+
+
+def _reference(solution: SolutionSeries, span: tuple[float, float], undulation: float, notes: list[str]) -> Reference | None:
+    inside = (solution.time >= span[0]) & (solution.time <= span[1])
+    if np.count_nonzero(inside) < 2:
+        return None
+    if solution.true:
+        notes.append(f"reference: {solution.name}, a simulator's truth")
+    else:
+        notes.append(f"reference: {solution.name}, the vehicle's own estimate: errors against it are differences")
+    columns = {each.name: getattr(rows_of(solution, inside), each.name) for each in fields(Reference)}
+    columns |= {name: wrap(columns[name]) for name in ("longitude", "roll", "heading") if columns[name] is not None}
+    if columns["height"] is not None and solution.height_sea:
+        columns["height"] = columns["height"] + undulation
+    lacking = [what for what, name in (("position", "latitude"), ("velocity", "velocity_n")) if columns[name] is None]
+    if lacking:
+        notes.append(f"{solution.name}: attitude without {' and '.join(lacking)}")
+    return Reference(**columns)
+
+
+def _as_log_description(
+    description: FlightDescription,
+    label: str,
+    form: Format,
+    imu: ImuSeries,
+    fixes: FixSeries | None,
+    arm: Array,
+) -> LogDescription:
+    """The flight log as a description of text files: what a run reads of a description, and the columns that were used."""
+    data: dict[str, Any] = {
+        "title": description.title or Path(label).name,
+        "source": description.source or f"{form.kind} {label}",
+        "licence": description.licence,
+        "start_s": description.start_s,
+        "stop_s": description.stop_s,
+        "imu": {
+            "file": label,
+            "time": "time",
+            "gyro": [f"{imu.name}.rate_{axis}" for axis in "xyz"],
+            "accel": [f"{imu.name}.force_{axis}" for axis in "xyz"],
+            "kind": "rate",
+            "stamp": imu.stamp,
+            "gyro_unit": "rad/s",
+            "accel_unit": "m/s2",
+            "axes": "FRD",
+            "grade": description.grade,
+            "max_gap_s": description.max_gap_s,
+        },
+        "vehicle_kind": description.vehicle_kind,
+        "in_place": description.in_place,
+        "evaluation": description.evaluation.model_dump(),
+        "estimator": description.estimator,
+    }
+    if fixes is not None:
+        place = {name: f"{fixes.name}.{name}" for name in ("latitude", "longitude", "height")}
+        data["gnss"] = {
+            "file": label,
+            "time": "time",
+            **place,
+            "position_unit": "rad",
+            "position_sigma": [f"{fixes.name}.sigma_{axis}" for axis in "ned"],
+            "lever_arm_m": arm.tolist(),
+        }
+    return validated(description_class(), data, label).model_copy(update={"initial": description.initial})
+
+
+# Restarts of the clock, gaps, samples twice or out of order.
+
+
+def restarts(time: Array) -> np.ndarray:
+    """Number of restarts of the clock before each row: (n,) integers."""
+    return np.concatenate([[0], np.cumsum(np.diff(time) < -RESTART_S)]).astype(np.int64)
+
+
+def rows_of(series: AnySeries, rows: np.ndarray) -> AnySeries:
+    """The series with only these rows, in this order."""
+    length = series.time.size
+    picked: dict[str, Any] = {}
+    for each in fields(series):
+        value = getattr(series, each.name)
+        if isinstance(value, np.ndarray) and value.shape[:1] == (length,):
+            picked[each.name] = value[rows]
+    return replace(series, **picked)
+
+
+def ordered(series: AnySeries) -> tuple[AnySeries, int]:
+    """The series in order of time, each time once; number of rows removed or moved."""
+    steps = np.diff(series.time)
+    wrong = int(np.count_nonzero(steps <= 0.0))
+    if not wrong:
+        return series, 0
+    _, first = np.unique(series.time, return_index=True)
+    return rows_of(series, first), wrong
+
+
+def longest(imu: ImuSeries, inside: np.ndarray, max_gap_s: float, notes: list[str]) -> tuple[ImuSeries, int]:
+    """The samples `inside` of the longest segment without a restart or a gap longer than `max_gap_s`, in order of time.
+
+    Returns them and the number of restarts before them. Appends to `notes`.
+    """
+    part = restarts(imu.time)
+    nominal = 1.0 / imu.rate_hz
+    best: tuple[float, ImuSeries, int] | None = None
+    count, moved = 0, 0
+    for number in np.unique(part[inside]):
+        piece, wrong = ordered(rows_of(imu, np.flatnonzero(inside & (part == number))))
+        moved += wrong
+        edges = np.flatnonzero(np.diff(piece.time) > max_gap_s + nominal)
+        for begin, end in zip([0, *(edges + 1)], [*(edges + 1), piece.time.size], strict=True):
+            count += 1
+            duration = float(piece.time[end - 1] - piece.time[begin])
+            if best is None or duration > best[0]:
+                best = duration, rows_of(piece, np.arange(begin, end)), int(number)
+    assert best is not None  # `inside` is not empty
+    _, chosen, number = best
+    if moved:
+        notes.append(f"{moved} samples twice or out of order: sorted, each time once")
+    if count > 1:
+        notes.append(
+            f"{count} segments between restarts and gaps longer than {max_gap_s:g} s: the longest is used,"
+            f" {chosen.time[0]:.3f} to {chosen.time[-1]:.3f} s (start_s and stop_s select another one)"
+        )
+    return chosen, number
+
+
+def only(series: AnySeries, part: int, what: str, notes: list[str]) -> AnySeries | None:
+    """The rows after `part` restarts, in order; None, with a note, if the series has fewer restarts."""
+    of = restarts(series.time)
+    if part > of[-1]:
+        notes.append(f"{what}: {series.name} lacks a restart of the clock that the inertial unit has: not used")
+        return None
+    return ordered(rows_of(series, np.flatnonzero(of == part)))[0]
