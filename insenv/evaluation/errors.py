@@ -20,10 +20,10 @@ from insenv.base.errors import InputError, nearest
 from insenv.core.elementary import sin_cos, wrap_angle
 from insenv.core.model import Values
 from insenv.core.tables import Table
-from insenv.estimators.contract import TURNTABLE
 from insenv.evaluation import sentences
 from insenv.evaluation.health import Health
 from insenv.geodesy import STANDARD_GRAVITY
+from insenv.vehicles.registry import traits_of
 
 # The result of a calibration: the errors of the inertial unit that a filter estimates, beside the true ones.
 
@@ -80,7 +80,7 @@ def unit_errors(vehicle: str, outputs: Mapping[str, Array], true: Mapping[str, A
     vehicle: its kind.  true: `insenv.sensors.imu.true_unit_errors` (k,) by the same names, or None.
     """
     found: list[UnitError] = []
-    if vehicle != TURNTABLE:
+    if not traits_of(vehicle).turns_in_place:
         return ()
     for name, (unit, factor) in UNITS.items():
         if f"{name}_estimate_sigma" not in outputs:

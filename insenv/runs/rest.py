@@ -13,11 +13,12 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.estimators import ImuDataSheet
-from insenv.estimators.fusion.family import HOLDING, PARKED
+from insenv.estimators.fusion.family import HOLDING
 from insenv.estimators.parts.rows import aid_health, reported_aids
 from insenv.logs import RecordedLog
 from insenv.logs.rest import Rest, rest_rows
 from insenv.runs.follower import Array, Follower
+from insenv.vehicles import registry
 
 CONFLICT = 3.0
 """Standard deviations by which a given heading may differ from that of the gyros."""
@@ -141,7 +142,8 @@ def lost_rest(log: RecordedLog, follower: Follower, times: Array) -> tuple[str, 
     used = f"zero velocity is all that holds this velocity, and was last used at {last:.4g} s" if count[-1] else (
         "zero velocity is all that would hold this velocity, and was never used"
     )  # fmt: skip
+    parking = [kind for kind in registry.names() if registry.traits_of(kind).parks]
     return (
         f"{used}: the filter takes the vehicle to move. If it is parked, say so: in_place = true, and vehicle_kind = "
-        f"{' or '.join(map(repr, PARKED))}",
+        f"{' or '.join(map(repr, parking))}",
     )

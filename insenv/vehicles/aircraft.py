@@ -29,7 +29,18 @@ from insenv.vehicles.car import climb_angle
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_all, leg_kind, positive_value
-from insenv.vehicles.section import MAX_LEGS, GustsSection, StartSection, StickCommand, VehicleTraits, dumped, fastest, in_legs
+from insenv.vehicles.section import (
+    MAX_LEGS,
+    Actions,
+    GustsSection,
+    StartSection,
+    StickCommand,
+    VehicleTraits,
+    action,
+    dumped,
+    fastest,
+    in_legs,
+)
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
 SLOW = 5.0
@@ -42,6 +53,26 @@ SCRIPT = Script((
     Row("climb_rate", "Rate of climb, in the air", "m/s", lower=-100.0, upper=100.0),
 ))  # fmt: skip
 
+AGENT_ACCELERATION = 2.5
+"""m/s^2, along the path, by a full action of an agent."""
+AGENT_SPEEDS = (60.0, 120.0)
+"""Lowest and highest speed that an agent reaches, m/s."""
+AGENT_BANK = 0.7
+"""Bank by a full action, rad (40 deg)."""
+AGENT_CLIMB = 10.0
+"""Rate of climb by a full action, m/s."""
+
+
+def _commands(x: Any, action: Any) -> dict[str, Any]:
+    along = clamp(action.accelerate, -1.0, 1.0)
+    return {
+        "speed": select(along > 0.0, AGENT_SPEEDS[1], AGENT_SPEEDS[0]),
+        "acceleration": ca.fabs(along) * AGENT_ACCELERATION,
+        "bank": clamp(action.bank, -1.0, 1.0) * AGENT_BANK,
+        "climb_rate": clamp(action.climb, -1.0, 1.0) * AGENT_CLIMB,
+    }
+
+
 AIRCRAFT_TRAITS = VehicleTraits(
     mavlink_type=1,  # MAV_TYPE_FIXED_WING
     airspeed=True,
@@ -50,7 +81,17 @@ AIRCRAFT_TRAITS = VehicleTraits(
         StickCommand("bank", "BANK", "Bank", ("y",), 30.0, 60.0, "deg"),
         StickCommand("climb_rate", "CLIMB", "Climb rate", ("x",), 5.0, 100.0, "m/s", sign=-1.0),
     ),
-)
+    parks=True,
+    actions=Actions(
+        Table((
+            action("accelerate", f"Acceleration along the path, in {AGENT_ACCELERATION:g} m/s^2"),
+            action("bank", f"Bank of a coordinated turn, positive to the right, in {AGENT_BANK:g} rad"),
+            action("climb", f"Rate of climb, in {AGENT_CLIMB:g} m/s"),
+        )),
+        _commands,
+        (70.0, 110.0),
+    ),
+)  # fmt: skip
 
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Horizontal speed over ground", "m/s")
 BANK = Tracker(("bank", "bank_rate", "bank_second"), "Bank of the turn", "rad")

@@ -27,11 +27,13 @@ from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_a
 from insenv.vehicles.section import (
     MARGIN_MPS,
     MAX_LEGS,
+    Actions,
     Engine,
     StartSection,
     StickCommand,
     VehicleSection,
     VehicleTraits,
+    action,
     dumped,
     engine_rows,
     fastest,
@@ -50,14 +52,42 @@ SCRIPT = Script((
     Row("load_down", "Sinking due to load", "m", lower=-0.2, upper=0.2),
 ))  # fmt: skip
 
+AGENT_ACCELERATION = 3.0
+"""m/s^2, along and across the path, by a full action of an agent."""
+TOP_SPEED = 25.0
+"""Speed up to which an agent accelerates, m/s."""
+SLOW = 2.0
+"""Speed (m/s) below which the yaw rate of an action is that at this speed."""
+
+
+def _commands(x: Any, action: Any) -> dict[str, Any]:
+    """Accelerate to the top speed, brake to a stop, or (at 0) hold the speed."""
+    along, across = clamp(action.accelerate, -1.0, 1.0), clamp(action.steer, -1.0, 1.0)
+    return {
+        "speed": ca.SX(TOP_SPEED),
+        "acceleration": along * AGENT_ACCELERATION,
+        "yaw_rate": across * AGENT_ACCELERATION / maximum(x.speed, SLOW),
+        **{name: getattr(x, f"commanded_{name}") for name in ("slope", "load_roll", "load_pitch", "load_down")},
+    }
+
+
 CAR_TRAITS = VehicleTraits(
     mavlink_type=10,  # MAV_TYPE_GROUND_ROVER
-    airspeed=False,
+    parks=True,
+    wheels=True,
     sticks=(
         StickCommand("speed", "SPEED", "Speed", ("z",), 15.0, 340.0, "m/s", one_sided=True),
         StickCommand("yaw_rate", "TURN", "Turn rate", ("r", "y"), 20.0, 90.0, "deg/s"),
     ),
-)
+    actions=Actions(
+        Table((
+            action("accelerate", f"Acceleration along the path, in {AGENT_ACCELERATION:g} m/s^2; negative: brake to a stop"),
+            action("steer", f"Acceleration across the path, positive to the right, in {AGENT_ACCELERATION:g} m/s^2"),
+        )),
+        _commands,
+        (2.0, 12.0),
+    ),
+)  # fmt: skip
 
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Speed over ground", "m/s")
 _CURVATURE = Tracker(("curvature", "curvature_rate", "curvature_second"), "Curvature of the path, positive to the right", "1/m")

@@ -35,7 +35,8 @@ SCRIPT = Script((
 
 MULTIROTOR_TRAITS = VehicleTraits(
     mavlink_type=2,  # MAV_TYPE_QUADROTOR
-    airspeed=False,
+    floats=True,
+    hovers=True,
     sticks=(
         StickCommand("forward", "FORWARD", "Forward speed", ("x",), 5.0, 50.0, "m/s"),
         StickCommand("right", "RIGHT", "Speed to the right", ("y",), 5.0, 50.0, "m/s"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import pi, radians
 from typing import Annotated, Any, ClassVar, TypeVar
@@ -11,9 +11,10 @@ from pydantic import Field
 
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, PerAxis, Section, key, within
+from insenv.core.tables import Row, Table
 from insenv.vehicles.truth import Vehicle
 
-# What interfaces to other tools need to know of a kind of vehicle, apart from its equations of motion.
+# What estimators and interfaces need to know of a kind of vehicle, apart from its equations of motion.
 
 
 @dataclass(frozen=True)
@@ -47,18 +48,49 @@ class StickCommand:
         return deflection * (radians(full_scale) if self.unit.startswith("deg") else full_scale)
 
 
+@dataclass(frozen=True, eq=False)
+class Actions:
+    """How an agent steers a kind of vehicle (`insenv.envs.ManoeuvreEnv`).
+
+    rows: components of the action, from -1 to 1.  start_speeds: range from which an episode draws the start speed, m/s.
+    commands: ``(state, action) -> {command: value}``, in SI: the inputs ``command_NAME`` of the vehicle, or its state rows
+        ``commanded_NAME`` where it has no such inputs.
+    """
+
+    rows: Table
+    commands: Callable[[Any, Any], Mapping[str, Any]]
+    start_speeds: tuple[float, float] | None = None
+
+
+def action(name: str, meaning: str) -> Row:
+    """A component of an action."""
+    return Row(name, meaning, lower=-1.0, upper=1.0)
+
+
 @dataclass(frozen=True)
 class VehicleTraits:
-    """A kind of vehicle as other tools see it.
+    """What a kind of vehicle is to estimators, environments and other tools.
 
     mavlink_type: MAV_TYPE of MAVLink, 0 for a generic vehicle.
     airspeed: whether it flies and so has a sensor of differential pressure.
     sticks: the commands that a joystick sets, in the order of the vehicle's command rows.
+    actions: how an agent steers it; None: no agent does.
+    floats: whether it never stands still, so that no estimator looks for rest.
+    parks: whether it stands still where it stays in place.
+    hovers: whether its turns and accelerations are too small to show a scale factor or a misalignment.
+    wheels: whether it rolls without moving sideways.
+    turns_in_place: whether it turns the unit about a fixed point, as a turntable does.
     """
 
     mavlink_type: int = 0
     airspeed: bool = False
     sticks: tuple[StickCommand, ...] = ()
+    actions: Actions | None = None
+    floats: bool = False
+    parks: bool = False
+    hovers: bool = False
+    wheels: bool = False
+    turns_in_place: bool = False
 
 
 MAX_WAVES = 16
@@ -93,7 +125,7 @@ class VehicleSection(Section):
     """
 
     traits: ClassVar[VehicleTraits] = VehicleTraits()
-    """What other interfaces need to know of the kind."""
+    """What estimators and interfaces need to know of the kind."""
 
     kind: str
 

@@ -51,7 +51,7 @@ SCRIPT = Script((
 ))  # fmt: skip
 SHIP_TRAITS = VehicleTraits(
     mavlink_type=11,  # MAV_TYPE_SURFACE_BOAT
-    airspeed=False,
+    floats=True,
     sticks=(
         StickCommand("speed", "SPEED", "Speed", ("z",), 10.0, 340.0, "m/s", one_sided=True),
         StickCommand("turn_rate", "TURN", "Turn rate", ("r", "y"), 3.0, 90.0, "deg/s"),

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import ceil, degrees, log, log1p, pi, radians
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Section, key
+from insenv.core.elementary import clamp
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
-from insenv.vehicles.section import MAX_LEGS, StartSection, VehicleSection, in_legs
+from insenv.vehicles.section import MAX_LEGS, Actions, StartSection, VehicleSection, VehicleTraits, action, in_legs
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
 BANDWIDTH = 3.0
@@ -32,6 +33,11 @@ RATE = 10.0 * pi / 180.0
 _INDEX = Tracker(("index_angle", "index_rate", "index_acceleration"), "Angle of the turntable, clockwise from above", "rad")
 COMMANDED = "commanded_index"
 """State row of the commanded angle (rad), set by other parts."""
+INDEXING = Actions(
+    Table((action("index", "Target angle of the turntable, clockwise, in 180 deg"),)),
+    lambda x, action: {"index": clamp(action.index, -1.0, 1.0) * pi},
+)
+"""How an agent turns a vehicle `on_turntable`."""
 
 
 def on_turntable(vehicle: Vehicle) -> Vehicle:
@@ -167,6 +173,8 @@ class TurntableLeg(Section):
 
 class TurntableSection(VehicleSection):
     """A three-axis turntable that turns the unit in place, to calibrate it or to average its biases."""
+
+    traits: ClassVar[VehicleTraits] = VehicleTraits(actions=INDEXING, turns_in_place=True)
 
     kind: Literal["turntable"] = key(..., "kind of vehicle")
     legs: tuple[TurntableLeg, ...] = key((), "the plan, orientation by orientation", max_length=MAX_LEGS)

@@ -14,8 +14,9 @@ from places import ROOT
 import insenv
 from insenv import testing
 from insenv.base.errors import InputError
-from insenv.envs import AlignmentEnv, AlignmentVectorEnv, agents
-from insenv.estimators import registered
+from insenv.envs import AlignmentEnv, AlignmentVectorEnv, ManoeuvreEnv, agents
+from insenv.estimators import Drive, registered
+from insenv.estimators.fusion.family import aids_of
 
 PACKAGE = ROOT / "tests" / "outside" / "rail"
 CAR = {
@@ -83,6 +84,18 @@ def test_runs_campaigns_and_environments_take_it():
         observation, *_, info = single.step(action)
         observations, *_, infos = batch.step(actions)
         assert np.array_equal(observation, observations[0])
+
+
+@pytest.mark.usefixtures("registered_rail")
+def test_its_vehicle_is_steered_and_gets_its_aids():
+    steered = CAR | {"vehicle": {"kind": "trolley", "amplitude_m": 50.0, "period_s": 12.0}}
+    env = ManoeuvreEnv({name: value for name, value in steered.items() if name != "compass"}, duration_s=20.0)
+    env.reset(seed=1)
+    paces = [env.step(np.array([each])) and float(env._runner.state["pace"]) for each in (1.0, -1.0, -1.0)]
+    assert paces[0] > 2 * np.pi / 12 > paces[2] > 0
+    drives = [Drive("here", frozenset(sensors), True, vehicle="trolley") for sensors in ((), ("odometer", "gnss"))]
+    assert aids_of(drives[0]) == ("in_place",)
+    assert set(aids_of(drives[1])) == {"gnss", "zero_velocity", "odometer", "non_holonomic"}
 
 
 @pytest.mark.slow
