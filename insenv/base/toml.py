@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args, ge
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError, WithJsonSchema
 
 from insenv.base.errors import InputError, guess, nearest
+from insenv.base.keys import BY_UNIT, SAME, Conversion, SetsRow, unit_of
 
 # What the bytes or the values of a file are, for the message to someone who gave the wrong file.
 
@@ -102,9 +103,16 @@ if not TYPE_CHECKING:
 # --- how a key is declared -------------------------------------------------------------------------
 
 
-def key(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
-    """A key: its default (... if required), meaning, unit and limits (`gt`, `ge`, `lt`, `le`, `max_length` ...)."""
-    return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
+def key(default: Any, meaning: str, unit: str = "", *, row: str = "", convert: Conversion | None = None, **limits: Any) -> Any:
+    """A key: its default (... if required), meaning, unit and limits (`gt`, `ge`, `lt`, `le`, `max_length` ...).
+
+    row: the parameter row that it sets (`insenv.base.keys.rows_of`), if it is one.  convert: to the row's SI unit; None: the
+    conversion of the key's unit.
+    """
+    field = Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
+    if row:
+        field.metadata.append(SetsRow(row, convert or BY_UNIT.get(unit, SAME)))
+    return field
 
 
 def check_three(value: object) -> object:
@@ -250,8 +258,7 @@ def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
         elif owner is not None:
             field = owner.model_fields[part]
             dotted += f".{part}" if dotted else part
-            extra = field.json_schema_extra
-            unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+            unit = unit_of(field)
             here = field.annotation
             if last and fault["type"] == "missing":
                 return dotted, f" is missing: {field.description}{_unit(unit)}"

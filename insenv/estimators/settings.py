@@ -10,23 +10,17 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.keys import SAME, Conversion
 from insenv.base.toml import shown
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator, get
-from insenv.sensors import units
+from insenv.sensors.units import UNITS
 
-_UNITS: dict[str, dict[str, Callable[[Any], Any]]] = {
-    "rad": {"deg": units.deg_to_rad},
-    "rad/s": {"deg_h": units.deg_h_to_rad_s},
-    "m/s^2": {"ug": units.ug_to_m_s2, "mgal": units.mgal_to_m_s2},
-    "rad/s^0.5": {"deg_sqrt_h": units.deg_sqrt_h_to_rad_sqrt_s},
-    "m/s^1.5": {"ug_sqrt_hz": units.ug_sqrt_hz_to_m_s_sqrt_s, "mps_sqrt_h": units.m_s_sqrt_h_to_m_s_sqrt_s},
-    "m": {"m": np.asarray},
-    "s": {"s": np.asarray},
-    "m/s": {"mps": np.asarray},
-    "1": {"": np.asarray},
-}
+_UNITS: dict[str, dict[str, Conversion]] = {}
 """Endings of a key by the SI unit of its row; a row with another unit is set in SI, by its own name."""
+for _unit in UNITS.values():
+    if _unit.ending is not None:
+        _UNITS.setdefault(_unit.si, {})[_unit.ending] = _unit.convert
 _SHORT = {
     "arw": ("angle_random_walk",),
     "vrw": ("velocity_random_walk",),
@@ -130,7 +124,7 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
 
 def _rows_of(
     estimator: Estimator,
-    known: Mapping[str, list[tuple[Row, Callable[[Any], Any]]]],
+    known: Mapping[str, list[tuple[Row, Conversion]]],
     before: Mapping[str, Any],
     where: str,
     key: str,
@@ -211,12 +205,12 @@ def keys_by_row(parameters: Table) -> dict[str, list[str]]:
     return found
 
 
-def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:
+def _keys(parameters: Table) -> dict[str, list[tuple[Row, Conversion]]]:
     """Allowed keys: the rows that each sets, and the conversions to SI.  Rows that `Knowledge` gives cannot be set."""
-    keys: dict[str, list[tuple[Row, Callable[[Any], Any]]]] = {}
+    keys: dict[str, list[tuple[Row, Conversion]]] = {}
     for row in parameters:
         if not row.name.startswith("start_") and row.name not in _KNOWN:
-            for ending, convert in _UNITS.get(row.unit, {"": np.asarray}).items():
+            for ending, convert in _UNITS.get(row.unit, {"": SAME}).items():
                 for name in (row.name, *(short for short, names in _SHORT.items() if row.name in names)):
                     keys.setdefault(f"{name}_{ending}".rstrip("_"), []).append((row, convert))
     return keys

@@ -25,8 +25,9 @@ from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings, interference
 from insenv.scenario import Scenario
 from insenv.sensors.gnss import GNSS_PARAMETERS
-from insenv.sensors.grades import SHOWN, elements
+from insenv.sensors.grades import elements
 from insenv.sensors.imu_tables import IMU_PARAMETERS
+from insenv.sensors.units import SHOWN
 from insenv.vehicles import StickCommand
 
 # Parameters of the stream, of the scenario's sensors and of the estimator.

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.core import noise
 from insenv.core.model import Model
 from insenv.core.tables import Table, Vector, check_rows, naming
@@ -89,12 +90,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     model = _model(vehicle, (IMU, *(section.sensor for section in scenario.sensors.values())))
     rows = {
         "sample_interval": interval,
-        "start_latitude": radians(start.latitude_deg),
-        "start_longitude": radians(start.longitude_deg),
-        "start_height": start.height_m,
-        "start_heading": radians(start.heading_deg),
-        "mean_roll": radians(start.roll_deg),
-        "mean_pitch": radians(start.pitch_deg),
+        **rows_of(start),
         **_checked(this, partial(scenario.vehicle.rows, start), model.parameters),
         **scenario.imu.rows(scenario.rate_hz),
         **scenario.gravity.rows(start),

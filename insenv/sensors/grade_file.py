@@ -16,7 +16,8 @@ from pydantic import BeforeValidator, WithJsonSchema, create_model, model_valida
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Section, key, read_toml, validated
 from insenv.sensors.catalogue import IMU_GRADES, imu_grade
-from insenv.sensors.grades import FIGURES, WAYS, WHITE, ImuGrade, figure_key
+from insenv.sensors.grades import FIGURES, WAYS, WHITE, ImuGrade
+from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 SUFFIX = ".toml"
 
@@ -47,7 +48,10 @@ if TYPE_CHECKING:
     GradeTable = _GradeTable
 else:
     GradeTable = create_model(
-        "GradeTable", __base__=_GradeTable, __doc__=_GradeTable.__doc__, **{name: figure_key(name, "0") for name in FIGURES}
+        "GradeTable",
+        __base__=_GradeTable,
+        __doc__=_GradeTable.__doc__,
+        **{name: figure.key(IMU_PARAMETERS, "0") for name, figure in FIGURES.items()},
     )
 
 

@@ -28,15 +28,15 @@ from pydantic import create_model
 from insenv import attitude
 from insenv.attitude import from_rotation_vector, normalize, to_dcm
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.base.toml import LeverArm, Number, Rotation, key
 from insenv.core.compose import Part
 from insenv.core.elementary import exp, normal_pair, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
-from insenv.sensors import units
 from insenv.sensors.contract import ErrorSource, Sensor, SensorSection
 from insenv.sensors.grade_file import GradeValue, grade_of
-from insenv.sensors.grades import FIGURES, WAYS, WHITE, figure_key
+from insenv.sensors.grades import FIGURES, WAYS, WHITE
 from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, HUGE, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
 
 SAMPLE_UNIFORMS = 7
@@ -274,19 +274,25 @@ class _ImuSection(SensorSection):
     sensor: ClassVar[Sensor] = IMU
 
     grade: GradeValue = key("perfect", "grade of the catalogue (docs/sensors.md), or a grade file (docs/allan.md)")
-    lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit: forward, right, down", "m")
-    mounting_angles_deg: Rotation = key(
-        (0.0, 0.0, 0.0),
-        "known roll, pitch and heading of the unit in the vehicle; its output is in body axes",
-        "deg",
+    lever_arm_m: LeverArm = key(
+        (0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit: forward, right, down", "m", row="imu_lever_arm_b"
     )
-    mounting_error_deg: Rotation = key((0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg")
-    drop_probability: Number = key(0.0, "probability that a sample is lost", "", ge=0, le=1)
-    temperature_start_degc: Number = key(20.0, "temperature at time 0", "deg C", ge=-100, le=200)
-    temperature_end_degc: Number = key(20.0, "temperature after warm-up", "deg C", ge=-100, le=200)
-    temperature_reference_degc: Number = key(20.0, "temperature at which thermal errors are 0", "deg C", ge=-100, le=200)
-    temperature_ramp_k_h: Number = key(0.0, "steady change with the surroundings", "K/h", ge=-100, le=100)
-    warm_up_s: Number = key(600.0, "time constant of the warm-up", "s", ge=1e-3, le=1e9)
+    mounting_angles_deg: Rotation = key(
+        (0.0, 0.0, 0.0), "known roll, pitch and heading of the unit in the vehicle; its output is in body axes", "deg"
+    )
+    mounting_error_deg: Rotation = key(
+        (0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg", row="mounting_error"
+    )
+    drop_probability: Number = key(0.0, "probability that a sample is lost", row="imu_drop_probability", ge=0, le=1)
+    temperature_start_degc: Number = key(20.0, "temperature at time 0", "deg C", row="imu_temperature_initial", ge=-100, le=200)
+    temperature_end_degc: Number = key(20.0, "temperature after warm-up", "deg C", row="imu_temperature_final", ge=-100, le=200)
+    temperature_reference_degc: Number = key(
+        20.0, "temperature at which thermal errors are 0", "deg C", row="imu_temperature_reference", ge=-100, le=200
+    )
+    temperature_ramp_k_h: Number = key(
+        0.0, "steady change with the surroundings", "K/h", row="imu_temperature_ramp", ge=-100, le=100
+    )
+    warm_up_s: Number = key(600.0, "time constant of the warm-up", "s", row="imu_temperature_time", ge=1e-3, le=1e9)
 
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI).  White noise per sample, if given here, is that of samples at `rate_hz`."""
@@ -301,18 +307,8 @@ class _ImuSection(SensorSection):
         for name in WHITE:
             if own.get(name):
                 own[name] *= float(np.sqrt(grade.white_rate_hz / rate_hz))
-        rows = replace(grade, **own).parameters()
-        return rows | {
-            "imu_lever_arm_b": np.array(self.lever_arm_m),
-            "q_bs": attitude.numeric.from_euler(*np.radians(self.mounting_angles_deg)),
-            "mounting_error": np.radians(self.mounting_error_deg),
-            "imu_drop_probability": self.drop_probability,
-            "imu_temperature_initial": units.deg_c_to_k(self.temperature_start_degc),
-            "imu_temperature_final": units.deg_c_to_k(self.temperature_end_degc),
-            "imu_temperature_time": self.warm_up_s,
-            "imu_temperature_reference": units.deg_c_to_k(self.temperature_reference_degc),
-            "imu_temperature_ramp": self.temperature_ramp_k_h / units.HOUR,
-        }
+        q_bs = attitude.numeric.from_euler(*np.radians(self.mounting_angles_deg))
+        return {**replace(grade, **own).parameters(), **rows_of(self, without=FIGURES), "q_bs": q_bs}
 
 
 if TYPE_CHECKING:
@@ -322,5 +318,5 @@ else:
         "ImuSection",
         __base__=_ImuSection,
         __doc__=_ImuSection.__doc__,
-        **{name: figure_key(name, "the grade's") for name in FIGURES},
+        **{name: figure.key(IMU_PARAMETERS, "the grade's") for name, figure in FIGURES.items()},
     )

@@ -344,11 +344,15 @@ class AircraftSection(GustsSection):
     traits: ClassVar[VehicleTraits] = AIRCRAFT_TRAITS
 
     kind: Literal["aircraft"] = key(..., "kind of vehicle")
-    angle_of_attack_deg: Number = key(2.0, "pitch above the flight path in the air", "deg", ge=-15, le=15)
-    take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", ge=1, le=200)
-    start_speed_mps: Number = key(0.0, "speed at time 0; in the air if above the take-off speed", "m/s", ge=0, le=340)
+    angle_of_attack_deg: Number = key(
+        2.0, "pitch above the flight path in the air", "deg", row="angle_of_attack", ge=-15, le=15
+    )
+    take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", row="take_off_speed", ge=1, le=200)
+    start_speed_mps: Number = key(
+        0.0, "speed at time 0; in the air if above the take-off speed", "m/s", row="start_speed", ge=0, le=340
+    )
     legs: tuple[AircraftLeg, ...] = key((), "the flight, leg by leg; a parked aircraft only waits", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -366,14 +370,8 @@ class AircraftSection(GustsSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        return {
-            **self.air_rows(),
-            "angle_of_attack": radians(self.angle_of_attack_deg),
-            "take_off_speed": self.take_off_speed_mps,
-            "start_speed": self.start_speed_mps,
-            "segments": in_legs(lambda: flight_plan(self._plan(), self.start_speed_mps, start.height_m)),
-            "segments_repeat": float(self.repeat_legs),
-        }
+        segments = in_legs(lambda: flight_plan(self._plan(), self.start_speed_mps, start.height_m))
+        return {**self.air_rows(), "segments": segments}
 
     def _plan(self) -> list[Mapping[str, float]]:
         """The legs, with each survey as its lines and turns."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.base.toml import Number, Section, key
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Values
@@ -295,12 +296,12 @@ class CarSection(VehicleSection):
 
     kind: Literal["car"] = key(..., "kind of vehicle")
     engine: Engine = key((), "the engine's vibration")
-    wind_roll_sigma_deg: Number = key(0.0, "roll due to wind, standard deviation", "deg", ge=0, le=5)
-    wind_pitch_sigma_deg: Number = key(0.0, "pitch due to wind, standard deviation", "deg", ge=0, le=5)
-    wind_correlation_s: Number = key(3.0, "correlation time of the wind", "s", ge=0.01, le=1e6)
-    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", ge=0, le=100)
+    wind_roll_sigma_deg: Number = key(0.0, "roll due to wind, standard deviation", "deg", row="wind_roll_sigma", ge=0, le=5)
+    wind_pitch_sigma_deg: Number = key(0.0, "pitch due to wind, standard deviation", "deg", row="wind_pitch_sigma", ge=0, le=5)
+    wind_correlation_s: Number = key(3.0, "correlation time of the wind", "s", row="wind_time_constant", ge=0.01, le=1e6)
+    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", row="start_speed", ge=0, le=100)
     legs: tuple[CarLeg, ...] = key((), "the drive, leg by leg; a parked car only waits", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -318,12 +319,5 @@ class CarSection(VehicleSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        return {
-            **engine_rows(self.engine),
-            "wind_roll_sigma": radians(self.wind_roll_sigma_deg),
-            "wind_pitch_sigma": radians(self.wind_pitch_sigma_deg),
-            "wind_time_constant": self.wind_correlation_s,
-            "start_speed": self.start_speed_mps,
-            "segments": in_legs(lambda: car_route(dumped(self.legs), self.start_speed_mps)),
-            "segments_repeat": float(self.repeat_legs),
-        }
+        segments = in_legs(lambda: car_route(dumped(self.legs), self.start_speed_mps))
+        return {**engine_rows(self.engine), **rows_of(self), "segments": segments}

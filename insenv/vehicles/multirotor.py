@@ -185,9 +185,9 @@ class MultirotorSection(GustsSection):
 
     kind: Literal["multirotor"] = key(..., "kind of vehicle")
     engine: Engine = key((), "the rotors' vibration")
-    gust_correlation_s: Number = key(2.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
+    gust_correlation_s: Number = key(2.0, "correlation time of the gusts", "s", row="gust_time_constant", ge=0.01, le=1e6)
     legs: tuple[MultirotorLeg, ...] = key((), "the flight, leg by leg", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -205,11 +205,7 @@ class MultirotorSection(GustsSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        return {
-            **self.air_rows(),
-            "segments": in_legs(lambda: SCRIPT.table(flight(self.legs))),
-            "segments_repeat": float(self.repeat_legs),
-        }
+        return {**self.air_rows(), "segments": in_legs(lambda: SCRIPT.table(flight(self.legs)))}
 
 
 def flight(legs: Sequence[MultirotorLeg]) -> list[dict[str, float]]:

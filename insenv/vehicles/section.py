@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import pi, radians
+from math import radians
 from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.base.toml import Number, PerAxis, Section, key, within
 from insenv.core.tables import Row, Table
 from insenv.vehicles.truth import Vehicle
@@ -104,17 +105,19 @@ MARGIN_MPS = 5.0
 class PlaceSection(Section):
     """A place."""
 
-    latitude_deg: Number = key(..., "geodetic latitude", "deg", ge=-89.999, le=89.999)
-    longitude_deg: Number = key(..., "longitude, east positive", "deg", ge=-360, le=360)
-    height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", ge=-1e4, le=1e5)
+    latitude_deg: Number = key(..., "geodetic latitude", "deg", row="start_latitude", ge=-89.999, le=89.999)
+    longitude_deg: Number = key(..., "longitude, east positive", "deg", row="start_longitude", ge=-360, le=360)
+    height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", row="start_height", ge=-1e4, le=1e5)
 
 
 class StartSection(PlaceSection):
     """Position of the inertial unit and attitude of the vehicle at time 0."""
 
-    heading_deg: Number = key(0.0, "heading, clockwise from north; the mean for a swaying ship", "deg", ge=-360, le=360)
-    roll_deg: Number = key(0.0, "mean roll, right side down positive", "deg", ge=-28, le=28)
-    pitch_deg: Number = key(0.0, "mean pitch, nose up positive", "deg", ge=-28, le=28)
+    heading_deg: Number = key(
+        0.0, "heading, clockwise from north; the mean for a swaying ship", "deg", row="start_heading", ge=-360, le=360
+    )
+    roll_deg: Number = key(0.0, "mean roll, right side down positive", "deg", row="mean_roll", ge=-28, le=28)
+    pitch_deg: Number = key(0.0, "mean pitch, nose up positive", "deg", row="mean_pitch", ge=-28, le=28)
 
 
 class VehicleSection(Section):
@@ -202,13 +205,13 @@ def in_legs(make: Callable[[], Made]) -> Made:
 class EngineWave(Section):
     """One frequency of an engine's vibration."""
 
-    frequency_hz: Number = key(..., "frequency, below half the sample rate", "Hz", gt=0, le=5e3)
-    roll_deg: Number = key(0.0, "amplitude of roll", "deg", ge=0, le=5)
-    pitch_deg: Number = key(0.0, "amplitude of pitch", "deg", ge=0, le=5)
-    down_m: Number = key(0.0, "amplitude of the displacement down", "m", ge=0, le=0.1)
-    roll_phase_deg: Number = key(0.0, "phase of roll at time 0", "deg", ge=-360, le=360)
-    pitch_phase_deg: Number = key(0.0, "phase of pitch at time 0", "deg", ge=-360, le=360)
-    down_phase_deg: Number = key(0.0, "phase of the displacement at time 0", "deg", ge=-360, le=360)
+    frequency_hz: Number = key(..., "frequency, below half the sample rate", "Hz", row="engine_angular_frequency", gt=0, le=5e3)
+    roll_deg: Number = key(0.0, "amplitude of roll", "deg", row="engine_roll_amplitude", ge=0, le=5)
+    pitch_deg: Number = key(0.0, "amplitude of pitch", "deg", row="engine_pitch_amplitude", ge=0, le=5)
+    down_m: Number = key(0.0, "amplitude of the displacement down", "m", row="engine_down_amplitude", ge=0, le=0.1)
+    roll_phase_deg: Number = key(0.0, "phase of roll at time 0", "deg", row="engine_roll_phase", ge=-360, le=360)
+    pitch_phase_deg: Number = key(0.0, "phase of pitch at time 0", "deg", row="engine_pitch_phase", ge=-360, le=360)
+    down_phase_deg: Number = key(0.0, "phase of the displacement at time 0", "deg", row="engine_down_phase", ge=-360, le=360)
 
 
 Engine = Annotated[tuple[EngineWave, ...], Field(max_length=MAX_WAVES)]
@@ -216,26 +219,23 @@ Engine = Annotated[tuple[EngineWave, ...], Field(max_length=MAX_WAVES)]
 
 def engine_rows(engine: tuple[EngineWave, ...]) -> dict[str, Any]:
     """Parameter rows (SI) of the vibration; without an engine, one frequency of amplitude 0."""
-    waves = engine or (EngineWave(frequency_hz=1.0),)
-    rows: dict[str, Any] = {"engine_angular_frequency": [2.0 * pi * wave.frequency_hz for wave in waves]}
-    for channel, amplitude in (("roll", "roll_deg"), ("pitch", "pitch_deg"), ("down", "down_m")):
-        scale = 1.0 if channel == "down" else pi / 180.0
-        rows[f"engine_{channel}_amplitude"] = [scale * getattr(wave, amplitude) for wave in waves]
-        rows[f"engine_{channel}_phase"] = [radians(getattr(wave, f"{channel}_phase_deg")) for wave in waves]
-    return rows
+    waves = [rows_of(wave) for wave in engine or (EngineWave(frequency_hz=1.0),)]
+    return {row: [wave[row] for wave in waves] for row in waves[0]}
 
 
 class GustsSection(VehicleSection):
     """The keys of a vehicle in the air: its engine, gusts."""
 
     engine: Engine = key((), "the engine's vibration")
-    gust_roll_sigma_deg: Number = key(0.0, "roll due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_pitch_sigma_deg: Number = key(0.0, "pitch due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_yaw_sigma_deg: Number = key(0.0, "yaw due to gusts, standard deviation", "deg", ge=0, le=10)
+    gust_roll_sigma_deg: Number = key(0.0, "roll due to gusts, standard deviation", "deg", row="gust_roll_sigma", ge=0, le=10)
+    gust_pitch_sigma_deg: Number = key(
+        0.0, "pitch due to gusts, standard deviation", "deg", row="gust_pitch_sigma", ge=0, le=10
+    )
+    gust_yaw_sigma_deg: Number = key(0.0, "yaw due to gusts, standard deviation", "deg", row="gust_yaw_sigma", ge=0, le=10)
     gust_velocity_sigma_mps: Annotated[PerAxis, within(0.0, 10.0)] = key(
         (0.0, 0.0, 0.0), "velocity due to gusts, north, east, down, standard deviations", "m/s"
     )
-    gust_correlation_s: Number = key(3.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
+    gust_correlation_s: Number = key(3.0, "correlation time of the gusts", "s", row="gust_time_constant", ge=0.01, le=1e6)
 
     @property
     def gusting_mps(self) -> float:
@@ -243,15 +243,6 @@ class GustsSection(VehicleSection):
         return MARGIN_MPS + 10.0 * sum(self.gust_velocity_sigma_mps)
 
     def air_rows(self) -> dict[str, Any]:
-        """Parameter rows (SI) of these keys."""
-        north, east, down = self.gust_velocity_sigma_mps
-        return {
-            **engine_rows(self.engine),
-            "gust_roll_sigma": radians(self.gust_roll_sigma_deg),
-            "gust_pitch_sigma": radians(self.gust_pitch_sigma_deg),
-            "gust_yaw_sigma": radians(self.gust_yaw_sigma_deg),
-            "gust_north_sigma": north,
-            "gust_east_sigma": east,
-            "gust_down_sigma": down,
-            "gust_time_constant": self.gust_correlation_s,
-        }
+        """Parameter rows (SI) of the engine, the gusts and all keys that set one."""
+        velocities = zip(("north", "east", "down"), self.gust_velocity_sigma_mps, strict=True)
+        return {**engine_rows(self.engine), **{f"gust_{name}_sigma": value for name, value in velocities}, **rows_of(self)}

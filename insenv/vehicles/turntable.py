@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.base.toml import Number, Section, key
 from insenv.core.elementary import clamp
 from insenv.core.model import Values
@@ -178,7 +179,7 @@ class TurntableSection(VehicleSection):
 
     kind: Literal["turntable"] = key(..., "kind of vehicle")
     legs: tuple[TurntableLeg, ...] = key((), "the plan, orientation by orientation", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -224,7 +225,7 @@ class TurntableSection(VehicleSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI)."""
-        return {"segments": self._table(), "segments_repeat": float(self.repeat_legs)}
+        return {**rows_of(self), "segments": self._table()}
 
 
 LARGEST_TURN = 0.2

@@ -1,46 +1,53 @@
 """The controls of a page: keys of the scenario whose values the page can change with the numbers of `insenv.run`.
 
-A key is a control if its effect is one that the page repeats to the bit: a multiple of the value in some elements of the
-parameters.  A grade or a sea state is one of several sets of numbers.  `insenv.web.probing` finds them.
+A key declares its conversion (`insenv.base.keys`).  It is a control if all that changes with it follows from its value by that
+conversion, so that the page repeats it to the bit; a key with another effect (a spectrum, a hypotenuse) is none.  A grade or a
+sea state is one of several sets of numbers.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
+from insenv.base.errors import InputError
+from insenv.base.keys import FORMS, Conversion, conversion_of, unit_of
 from insenv.core.tables import Vector
 from insenv.scenario import Scenario
 from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
 from insenv.sensors.grade_file import grade_of
-from insenv.sensors.grades import unit_of
+from insenv.sensors.grades import FIGURES
 
 # The numbers of a scenario that could be controls of a page, with their bounds and usual values.
 
-LEAST = 1e-6
+EXCLUDED = 1e-6
 """Distance of a control from a bound that its key excludes."""
-APART = ("imu.drop_probability",)
+INTERPOLATED = ("imu.drop_probability",)
 """Keys with which the numbers of a page are not those of `insenv.run`, which interpolates over lost samples."""
-FARTHEST = {"start.latitude_deg": 80.0}
+NARROWER = {"start.latitude_deg": 80.0}
 """Bounds of controls, narrower than those of their keys: near a pole a vehicle is refused (`insenv.scenario.poles`)."""
 WIDE = 1e4
 """Bounds beyond this are those of a file, not of a control's range."""
+REPEATED = ("product", "quotient", "degrees", "inverse")
+"""Forms of a conversion that web/machine.js has."""
 
 
 @dataclass(frozen=True)
 class Key:
-    """A number of a scenario: its dotted key, value and bounds."""
+    """A number of a scenario: its dotted key, value, conversion and bounds."""
 
     key: str
     value: float | None
     meaning: str
     unit: str
+    conversion: Conversion
     minimum: float
     maximum: float
 
@@ -69,17 +76,24 @@ def _keys_of(section: BaseModel, prefix: str) -> Iterator[Key]:
             for place, item in enumerate(value):  # of a section in a section: not legs, which are a course
                 yield from _keys_of(item, f"{key}.{place}")
         elif isinstance(value, float) or (value is None and prefix == "knowledge" and name.endswith("_error_deg")):
-            bounds = [limit for limit in field.metadata if isinstance(limit, (Ge, Gt, Le, Lt))]
-            limits = {type(limit): float(getattr(limit, type(limit).__name__.lower())) for limit in bounds}
-            minimum = limits.get(Ge, limits[Gt] + LEAST if Gt in limits else -1e9)
-            maximum = limits.get(Le, limits[Lt] - LEAST if Lt in limits else 1e9)
-            if key in FARTHEST:
-                farthest = max(FARTHEST[key], abs(value or 0.0))
-                minimum, maximum = -farthest, farthest
-            extra = field.json_schema_extra
-            unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
-            if key not in APART:
-                yield Key(key, value, field.description or "", unit, minimum, maximum)
+            conversion = conversion_of(field)
+            if key not in INTERPOLATED and conversion.form in REPEATED:
+                minimum, maximum = _bounds(key, field, value or 0.0)
+                yield Key(key, value, field.description or "", unit_of(field), conversion, minimum, maximum)
+
+
+def _bounds(key: str, field: FieldInfo, value: float) -> tuple[float, float]:
+    """Bounds of a control."""
+    if key in NARROWER:
+        farthest = max(NARROWER[key], abs(value))
+        return -farthest, farthest
+    minimum, maximum = -1e9, 1e9
+    for limit in field.metadata:
+        if isinstance(limit, (Ge, Gt)):
+            minimum = float(limit.ge if isinstance(limit, Ge) else limit.gt + EXCLUDED)  # type: ignore[arg-type, operator]
+        elif isinstance(limit, (Le, Lt)):
+            maximum = float(limit.le if isinstance(limit, Le) else limit.lt - EXCLUDED)  # type: ignore[arg-type, operator]
+    return minimum, maximum
 
 
 def unit_suffix(unit: str, name: str) -> str:
@@ -93,20 +107,13 @@ def unit_suffix(unit: str, name: str) -> str:
 Setting = Mapping[str, Any]
 """Values by dotted key, such as ``{"start.latitude_deg": 30.0}``; a number is a place in a list."""
 
-FORMS: Mapping[str, Callable[[float, float], float]] = {
-    "product": lambda value, scale: scale * value,
-    "degrees": lambda value, scale: value * math.pi / scale,
-    "inverse": lambda value, scale: scale * (1.0 / value),
-}
-"""The ways in which an element may follow from a value, each rounded in one way: the same in web/machine.js."""
-
 
 @dataclass(frozen=True)
 class Target:
     """Elements that follow from the value.
 
-    into: "p" or "known".  form: of the arithmetic, see `FORMS`.  given: elements of `known` that become 1, because the value
-    is given.
+    into: "p" or "known".  form, scale: of the conversion, see `insenv.base.keys.FORMS`.  given: elements of `known` that become
+    1, because the value is given.
     """
 
     into: str
@@ -117,7 +124,7 @@ class Target:
 
     def number(self, value: float) -> float:
         """The elements' value."""
-        return FORMS[self.form](value, self.scale)
+        return float(FORMS[self.form](value, self.scale))
 
 
 @dataclass(frozen=True)
@@ -187,7 +194,7 @@ def with_values(values: Mapping[str, Any], setting: Setting) -> dict[str, Any]:
 
 # The controls of a page that are one of several sets of numbers: grades, figures of the inertial unit, sea states.
 
-FIGURES = (
+VARIED = (
     "gyro_bias_sigma_deg_h",
     "gyro_arw_deg_sqrt_h",
     "accel_bias_sigma_ug",
@@ -243,13 +250,160 @@ def _figures(scenario: Scenario) -> dict[str, Setting]:
     """The scenario's own inertial unit with one of its figures worse or better."""
     section, found = scenario.imu, dict[str, Setting]()
     grade = grade_of(section.grade)
-    for name in FIGURES:
+    for name in VARIED:
         own = getattr(section, name)
         value = getattr(grade, name) if own is None else own
         if isinstance(value, float) and value > 0.0:
             for factor in FACTORS:
                 number = float(f"{factor * value:.3g}")
-                unit = unit_of(name)
+                unit = FIGURES[name].unit
                 shown = name.removesuffix(unit_suffix(unit, name)).replace("_", " ")
                 found[f"{grade.name}, {shown} {number:g} {unit}"] = {f"imu.{name}": number}
     return found
+
+
+# The controls that hold: what changes with a value follows from it by the conversion of its key, other controls moved or not.
+
+Numbers = tuple[Vector, Vector]
+"""Parameters of the page's model, and `insenv.web.start.known_vector`."""
+MIDDLE = 0.3819660112501051
+"""Share of a range at which a value is tried, which has no short binary form."""
+MOVED = 0.03
+"""Share of the range by which a value is moved for a trial of several controls together; larger ones are refused sooner."""
+
+
+class Trials:
+    """Finds controls.  numbers: those of a scenario of these values; raises `InputError` for values that it does not take.
+
+    ignored: elements of the parameters that the start fills in.
+    """
+
+    def __init__(self, scenario: Scenario, numbers: Callable[[dict[str, Any]], Numbers], ignored: Sequence[int]) -> None:
+        self.scenario, self._numbers = scenario, numbers
+        self.values: dict[str, Any] = scenario.model_dump(mode="json", exclude_unset=True)
+        self._ignored = list(ignored)
+        self._base = self._of({})
+
+    def controls(self) -> tuple[Control, ...]:
+        """All controls, in the order of the scenario's sections."""
+        options = [control for control in map(self._choice, choices(self.scenario)) if control]
+        found = self._together([control for control in map(self._number, keys(self.scenario)) if control], options)
+        order = list(type(self.scenario).model_fields)
+        return tuple(sorted(self._allowed([*options, *found]), key=lambda control: order.index(control.group)))
+
+    def _of(self, setting: Setting) -> Numbers:
+        p, known = self._numbers(with_values(self.values, setting))
+        p = np.array(p)
+        p[self._ignored] = 0.0
+        return p, np.concatenate([np.zeros(9), known[9:]])
+
+    def _number(self, key: Key) -> Control | None:
+        low, high = key.range
+        for minimum, maximum in dict.fromkeys(((key.minimum, key.maximum), (low, high))):
+            values = (minimum, maximum, low + MIDDLE * (high - low))
+            try:
+                trials = [self._of({key.key: value}) for value in values]
+            except InputError:
+                continue
+            if targets := self._targets(key.conversion, values, trials):
+                group, _, rest = key.key.partition(".")
+                label = rest.removesuffix(unit_suffix(key.unit, rest)).replace(".0.", ".").replace(".", " ").replace("_", " ")
+                bounds = (minimum, maximum, low, high)
+                return Control(key.key, label, group, key.meaning, key.value, key.unit, *bounds, targets=targets)
+        return None
+
+    def _targets(self, conversion: Conversion, values: Sequence[float], trials: Sequence[Numbers]) -> tuple[Target, ...]:
+        """The elements that follow from the values by a conversion; none if others change too."""
+        targets: list[Target] = []
+        expected = conversion(np.array(values))
+        for place, into in enumerate(("p", "known")):
+            columns = np.array([trial[place] for trial in trials])
+            changed = np.flatnonzero(np.any(columns != self._base[place], axis=0))
+            given = changed[(changed >= 27) & np.all(columns[:, changed] == 1.0, axis=0)] if into == "known" else changed[:0]
+            at = np.setdiff1d(changed, given)
+            if np.any(columns[:, at] != expected[:, None]):
+                return ()
+            if len(at):
+                targets.append(Target(into, tuple(at.tolist()), conversion.form, conversion.scale, tuple(given.tolist())))
+        return tuple(targets)
+
+    def _choice(self, choice: Choice) -> Control | None:
+        options = []
+        for name, setting in choice.settings.items():
+            try:
+                p, known = self._of(setting)
+            except InputError:
+                continue
+            if known.tobytes() == self._base[1].tobytes():
+                changed = np.flatnonzero(p != self._base[0]).tolist()
+                options.append(Option(name, name, setting, tuple((at, float(p[at])) for at in changed)))
+        if len(options) < 2 or all(option.value != choice.value for option in options):
+            return None
+        meaning = "one of several sets of numbers"
+        return Control(choice.key, choice.label, choice.group, meaning, choice.value, options=tuple(options))
+
+    def _together(self, numbers: list[Control], options: Sequence[Control]) -> list[Control]:
+        """The numbers that hold together, and with each option; in general all."""
+        if not self._hold(numbers):
+            held: list[Control] = []
+            for control in numbers:
+                held += [control] if self._hold([*held, control]) else []
+            numbers = held
+        for control in options:
+            for option in control.options:
+                chosen = replace(control, value=option.value)
+                if not self._hold([chosen, *numbers]):
+                    numbers = [number for number in numbers if self._hold([chosen, number])]
+        return numbers
+
+    def _hold(self, controls: Sequence[Control]) -> bool:
+        """Whether controls with moved values, of options the chosen one, have the numbers of the scenario; refused ones do."""
+        values = {control.key: _moved(control) for control in controls}
+        try:
+            expected = self._of(setting_of(controls, values))
+        except InputError:
+            return True
+        p, known = (np.array(numbers) for numbers in self._base)
+        for control in controls:
+            control.apply(values[control.key], p, known)
+        return p.tobytes() == expected[0].tobytes() and known.tobytes() == expected[1].tobytes()
+
+    def _allowed(self, controls: list[Control]) -> list[Control]:
+        """The same with bounds between which all values together are allowed.
+
+        Rules on several keys, such as that on the rotation within a sample, are strictest where amplitudes and frequencies are
+        largest.  Bounds of the vehicle's keys are moved towards the scenario's values until that is allowed.
+        """
+        for share in (1.0, 0.3, 0.1, 0.03, 0.0):
+            tried = [_narrowed(control, share) if control.group == "vehicle" else control for control in controls]
+            corner = {
+                control.key: control.minimum if control.targets[0].form == "inverse" else control.maximum
+                for control in tried
+                if control.group == "vehicle" and control.targets
+            }
+            try:
+                self._of(setting_of(tried, corner))
+            except InputError:
+                continue
+            return tried
+        return [control for control in controls if control.group != "vehicle"]
+
+
+def _moved(control: Control) -> float | str:
+    """The value of an option; a number other than the scenario's, near it."""
+    if control.options:
+        return str(control.value)
+    value = control.low if control.value is None else float(control.value)
+    farther = control.high if control.high > value else control.low
+    return value + MOVED * (farther - value) * (1.0 + MIDDLE)
+
+
+def _narrowed(control: Control, share: float) -> Control:
+    """The control with its bound towards faster and larger motion at a share of the distance from the scenario's value."""
+    if share == 1.0 or not control.targets or not isinstance(control.value, float):
+        return control
+    if control.targets[0].form == "inverse":
+        least = control.value + share * (control.minimum - control.value)
+        return replace(control, minimum=least, low=max(least, control.low))
+    most = control.value + share * (control.maximum - control.value)
+    return replace(control, maximum=most, high=min(most, control.high))

@@ -33,10 +33,9 @@ from insenv.scenario.description import scenario_class
 from insenv.scenario.files import named_estimators
 from insenv.scenario.tracks.fmu_section import FmuSection
 from insenv.scenario.tracks.section import RecordedSection
-from insenv.web.controls import Control, Option, with_values
+from insenv.web.controls import Control, Option, Trials, with_values
 from insenv.web.judging import findings, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
-from insenv.web.probing import Prober
 from insenv.web.start import known_vector, start_source, told_places
 
 SEEDS = 1024
@@ -50,7 +49,7 @@ class Live:
     plain: the scenario as it stands.  plant: the same to the bit, with every command that the vehicle can take.
     parameters: of the page's model, with what the estimators are told of the start with the scenario's own seed.
     known: see `insenv.web.start.known_vector`.  seeds (n,): those offered; normals (n, 9): behind their start errors.
-    prober: finds `controls`.  settings: of the estimators, as given.
+    trials: find `controls`.  settings: of the estimators, as given.
     """
 
     plain: Plant
@@ -61,18 +60,18 @@ class Live:
     known: Vector
     seeds: tuple[int, ...]
     normals: Vector
-    prober: Prober
+    trials: Trials
     settings: Settings | None
 
     @property
     def values(self) -> Mapping[str, Any]:
         """The values of the scenario's file, with the page's seed, duration, estimators and settings."""
-        return self.prober.values
+        return self.trials.values
 
     @cached_property
     def controls(self) -> tuple[Control, ...]:
         """What the page may change."""
-        return self.prober.controls()
+        return self.trials.controls()
 
     @property
     def every(self) -> int:
@@ -103,7 +102,7 @@ def live(
     page = page_model(plant.model, tuple(chosen))
     parameters = page_parameters(page, plant, chosen, rows)
     starts = [place for place, _ in told_places(page, plant)]
-    prober = Prober(with_run(loaded, plant, chosen, settings), lambda values: numbers(values, page, settings), starts)
+    trials = Trials(with_run(loaded, plant, chosen, settings), lambda values: numbers(values, page, settings), starts)
     known = loaded.knowledge
     seeds = (*range(SEEDS), *((plant.seed,) if plant.seed >= SEEDS else ()))
     return Live(
@@ -115,7 +114,7 @@ def live(
         known=known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed)),
         seeds=seeds,
         normals=start_normals(known, np.array(seeds)),
-        prober=prober,
+        trials=trials,
         settings=settings,
     )
 

@@ -15,8 +15,9 @@ from insenv.core.tables import Table
 from insenv.estimators import ImuDataSheet, Knowledge, registered
 from insenv.logs.recorded import GnssFixes, Readings, Reference
 from insenv.logs.units import Array
-from insenv.sensors.grades import SHOWN, elements
+from insenv.sensors.grades import elements
 from insenv.sensors.imu_tables import IMU_PARAMETERS
+from insenv.sensors.units import SHOWN
 
 FIX_3D = 3
 """Fix type of a position fix in three dimensions, in every format."""
