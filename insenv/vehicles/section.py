@@ -130,6 +130,9 @@ class VehicleSection(Section):
     traits: ClassVar[VehicleTraits] = VehicleTraits()
     """What estimators and interfaces need to know of the kind."""
 
+    presets: ClassVar[Mapping[str, Mapping[str, Mapping[str, float]]]] = {}
+    """Sets of values that belong together, by name, of a section in this one, by its key: choices of a page."""
+
     kind: str
 
     @property

@@ -313,6 +313,16 @@ class SeaSection(Section):
     hull: HullSection = key(HullSection(), "the ship's hull")
 
 
+SEA_STATES = {
+    "sea state 2": {"significant_height_m": 0.3, "peak_period_s": 6.3},
+    "sea state 3": {"significant_height_m": 0.88, "peak_period_s": 7.5},
+    "sea state 4": {"significant_height_m": 1.88, "peak_period_s": 8.8},
+    "sea state 5": {"significant_height_m": 3.25, "peak_period_s": 9.7},
+    "sea state 6": {"significant_height_m": 5.0, "peak_period_s": 12.4},
+}
+"""Most probable in the North Atlantic: Bales, "Designing ships to the natural environment", Naval Engineers J. 95 (1983)."""
+
+
 class ShipLeg(Section):
     """One leg of a course: exactly one of speed_mps, turn_deg, hold_s."""
 
@@ -326,6 +336,7 @@ class ShipSection(VehicleSection):
     """A ship: under way if it has legs or a start speed, otherwise moored."""
 
     traits: ClassVar[VehicleTraits] = SHIP_TRAITS
+    presets: ClassVar[Mapping[str, Mapping[str, Mapping[str, float]]]] = {"sea": SEA_STATES}
 
     kind: Literal["ship"] = key(..., "kind of vehicle")
     sway: SwaySection | None = key(None, "regular sway; not together with sea")

@@ -272,14 +272,14 @@ def _control(control: Control, live: Live) -> dict[str, Any]:
     if control.options:
         return shown | {"options": [_option(option, live) for option in control.options]}
     bounds = {name: getattr(control, name) for name in ("unit", "minimum", "maximum", "low", "high")}
-    return shown | bounds | {"targets": [vars(target) for target in control.targets]}
+    return shown | bounds | {"targets": [vars(target) | vars(control.conversion) for target in control.targets]}
 
 
 def _option(option: Option, live: Live) -> dict[str, Any]:
     """An option, with the notes of the scenario in which nothing else is changed."""
     plant, chosen = _prepared(with_values(live.values, option.setting), live.page, live.settings)
     notes = _notes(plant, chosen, live.settings)
-    return {"value": option.value, "label": option.label, "set": dict(option.setting), "p": option.p, "notes": notes}
+    return {"value": option.value, "label": option.value, "set": dict(option.setting), "p": option.p, "notes": notes}
 
 
 def _notes(plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> list[str]:
