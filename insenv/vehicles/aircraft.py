@@ -8,7 +8,7 @@ level. Turbulence is a small Gauss-Markov disturbance of attitude and velocity.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from math import pi, radians, tan
 from types import SimpleNamespace
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import Strict
 
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, Section, key
+from insenv.base.toml import Number, key, validated
 from insenv.core.elementary import clamp, maximum, select, sin_cos
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
@@ -28,18 +28,20 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
-from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_all, leg_kind, positive_value
+from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
 from insenv.vehicles.section import (
     MAX_LEGS,
     Actions,
     GustsSection,
+    Legs,
+    LegSection,
     StartSection,
     StickCommand,
     VehicleTraits,
     action,
-    dumped,
     fastest,
     in_legs,
+    legs_of,
 )
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
@@ -220,52 +222,6 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     return held | {"turn_acceleration": (turn_rate_of(end["bank"], end["speed"]) - x.turn_rate) / h}
 
 
-def flight_plan(legs: Sequence[Leg], start_speed_mps: float = 0.0, start_height_m: float = 0.0) -> NDArray[np.float64]:
-    """Segments of `aircraft` from legs such as::
-
-        [{"wait_s": 300}, {"speed_mps": 8}, {"turn_deg": 90, "bank_deg": 5}, {"speed_mps": 80, "acceleration_mps2": 3},
-         {"climb_to_m": 6000, "climb_mps": 8}, {"line_m": 20000}, {"turn_deg": -180, "bank_deg": 20},
-         {"fly_s": 60}]
-
-    Each leg has one of ``wait_s`` or ``fly_s`` (straight ahead), ``line_m`` (straight ahead for a ground distance),
-    ``speed_mps`` (until it is reached), ``climb_to_m`` (height above the ellipsoid, at ``climb_mps``, 5), ``turn_deg``
-    (positive to the right, at ``bank_deg``, 20; wings level at its end). Any leg may set ``acceleration_mps2`` (2.5).
-    Assumes the default bandwidths and limits of the vehicle; turns are accurate to 0.1 deg. Raises `InputError` naming
-    the leg, the key and what is allowed.
-    """
-    kinds = ("wait_s", "fly_s", "line_m", "speed_mps", "climb_to_m", "turn_deg")
-    speed, height, acceleration, segments = start_speed_mps, start_height_m, 2.5, []
-    take_off = float(PARAMETERS["take_off_speed"].start)
-    for number, leg in enumerate(legs, 1):
-        kind = leg_kind(number, leg, kinds, {"acceleration_mps2", "climb_mps", "bank_deg"})
-        acceleration = positive_value(number, leg, "acceleration_mps2", acceleration)
-        level = {"acceleration": acceleration, "bank": 0.0, "climb_rate": 0.0}
-        least = take_off if kind == "climb_to_m" else 0.0
-        if kind in ("line_m", "turn_deg", "climb_to_m") and speed <= least:
-            raise InputError(
-                f"leg {number}: {kind} = {leg[kind]} at {speed:g} m/s: allowed is above {least:g} m/s; give a speed_mps first"
-            )
-        if kind == "speed_mps":
-            segments.append(level | {"speed": leg[kind], "duration": abs(leg[kind] - speed) / acceleration + 6.0})
-            speed = leg[kind]
-        elif kind == "climb_to_m":
-            rate = positive_value(number, leg, "climb_mps", 5.0)
-            climb = leg[kind] - height
-            duration = max(abs(climb) / rate, 1e-3)
-            segments.append(level | {"speed": speed, "climb_rate": rate if climb > 0 else -rate, "duration": duration})
-            segments.append(level | {"speed": speed, "duration": 12.0})
-            height = leg[kind]
-        elif kind == "turn_deg":
-            bank = radians(positive_value(number, leg, "bank_deg", 20.0))
-            duration, settling = turn_timing(radians(leg[kind]), bank, speed)
-            signed = bank if leg[kind] > 0 else -bank
-            segments.append(level | {"speed": speed, "bank": signed, "duration": duration})
-            segments.append(level | {"speed": speed, "duration": settling})
-        else:
-            segments.append(level | {"speed": speed, "duration": leg[kind] / speed if kind == "line_m" else leg[kind]})
-    return SCRIPT.table(segments)
-
-
 def survey_pattern(lines: int, length_m: float, bank_deg: float = 20.0) -> list[dict[str, float]]:
     """Legs for `flight_plan`: parallel lines joined by half turns, alternately to the right and to the left."""
     if lines < 1:
@@ -321,8 +277,10 @@ def _aircraft(engine_components: int) -> Vehicle:
     return aircraft(engine_components)
 
 
-class AircraftLeg(Section):
+class AircraftLeg(LegSection):
     """One leg of a flight: exactly one of wait_s, fly_s, line_m, speed_mps, climb_to_m, turn_deg, survey_lines."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("wait_s", "fly_s", "line_m", "speed_mps", "climb_to_m", "turn_deg")
 
     wait_s: Number | None = key(None, "keep speed and direction for this time", "s", gt=0, le=86400)
     fly_s: Number | None = key(None, "go straight on for this time", "s", gt=0, le=86400)
@@ -336,6 +294,60 @@ class AircraftLeg(Section):
     acceleration_mps2: Number | None = key(None, "largest acceleration, from this leg on (initially 2.5)", "m/s2", gt=0, le=30)
     climb_mps: Number | None = key(None, "rate of climb; 5 if absent", "m/s", gt=0, le=100)
     bank_deg: Number | None = key(None, "bank angle of the turn; 20 if absent", "deg", gt=0, le=45)
+
+
+def flight_plan(legs: Legs, start_speed_mps: float = 0.0, start_height_m: float = 0.0) -> NDArray[np.float64]:
+    """Segments of `aircraft` from legs, each an `AircraftLeg` or its values, such as::
+
+        [{"wait_s": 300}, {"speed_mps": 8}, {"turn_deg": 90, "bank_deg": 5}, {"speed_mps": 80, "acceleration_mps2": 3},
+         {"climb_to_m": 6000, "climb_mps": 8}, {"line_m": 20000}, {"turn_deg": -180, "bank_deg": 20},
+         {"fly_s": 60}]
+
+    Assumes the default bandwidths and limits of the vehicle; turns are accurate to 0.1 deg, and end with level wings. Raises
+    `InputError` naming the leg, the key and what is allowed.
+    """
+    speed, height, acceleration, segments = start_speed_mps, start_height_m, 2.5, []
+    take_off = float(PARAMETERS["take_off_speed"].start)
+    for where, leg, kind, value in legs_of(AircraftLeg, _without_surveys(legs)):
+        acceleration = leg.acceleration_mps2 or acceleration
+        level = {"acceleration": acceleration, "bank": 0.0, "climb_rate": 0.0}
+        least = take_off if kind == "climb_to_m" else 0.0
+        if kind in ("line_m", "turn_deg", "climb_to_m") and speed <= least:
+            raise InputError(
+                f"{where}: {kind} = {value:g} at {speed:g} m/s: allowed is above {least:g} m/s; give a speed_mps first"
+            )
+        if kind == "speed_mps":
+            segments.append(level | {"speed": value, "duration": abs(value - speed) / acceleration + 6.0})
+            speed = value
+        elif kind == "climb_to_m":
+            rate, climb = leg.climb_mps or 5.0, value - height
+            duration = max(abs(climb) / rate, 1e-3)
+            segments.append(level | {"speed": speed, "climb_rate": rate if climb > 0 else -rate, "duration": duration})
+            segments.append(level | {"speed": speed, "duration": 12.0})
+            height = value
+        elif kind == "turn_deg":
+            bank = radians(leg.bank_deg or 20.0)
+            duration, settling = turn_timing(radians(value), bank, speed)
+            segments.append(level | {"speed": speed, "bank": bank if value > 0 else -bank, "duration": duration})
+            segments.append(level | {"speed": speed, "duration": settling})
+        else:
+            segments.append(level | {"speed": speed, "duration": value / speed if kind == "line_m" else value})
+    return SCRIPT.table(segments)
+
+
+def _without_surveys(legs: Legs) -> list[AircraftLeg]:
+    """The legs, with each survey as its lines and turns."""
+    plan: list[AircraftLeg] = []
+    for number, stated in enumerate(legs, 1):
+        leg = stated if isinstance(stated, AircraftLeg) else validated(AircraftLeg, stated, f"leg {number}")
+        keys = set(leg.model_dump(exclude_none=True)) - {"survey_lines"}
+        if leg.survey_lines is None:
+            plan.append(leg)
+        elif leg.line_m is None or keys - {"line_m", "bank_deg"}:
+            raise InputError(f"leg {number}: survey_lines needs line_m; of the other keys only bank_deg is allowed")
+        else:
+            plan += [AircraftLeg(**each) for each in survey_pattern(leg.survey_lines, leg.line_m, leg.bank_deg or 20.0)]
+    return plan
 
 
 class AircraftSection(GustsSection):
@@ -370,17 +382,5 @@ class AircraftSection(GustsSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        segments = in_legs(lambda: flight_plan(self._plan(), self.start_speed_mps, start.height_m))
+        segments = in_legs(lambda: flight_plan(self.legs, self.start_speed_mps, start.height_m))
         return {**self.air_rows(), "segments": segments}
-
-    def _plan(self) -> list[Mapping[str, float]]:
-        """The legs, with each survey as its lines and turns."""
-        plan: list[Mapping[str, float]] = []
-        for number, leg in enumerate(dumped(self.legs), 1):
-            if "survey_lines" not in leg:
-                plan.append(leg)
-            elif set(leg) - {"survey_lines", "line_m", "bank_deg"} or "line_m" not in leg:
-                raise InputError(f"leg {number}: survey_lines needs line_m; of the other keys only bank_deg is allowed")
-            else:
-                plan += survey_pattern(int(leg["survey_lines"]), leg["line_m"], leg.get("bank_deg", 20.0))
-        return plan

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import radians
 from typing import Annotated, Any, ClassVar, TypeVar
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from insenv.base.errors import InputError
 from insenv.base.keys import rows_of
-from insenv.base.toml import Number, PerAxis, Section, key, within
+from insenv.base.toml import Number, PerAxis, Section, key, validated, within
 from insenv.core.tables import Row, Table
 from insenv.vehicles.truth import Vehicle
 
@@ -183,18 +183,37 @@ class VehicleSection(Section):
         raise NotImplementedError
 
 
+class LegSection(Section):
+    """One leg of a script: exactly one of the keys `kinds`, and further ones."""
+
+    kinds: ClassVar[tuple[str, ...]]
+
+
+AnyLeg = TypeVar("AnyLeg", bound=LegSection)
+Legs = Sequence[Mapping[str, float] | LegSection]
+"""Legs of a script, or their values by key."""
 Made = TypeVar("Made")
+
+
+def legs_of(section: type[AnyLeg], legs: Legs) -> Iterator[tuple[str, AnyLeg, str, float]]:
+    """Of each leg its place for messages ("leg 1"), the leg, the one key of its kind and the value.
+
+    Raises `InputError` for a key or value that is not allowed, and for a leg without a kind or with several.
+    """
+    for number, stated in enumerate(legs, 1):
+        where = f"leg {number}"
+        leg = stated if isinstance(stated, section) else validated(section, stated, where)
+        kinds = [name for name in section.kinds if getattr(leg, name) is not None]
+        if len(kinds) != 1:
+            allowed = ", ".join(section.kinds)
+            raise InputError(f"{where} has {' and '.join(kinds) or 'none'}: allowed is exactly one of {allowed}")
+        yield where, leg, kinds[0], getattr(leg, kinds[0])
 
 
 def fastest(start_mps: float, legs: tuple[Section, ...], *keys: str) -> float:
     """The largest of a start speed and of the speeds that the legs name by `keys`, m/s; of several keys, their sum in a leg."""
     speeds = (sum(abs(getattr(leg, name) or 0.0) for name in keys) for leg in legs)
     return max(start_mps, *speeds, 0.0)
-
-
-def dumped(legs: tuple[Section, ...]) -> list[dict[str, float]]:
-    """The given keys of each leg."""
-    return [leg.model_dump(exclude_none=True) for leg in legs]
 
 
 def in_legs(make: Callable[[], Made]) -> Made:

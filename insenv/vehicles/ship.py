@@ -25,18 +25,20 @@ from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.vehicles import surroundings
 from insenv.vehicles.phasors import Phasors, total, total_rate
-from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_all, leg_kind, positive_value
+from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
 from insenv.vehicles.section import (
     MARGIN_MPS,
     MAX_LEGS,
     MAX_WAVES,
+    Legs,
+    LegSection,
     StartSection,
     StickCommand,
     VehicleSection,
     VehicleTraits,
-    dumped,
     fastest,
     in_legs,
+    legs_of,
 )
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 from insenv.vehicles.waves import Hull, irregular_sea
@@ -187,26 +189,6 @@ _UNDER_WAY_PARAMETERS = Table((
 ))  # fmt: skip
 
 
-def ship_course(legs: Sequence[Leg], start_speed_mps: float = 0.0) -> NDArray[np.float64]:
-    """Segments of ``ship(under_way=True)`` from legs such as ``[{"speed_mps": 8, "duration_s": 300},
-    {"turn_deg": 90, "duration_s": 120}, {"hold_s": 600}]``.
-
-    Each leg has one of ``speed_mps`` (straight ahead, over ``duration_s``), ``turn_deg`` (positive to the right, over
-    ``duration_s``), ``hold_s`` (straight ahead). Raises `InputError` naming the leg, the key and what is
-    allowed.
-    """
-    speed, segments = start_speed_mps, []
-    for number, leg in enumerate(legs, 1):
-        kind = leg_kind(number, leg, ("speed_mps", "turn_deg", "hold_s"), {"duration_s"})
-        if kind != "hold_s" and "duration_s" not in leg:
-            raise InputError(f"leg {number}: {kind} needs duration_s")
-        duration = float(leg["hold_s"]) if kind == "hold_s" else positive_value(number, leg, "duration_s", 0.0)
-        speed = leg.get("speed_mps", speed)
-        rate = radians(leg.get("turn_deg", 0.0)) / duration
-        segments.append({"duration": duration, "speed": speed, "turn_rate": rate})
-    return SCRIPT.table(segments)
-
-
 # The section [vehicle] of a ship: regular sway, irregular sea, course.
 
 
@@ -323,13 +305,31 @@ SEA_STATES = {
 """Most probable in the North Atlantic: Bales, "Designing ships to the natural environment", Naval Engineers J. 95 (1983)."""
 
 
-class ShipLeg(Section):
+class ShipLeg(LegSection):
     """One leg of a course: exactly one of speed_mps, turn_deg, hold_s."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("speed_mps", "turn_deg", "hold_s")
 
     speed_mps: Number | None = key(None, "go straight on and change to this speed in duration_s", "m/s", ge=0, le=60)
     turn_deg: Number | None = key(None, "turn by this angle in duration_s, right positive", "deg", ge=-3600, le=3600)
     hold_s: Number | None = key(None, "go straight on for this time", "s", gt=0, le=86400)
     duration_s: Number | None = key(None, "duration of the leg", "s", gt=0, le=86400)
+
+
+def ship_course(legs: Legs, start_speed_mps: float = 0.0) -> NDArray[np.float64]:
+    """Segments of ``ship(under_way=True)`` from legs, each a `ShipLeg` or its values, such as ``[{"speed_mps": 8,
+    "duration_s": 300}, {"turn_deg": 90, "duration_s": 120}, {"hold_s": 600}]``.
+
+    Raises `InputError` naming the leg, the key and what is allowed.
+    """
+    speed, segments = start_speed_mps, []
+    for where, leg, kind, value in legs_of(ShipLeg, legs):
+        duration = value if kind == "hold_s" else leg.duration_s
+        if duration is None:
+            raise InputError(f"{where}: {kind} needs duration_s")
+        speed = value if kind == "speed_mps" else speed
+        segments.append({"duration": duration, "speed": speed, "turn_rate": radians(leg.turn_deg or 0.0) / duration})
+    return SCRIPT.table(segments)
 
 
 class ShipSection(VehicleSection):
@@ -403,6 +403,6 @@ class ShipSection(VehicleSection):
                 enhancement=self.sea.enhancement,
             )
         if not self.in_place:
-            segments = in_legs(lambda: ship_course(dumped(self.legs), self.start_speed_mps))
+            segments = in_legs(lambda: ship_course(self.legs, self.start_speed_mps))
             rows |= {**rows_of(self), "segments": segments}
         return rows

@@ -31,8 +31,6 @@ from insenv.scenario.chunks import recording_interval
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.files import named_estimators
-from insenv.scenario.tracks.fmu_section import FmuSection
-from insenv.scenario.tracks.section import RecordedSection
 from insenv.web.controls import Control, Option, Trials, with_values
 from insenv.web.judging import findings, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
@@ -232,8 +230,8 @@ def _downloaded(live: Live) -> dict[str, Any]:
 
 def _track_file(plant: Plant) -> str | None:
     """The name of the file that the vehicle's motion comes from."""
-    vehicle = plant.scenario.vehicle
-    return Path(vehicle.file).name if isinstance(vehicle, (RecordedSection, FmuSection)) else None
+    file = getattr(plant.scenario.vehicle, "file", None)
+    return Path(file).name if file else None
 
 
 def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
