@@ -38,14 +38,14 @@ class Conversion:
 
 
 SAME = Conversion("product", 1.0)
-TURNS = Conversion("product", 2.0 * math.pi)
-"""Hz to rad/s."""
+DEGREES = Conversion("product", math.pi / 180.0)
+CELSIUS = Conversion("sum", 273.15)
 BY_UNIT = {
-    "deg": Conversion("product", math.pi / 180.0),
-    "deg/s": Conversion("product", math.pi / 180.0),
-    "deg C": Conversion("sum", 273.15),
+    "deg": DEGREES,
+    "deg/s": DEGREES,
+    "deg C": CELSIUS,
     "K/h": Conversion("quotient", 3600.0),
-    "Hz": TURNS,
+    "Hz": Conversion("product", 2.0 * math.pi),
 }
 """Conversions to SI by the unit of a key; values in other units are those of their rows."""
 
@@ -81,5 +81,6 @@ def rows_of(section: BaseModel, within: str = "", without: Collection[str] = ())
         value = getattr(section, name)
         for each in field.metadata:
             if isinstance(each, SetsRow) and value is not None and name not in without:
-                rows[each.row.format(within)] = each.convert(np.asarray(value, dtype=np.float64))
+                converted = each.convert(np.asarray(value, dtype=np.float64))
+                rows[each.row.format(within)] = converted if np.ndim(converted) else float(converted)
     return rows

@@ -44,7 +44,7 @@ def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
 
     Raises `InputError` for a text of another form, or a key that is given twice.
     """
-    found: dict[str, dict[str, Any]] = {}
+    tables: dict[str, dict[str, Any]] = {}
     faults: list[str] = []
     for text in texts:
         name, equals, value = text.partition("=")
@@ -52,7 +52,7 @@ def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         if not (id and dot and setting and equals and value.strip()):
             faults.append(f"--set {text!r}: allowed is ESTIMATOR.KEY=VALUE, such as loosely-coupled.arw_deg_sqrt_h=0.3")
             continue
-        table = found.setdefault(id, {})
+        table = tables.setdefault(id, {})
         if setting in table:
             faults.append(f"--set {text!r}: {id}.{setting} is given twice")
             continue
@@ -61,7 +61,7 @@ def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         except ValueError:
             table[setting] = value.strip()
     _raise(faults)
-    return found
+    return tables
 
 
 def _raise(faults: Sequence[str]) -> None:
@@ -78,7 +78,7 @@ def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict
     """
     if not isinstance(settings, (Mapping, type(None))):
         raise InputError(f"settings = {shown(settings)}: allowed is a dict of parameters by estimator id")
-    given: dict[str, dict[str, Any]] = {}
+    rows: dict[str, dict[str, Any]] = {}
     faults: list[str] = []
     for id, table in (settings or {}).items():
         allowed = dict.fromkeys(name for e in chosen for name in (e.id, e.smooths) if name)
@@ -88,11 +88,11 @@ def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict
             faults.append(f"settings[{id!r}] = {shown(table)}: allowed is a dict of values by key")
         else:
             try:
-                given[id] = tuning(next((e for e in chosen if e.id == id), id), table)
+                rows[id] = tuning(next((e for e in chosen if e.id == id), id), table)
             except InputError as error:
                 faults.append(str(error))
     _raise(faults)
-    return {e.id: {**given.get(e.smooths, {}), **given.get(e.id, {})} for e in chosen}
+    return {e.id: {**rows.get(e.smooths, {}), **rows.get(e.id, {})} for e in chosen}
 
 
 def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, Any]:
@@ -164,14 +164,14 @@ def _numbers(value: Any, flag: bool) -> np.ndarray:
 
 def own_settings(estimator: Estimator, settings: Settings | None) -> dict[str, Any]:
     """The settings of an estimator, over those of the filter under it."""
-    given = settings or {}
-    return {**given.get(estimator.smooths, {}), **given.get(estimator.id, {})}
+    tables = settings or {}
+    return {**tables.get(estimator.smooths, {}), **tables.get(estimator.id, {})}
 
 
 def choices_in(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     """The lists of names in `table` by the keys `Estimator.choices`.  Raises `InputError` for another value or name."""
     estimator = get(estimator)
-    found: dict[str, tuple[str, ...]] = {}
+    choices: dict[str, tuple[str, ...]] = {}
     for key, allowed in estimator.choices.items():
         if key not in table:
             continue
@@ -183,8 +183,8 @@ def choices_in(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str
                 raise InputError(f"{where}: unknown name {name!r}{nearest(name, allowed)}")
             if list(names).count(name) > 1:
                 raise InputError(f"{where}: {name!r} is given twice")
-        found[key] = tuple(names)
-    return found
+        choices[key] = tuple(names)
+    return choices
 
 
 def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any) -> Mapping[str, Any]:
@@ -198,11 +198,11 @@ def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any)
 
 def keys_by_row(parameters: Table) -> dict[str, list[str]]:
     """By parameter row, the keys that set it; rows that cannot be set are left out."""
-    found: dict[str, list[str]] = {}
+    by_row: dict[str, list[str]] = {}
     for key, rows in _keys(parameters).items():
         for row, _ in rows:
-            found.setdefault(row.name, []).append(key)
-    return found
+            by_row.setdefault(row.name, []).append(key)
+    return by_row
 
 
 def _keys(parameters: Table) -> dict[str, list[tuple[Row, Conversion]]]:

@@ -137,7 +137,7 @@ class GnssGrade:
     title: str
     source: str
     position_noise_m: tuple[float, float, float]
-    velocity_noise_m_s: tuple[float, float, float]
+    velocity_noise_mps: tuple[float, float, float]
     wander_sigma_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     wander_time_s: float = 60.0
 
@@ -145,7 +145,7 @@ class GnssGrade:
         """Values in SI by name of the receiver's parameter row, for `Table.pack`."""
         return {
             "gnss_position_noise": np.array(self.position_noise_m),
-            "gnss_velocity_noise": np.array(self.velocity_noise_m_s),
+            "gnss_velocity_noise": np.array(self.velocity_noise_mps),
             "gnss_wander_sigma": np.array(self.wander_sigma_m),
             "gnss_wander_time": self.wander_time_s,
         }

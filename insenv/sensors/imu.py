@@ -86,11 +86,11 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
         "C_bs": C_bs,
         "gyro_g_matrix": p.gyro_g_sensitivity @ C_bs.T,
     }
-    for triad, own in ((GYRO, n[0:15]), (ACCEL, n[15:30])):
-        bias = _of(p, triad, "bias") + _of(p, triad, "bias_sigma") * own[0:3]
-        instability = _of(p, triad, "instability_sigma") * own[3:6]
-        scale = _of(p, triad, "scale_factor") + _of(p, triad, "scale_factor_sigma") * own[6:9]
-        coupling = _of(p, triad, "misalignment") + _of(p, triad, "misalignment_sigma") * own[9:15]
+    for triad, drawn in ((GYRO, n[0:15]), (ACCEL, n[15:30])):
+        bias = _of(p, triad, "bias") + _of(p, triad, "bias_sigma") * drawn[0:3]
+        instability = _of(p, triad, "instability_sigma") * drawn[3:6]
+        scale = _of(p, triad, "scale_factor") + _of(p, triad, "scale_factor_sigma") * drawn[6:9]
+        coupling = _of(p, triad, "misalignment") + _of(p, triad, "misalignment_sigma") * drawn[9:15]
         matrix = ca.vertcat(
             ca.horzcat(1.0 + scale[0], coupling[0], coupling[1]),
             ca.horzcat(coupling[2], 1.0 + scale[1], coupling[3]),
@@ -113,9 +113,9 @@ def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     arrives = r[6] >= p.imu_drop_probability
     temperature = x.imu_temperature + x.imu_temperature_step
     state: dict[str, Any] = {"imu_valid": arrives}
-    for triad, own, output in ((GYRO, n[0:3], "delta_angle"), (ACCEL, n[3:6], "delta_velocity")):
+    for triad, white, output in ((GYRO, n[0:3], "delta_angle"), (ACCEL, n[3:6], "delta_velocity")):
         bias = _of(x, triad, "bias_s") + _of(x, triad, "bias_step_s")
-        sensed = _sensed(p, x, triad, bias, temperature) + getattr(p, triad.white) * root_dt * own
+        sensed = _sensed(p, x, triad, bias, temperature) + getattr(p, triad.white) * root_dt * white
         counted, residual = _count(p, x, triad, sensed)
         state[f"{triad.name}_bias_s"] = bias
         state[f"{triad.name}_bias_true"] = _of(x, triad, "bias_true") + _of(x, triad, "bias_step_b")
@@ -178,13 +178,16 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         "imu_temperature_target": target,
         "imu_temperature_step": (temperature - x.imu_temperature) / count,
     }
-    for triad, own, more in ((GYRO, n[0:6], n[12 : 12 + 3 * FLICKER_PARTS]), (ACCEL, n[6:12], n[12 + 3 * FLICKER_PARTS :])):
+    for triad, drawn, flicker in (
+        (GYRO, n[0:6], n[12 : 12 + 3 * FLICKER_PARTS]),
+        (ACCEL, n[6:12], n[12 + 3 * FLICKER_PARTS :]),
+    ):
         decay = exp(-h / _of(p, triad, "instability_time"))
         drive = _of(p, triad, "instability_sigma") * ca.sqrt((1.0 - decay) * (1.0 + decay))
-        instability = decay * _of(x, triad, "instability") + drive * own[0:3]
-        walk = _of(x, triad, "walk") + _of(p, triad, "rate_random_walk") * ca.sqrt(h) * own[3:6]
+        instability = decay * _of(x, triad, "instability") + drive * drawn[0:3]
+        walk = _of(x, triad, "walk") + _of(p, triad, "rate_random_walk") * ca.sqrt(h) * drawn[3:6]
         thermal = (temperature - p.imu_temperature_reference) * _of(p, triad, "temperature_slope")
-        parts = advanced_flicker(_of(x, triad, "flicker_parts"), _of(p, triad, "flicker"), h, more, first)
+        parts = advanced_flicker(_of(x, triad, "flicker_parts"), _of(p, triad, "flicker"), h, flicker, first)
         flickering = ca.sum2(parts)
         bias_s = _of(x, triad, "bias_s") + first * flickering
         bias_true = _of(x, triad, "bias_true") + first * (x.C_bs @ flickering)
@@ -252,17 +255,17 @@ def true_unit_errors(state: Mapping[str, Any], parameters: Mapping[str, Any]) ->
     state: that of a plant, by row name.  parameters: its parameters.  With y measured and x true, x = (I - S - M) (y - b dt):
     I - S - M is the inverse of the matrix of `insenv.sensors.imu`.  The g-sensitivity is that of each gyro along its own axis.
     """
-    found: dict[str, Array] = {}
+    errors: dict[str, Array] = {}
     warm = state["imu_temperature"] - parameters["imu_temperature_reference"]
     for triad in ("gyro", "accel"):
         thermal = 1.0 + np.multiply(parameters[f"{triad}_scale_factor_slope"], warm)
         measured = state["C_bs"] @ np.diag(np.broadcast_to(thermal, 3)) @ state[f"{triad}_error_matrix"]
         left = np.eye(3) - np.linalg.inv(measured)
-        found[f"{triad}_bias"] = np.array(state[f"{triad}_bias_true"])
-        found[f"{triad}_scale"] = np.diag(left).copy()
-        found[f"{triad}_misalignment"] = left[~np.eye(3, dtype=bool)]
-    found["gyro_g_sensitivity"] = np.diag(state["C_bs"] @ state["gyro_g_matrix"]).copy()
-    return found
+        errors[f"{triad}_bias"] = np.array(state[f"{triad}_bias_true"])
+        errors[f"{triad}_scale"] = np.diag(left).copy()
+        errors[f"{triad}_misalignment"] = left[~np.eye(3, dtype=bool)]
+    errors["gyro_g_sensitivity"] = np.diag(state["C_bs"] @ state["gyro_g_matrix"]).copy()
+    return errors
 
 
 # The section [imu] of a scenario: a grade, values that replace its own, and the mounting.
@@ -297,18 +300,18 @@ class _ImuSection(SensorSection):
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI).  White noise per sample, if given here, is that of samples at `rate_hz`."""
         grade = grade_of(self.grade)
-        own = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
+        stated = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
         for group in WAYS:
-            given = [name for name in group if name in own]
-            if len(given) > 1:
-                raise InputError(f"imu has {' and '.join(given)}, which describe the same noise: allowed is one of them")
-            if given:
-                own = dict.fromkeys(group, 0.0) | own
+            ways = [name for name in group if name in stated]
+            if len(ways) > 1:
+                raise InputError(f"imu has {' and '.join(ways)}, which describe the same noise: allowed is one of them")
+            if ways:
+                stated = dict.fromkeys(group, 0.0) | stated
         for name in WHITE:
-            if own.get(name):
-                own[name] *= float(np.sqrt(grade.white_rate_hz / rate_hz))
+            if stated.get(name):
+                stated[name] *= float(np.sqrt(grade.white_rate_hz / rate_hz))
         q_bs = attitude.numeric.from_euler(*np.radians(self.mounting_angles_deg))
-        return {**replace(grade, **own).parameters(), **rows_of(self, without=FIGURES), "q_bs": q_bs}
+        return {**replace(grade, **stated).parameters(), **rows_of(self, without=FIGURES), "q_bs": q_bs}
 
 
 if TYPE_CHECKING:

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from insenv.base.keys import SAME, Conversion
+from insenv.base.keys import CELSIUS, DEGREES, SAME, Conversion
 from insenv.geodesy import STANDARD_GRAVITY
 
 HOUR = 3600.0
 """s."""
-DEGREE = math.pi / 180.0
+DEGREE = DEGREES.scale
 """rad."""
-ZERO_CELSIUS = 273.15
+ZERO_CELSIUS = CELSIUS.scale
 """K."""
 
 
@@ -27,7 +27,7 @@ def _times(scale: float) -> Conversion:
     return Conversion("product", scale)
 
 
-deg_to_rad = _times(DEGREE)
+deg_to_rad = DEGREES
 rad_to_deg = deg_to_rad.back
 arcsec_to_rad = _times(DEGREE / 3600.0)
 urad_to_rad = _times(1e-6)
@@ -47,7 +47,7 @@ ug_sqrt_h_to_m_s2_sqrt_s = _times(STANDARD_GRAVITY * 1e-6 / math.sqrt(HOUR))  # 
 ppm_to_one = _times(1e-6)
 percent_to_one = _times(0.01)
 nt_to_t = _times(1e-9)
-deg_c_to_k = Conversion("sum", ZERO_CELSIUS)
+deg_c_to_k = CELSIUS
 
 
 @dataclass(frozen=True)

@@ -76,6 +76,7 @@ def _commands(x: Any, action: Any) -> dict[str, Any]:
 
 CAR_TRAITS = VehicleTraits(
     mavlink_type=10,  # MAV_TYPE_GROUND_ROVER
+    shape="car",
     parks=True,
     wheels=True,
     sticks=(

@@ -48,6 +48,7 @@ SCRIPT = Script((
 
 MULTIROTOR_TRAITS = VehicleTraits(
     mavlink_type=2,  # MAV_TYPE_QUADROTOR
+    shape="multirotor",
     floats=True,
     hovers=True,
     sticks=(

@@ -71,14 +71,14 @@ class Script:
     def start(self, p: Values, otherwise: Mapping[str, Any]) -> dict[str, Any]:
         """The first segment, or if there is none the commands `otherwise` (by name; default: their start values)."""
         duration = p.segments[0, 0]
-        given = duration > 0.0
+        scripted = duration > 0.0
         state = {
-            f"commanded_{row.name}": select(given, p.segments[0, 1 + i], otherwise.get(row.name, row.start))
+            f"commanded_{row.name}": select(scripted, p.segments[0, 1 + i], otherwise.get(row.name, row.start))
             for i, row in enumerate(self.commands)
         }
         return state | {
             "segment_number": 1.0,
-            "segment_left": select(given, duration, NEVER),
+            "segment_left": select(scripted, duration, NEVER),
             "segment_due": ca.SX(0),
         }
 

@@ -81,6 +81,7 @@ class VehicleTraits:
     hovers: whether its turns and accelerations are too small to show a scale factor or a misalignment.
     wheels: whether it rolls without moving sideways.
     turns_in_place: whether it turns the unit about a fixed point, as a turntable does.
+    shape: how a page draws it: "car", "ship", "aircraft" or "multirotor"; empty: as a plain body.
     """
 
     mavlink_type: int = 0
@@ -92,6 +93,7 @@ class VehicleTraits:
     hovers: bool = False
     wheels: bool = False
     turns_in_place: bool = False
+    shape: str = ""
 
 
 MAX_WAVES = 16

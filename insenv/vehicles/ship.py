@@ -54,6 +54,7 @@ SCRIPT = Script((
 ))  # fmt: skip
 SHIP_TRAITS = VehicleTraits(
     mavlink_type=11,  # MAV_TYPE_SURFACE_BOAT
+    shape="ship",
     floats=True,
     sticks=(
         StickCommand("speed", "SPEED", "Speed", ("z",), 10.0, 340.0, "m/s", one_sided=True),
@@ -109,9 +110,9 @@ def ship(
         rows: dict[str, Any] = {}
         used = 0
         for bank in banks:
-            own = r[used : used + bank.start_uniforms] if bank.seeded else None
+            angles_drawn = r[used : used + bank.start_uniforms] if bank.seeded else None
             used += bank.start_uniforms
-            rows |= bank.start(p, own)
+            rows |= bank.start(p, angles_drawn)
         if under_way:
             rows |= {"way_heading": p.start_heading, "speed": p.start_speed}
             rows |= SCRIPT.start(p, {"speed": p.start_speed})

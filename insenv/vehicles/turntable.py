@@ -137,11 +137,11 @@ def three_axis_table() -> Vehicle:
         return ca.SX.zeros(3)
 
     def hold(p: Values, x: Values, u: Values) -> dict[str, Any]:
-        found = SCRIPT.count(p, x)
+        rows = SCRIPT.count(p, x)
         for tracker, name in zip(_TRACKERS, ANGLES, strict=True):
             target = getattr(x, f"commanded_{name}")
-            found |= tracker.hold(x, p.sample_interval, target, p.table_bandwidth, x.commanded_rate)
-        return found
+            rows |= tracker.hold(x, p.sample_interval, target, p.table_bandwidth, x.commanded_rate)
+        return rows
 
     return Vehicle(
         id="three-axis-table",

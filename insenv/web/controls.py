@@ -218,14 +218,21 @@ def choices(scenario: Scenario) -> Iterator[Control]:
             settings.setdefault(current, {})  # that of a grade file stays as it is
             yield _choice(f"{id}.grade", label, current, settings | (_figures(scenario) if id == "imu" else {}))
     for key, presets in scenario.vehicle.presets.items():
-        section = getattr(scenario.vehicle, key)
-        if section is not None:
-            units = {name: unit_of(type(section).model_fields[name]) for name in next(iter(presets.values()))}
-            sets = {f"{name}: ": values for name, values in presets.items()}
-            sets[""] = {name: getattr(section, name) for name in units}
-            texts = {name: name + ", ".join(f"{value:g} {units[each]}" for each, value in sets[name].items()) for name in sets}
-            settings = {texts[name]: {f"vehicle.{key}.{each}": value for each, value in sets[name].items()} for name in sets}
-            yield _choice(f"vehicle.{key}", key, texts[""], settings)
+        if (section := getattr(scenario.vehicle, key)) is not None:
+            yield _presets(f"vehicle.{key}", section, presets)
+
+
+def _presets(key: str, section: BaseModel, presets: Mapping[str, Mapping[str, float]]) -> Control:
+    """The choice between presets of a section and its own values."""
+    units = {name: unit_of(field) for name, field in type(section).model_fields.items()}
+
+    def text(values: Mapping[str, float]) -> str:
+        return ", ".join(f"{value:g} {units[name]}" for name, value in values.items())
+
+    current = {name: getattr(section, name) for name in next(iter(presets.values()))}
+    sets = {f"{name}: {text(values)}": values for name, values in presets.items()} | {text(current): current}
+    settings = {label: {f"{key}.{name}": value for name, value in values.items()} for label, values in sets.items()}
+    return _choice(key, key.rpartition(".")[2], text(current), settings)
 
 
 def _choice(key: str, label: str, value: str, settings: Mapping[str, Setting]) -> Control:
@@ -275,8 +282,8 @@ class Trials:
         options = [control for control in map(self._with_options, choices(self.scenario)) if control]
         targets = [control for control in map(self._with_targets, numbers(self.scenario)) if control]
         order = list(type(self.scenario).model_fields)
-        found = self._allowed(self._together(options, targets))
-        return tuple(sorted(found, key=lambda control: order.index(control.group)))
+        controls = self._allowed(self._together(options, targets))
+        return tuple(sorted(controls, key=lambda control: order.index(control.group)))
 
     def _of(self, setting: Setting) -> Numbers:
         p, known = self._numbers(with_values(self.values, setting))

@@ -131,9 +131,9 @@ def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | Non
 def _prepared(values: Mapping[str, Any], page: PageModel, settings: Settings | None) -> tuple[Plant, list[Estimator]]:
     """The plant of these values and the estimators as they run on it; errors as of `numbers`."""
     plant = build(validated(scenario_class(), dict(values), "scenario"), driven=True)
-    own = [member.estimator for member in page.members]
-    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in own]
-    if plant.model is not page.plant or any(one.model is not other.model for one, other in zip(chosen, own, strict=True)):
+    compiled = [member.estimator for member in page.members]
+    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in compiled]
+    if plant.model is not page.plant or any(one.model is not other.model for one, other in zip(chosen, compiled, strict=True)):
         raise InputError("these values are run by another model than that of the page")
     return plant, chosen
 
@@ -171,7 +171,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         raise InputError(f"duration_s = {plant.duration_s:g} s: a page runs at most 2^31 samples")
     limit = limit_along(live.plain, progress)
     named = model.parameters.unpack(live.parameters)
-    told = {
+    rows = {
         member.prefix: {row.name: named[member.prefix + row.name] for row in member.estimator.model.parameters}
         for member in live.page.members
     }
@@ -180,6 +180,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "name": scenario.name,
         "title": scenario.title,
         "vehicle": scenario.vehicle.kind,
+        "shape": scenario.vehicle.traits.shape,
         "seed": plant.seed,
         "rate_hz": scenario.rate_hz,
         "duration_s": plant.duration_s,
@@ -199,9 +200,9 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "prefix": member.prefix,
                 "channels": list(member.channels),
                 "stated": list(member.stated),
-                "settled": not member.estimator.too_short(told[member.prefix], plant.duration_s),
-                "health": health_rows(member.estimator, told[member.prefix]),
-                "findings": findings(member.estimator, told[member.prefix]),
+                "settled": not member.estimator.too_short(rows[member.prefix], plant.duration_s),
+                "health": health_rows(member.estimator, rows[member.prefix]),
+                "findings": findings(member.estimator, rows[member.prefix]),
                 **judged(member, plant, live.every, limit),
             }
             for member in live.page.members
@@ -252,11 +253,11 @@ def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
         for stick in plant.scenario.vehicle.sticks
         if stick.command in names
     ]
-    given = [
+    prepared = [
         {"sample": sample, "values": {row["name"]: float(values[row["at"]]) for row in rows}}
         for sample, values in plant.commands
     ]
-    return {"valid": model.inputs.slice(VALID).start, "rows": rows, "sticks": sticks, "given": given}
+    return {"valid": model.inputs.slice(VALID).start, "rows": rows, "sticks": sticks, "given": prepared}
 
 
 def _outages(parameters: Table, id: str) -> dict[str, Any]:
@@ -266,11 +267,11 @@ def _outages(parameters: Table, id: str) -> dict[str, Any]:
 
 
 def _control(control: Control, live: Live) -> dict[str, Any]:
-    shown = {name: getattr(control, name) for name in ("key", "label", "group", "meaning", "value")}
+    common = {name: getattr(control, name) for name in ("key", "label", "group", "meaning", "value")}
     if control.options:
-        return shown | {"options": [_option(option, live) for option in control.options]}
+        return common | {"options": [_option(option, live) for option in control.options]}
     bounds = {name: getattr(control, name) for name in ("unit", "minimum", "maximum", "low", "high")}
-    return shown | bounds | {"targets": [vars(target) | vars(control.conversion) for target in control.targets]}
+    return common | bounds | {"targets": [vars(target) | vars(control.conversion) for target in control.targets]}
 
 
 def _option(option: Option, live: Live) -> dict[str, Any]:
@@ -306,16 +307,16 @@ def compressed(module: bytes) -> bytes:
 
 
 def _rows(table: Table) -> list[dict[str, Any]]:
-    found = []
+    rows = []
     for row in table:
         start = table.slice(row.name).start
         bounds = {k: v for k, v in (("minimum", row.lower), ("maximum", row.upper)) if np.isfinite(v)}
-        found.append(
+        rows.append(
             {"name": row.name, "meaning": row.meaning, "unit": row.unit, "frame": row.frame, "at": start, "size": row.size}
             | bounds
             | ({"flag": True} if row.flag else {})
         )
-    return found
+    return rows
 
 
 def _ranges(seeds: Sequence[int]) -> list[list[int]]:
