@@ -126,6 +126,7 @@ PARAMETERS = Table((
 ))  # fmt: skip
 
 
+@lru_cache(maxsize=16)
 def aircraft(engine_components: int = 1) -> Vehicle:
     """An aircraft.
 
@@ -273,11 +274,6 @@ def turn_timing(angle: float, bank: float, speed: float) -> tuple[float, float]:
 # The section [vehicle] of an aircraft: engine, gusts, flight.
 
 
-@lru_cache(maxsize=16)
-def _aircraft(engine_components: int) -> Vehicle:
-    return aircraft(engine_components)
-
-
 class AircraftLeg(LegSection):
     """One leg of a flight: exactly one of wait_s, fly_s, line_m, speed_mps, climb_to_m, turn_deg, survey_lines."""
 
@@ -379,7 +375,7 @@ class AircraftSection(GustsSection):
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
-        return _aircraft(max(1, len(self.engine)))
+        return aircraft(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""

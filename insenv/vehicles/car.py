@@ -120,6 +120,7 @@ PARAMETERS = Table((
 _STEERING_SPEED = 2.0  # m/s: below this speed a commanded heading rate is not reached
 
 
+@lru_cache(maxsize=16)
 def car(engine_components: int = 1) -> Vehicle:
     """A car.
 
@@ -220,11 +221,6 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
 # The section [vehicle] of a car: engine, wind, load, drive.
 
 
-@lru_cache(maxsize=16)
-def _car(engine_components: int) -> Vehicle:
-    return car(engine_components)
-
-
 class CarLeg(LegSection):
     """One leg of a drive: exactly one of accelerate_to_mps, drive_s, turn_deg, stop_s, wait_s."""
 
@@ -311,7 +307,7 @@ class CarSection(VehicleSection):
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
-        return _car(max(1, len(self.engine)))
+        return car(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""

@@ -86,6 +86,7 @@ PARAMETERS = Table((
 ))  # fmt: skip
 
 
+@lru_cache(maxsize=16)
 def multirotor(rotor_components: int = 1) -> Vehicle:
     """A multirotor.
 
@@ -169,11 +170,6 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
 # The section [vehicle] of a multirotor: rotors, gusts, flight.
 
 
-@lru_cache(maxsize=16)
-def _multirotor(rotor_components: int) -> Vehicle:
-    return multirotor(rotor_components)
-
-
 class MultirotorLeg(LegSection):
     """One leg of a flight: exactly one of hover_s, fly_s, turn_deg."""
 
@@ -217,7 +213,7 @@ class MultirotorSection(GustsSection):
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
-        return _multirotor(max(1, len(self.engine)))
+        return multirotor(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
