@@ -247,7 +247,7 @@ def gnss_grades() -> str:
     rows = []
     for grade in GNSS_GRADES.values():
         wander = f"{_figure(grade.wander_sigma_m)} m, {grade.wander_time_s:g} s" if any(grade.wander_sigma_m) else ""
-        noise = _figure(grade.position_noise_m), _figure(grade.velocity_noise_m_s)
+        noise = _figure(grade.position_noise_m), _figure(grade.velocity_noise_mps)
         rows.append([f"`{grade.name}`", grade.title, *noise, wander, grade.source])
     return markdown(head, rows)
 

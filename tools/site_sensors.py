@@ -90,7 +90,7 @@ def gnss_grade(grade: GnssGrade) -> str:
     """The page of a grade of receivers."""
     rows = [
         ["white noise of the position, north, east, down", ", ".join(f"{v:g}" for v in grade.position_noise_m), "m"],
-        ["white noise of the velocity", ", ".join(f"{v:g}" for v in grade.velocity_noise_m_s), "m/s"],
+        ["white noise of the velocity", ", ".join(f"{v:g}" for v in grade.velocity_noise_mps), "m/s"],
         ["correlated error of the position", ", ".join(f"{v:g}" for v in grade.wander_sigma_m), "m"],
         ["its correlation time", f"{grade.wander_time_s:g}", "s"],
     ]

@@ -21,15 +21,15 @@ function turned(q, [x, y, z]) {
 }
 
 /**
- * @param {string} kind  of vehicle
+ * @param {string} shape  of the vehicle
  */
-export function hullView(kind) {
+export function hullView(shape) {
   const { element: canvas, cleared, size } = sharpCanvas({
     class: "hull",
     role: "img",
     "aria-label": "The vehicle seen from its quarter: true attitude solid, estimates as outlines",
   });
-  const mesh = meshOf(kind);
+  const mesh = meshOf(shape);
   let [azimuth, aside, elevation] = [0, QUARTER, ELEVATION];
   let fresh = true;
   /** @type {[number, number] | null} */

@@ -7,6 +7,7 @@ import { beyond, oneOf, rangesOf } from "./words.js";
 /** @type {Record<string, (value: number, scale: number) => number>} */
 const FORMS = {
   product: (value, scale) => scale * value,
+  quotient: (value, scale) => value / scale,
   degrees: (value, scale) => (value * Math.PI) / scale,
   inverse: (value, scale) => scale * (1 / value),
 };

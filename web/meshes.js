@@ -192,9 +192,9 @@ function plain() {
 }
 
 /** The faces of a vehicle's shape.
- * @param {string} kind
+ * @param {string} shape  of its kind's traits
  * @returns {Vector[][]} */
-export function meshOf(kind) {
+export function meshOf(shape) {
   const shapes = { ship, car, aircraft, multirotor };
-  return kind in shapes ? shapes[/** @type {keyof typeof shapes} */ (kind)]() : plain();
+  return shape in shapes ? shapes[/** @type {keyof typeof shapes} */ (shape)]() : plain();
 }

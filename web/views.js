@@ -15,7 +15,7 @@ const SLOW_MS = 100; // between two times that numbers and track are drawn while
  * @param {import("./history.js").Recorded} history
  */
 export function vehicleViews(live, at, history) {
-  const hull = hullView(live.vehicle);
+  const hull = hullView(live.shape);
   const dial = headingDial();
   const numbers = readings(live, at);
   const track = makeTrack(live, at);

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args, ge
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError, WithJsonSchema
 
 from insenv.base.errors import InputError, guess, nearest
+from insenv.base.keys import BY_UNIT, SAME, Conversion, SetsRow, unit_of
 
 # What the bytes or the values of a file are, for the message to someone who gave the wrong file.
 
@@ -102,9 +103,16 @@ if not TYPE_CHECKING:
 # --- how a key is declared -------------------------------------------------------------------------
 
 
-def key(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
-    """A key: its default (... if required), meaning, unit and limits (`gt`, `ge`, `lt`, `le`, `max_length` ...)."""
-    return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
+def key(default: Any, meaning: str, unit: str = "", *, row: str = "", convert: Conversion | None = None, **limits: Any) -> Any:
+    """A key: its default (... if required), meaning, unit and limits (`gt`, `ge`, `lt`, `le`, `max_length` ...).
+
+    row: the parameter row that it sets (`insenv.base.keys.rows_of`), if it is one.  convert: to the row's SI unit; None: the
+    conversion of the key's unit.
+    """
+    field = Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
+    if row:
+        field.metadata.append(SetsRow(row, convert or BY_UNIT.get(unit, SAME)))
+    return field
 
 
 def check_three(value: object) -> object:
@@ -134,9 +142,9 @@ Parameter = Annotated[Any, BeforeValidator(_check_parameter)]
 class _Checked(_ModelType):
     """Type of a section: a wrong value in a call of the class is an `InputError`, as one in a file is."""
 
-    def __call__(self, *given: Any, **values: Any) -> Any:
-        if given:
-            raise InputError(f"{self.__name__}({shown(given[0])}): allowed are keys with their values")
+    def __call__(self, *positional: Any, **values: Any) -> Any:
+        if positional:
+            raise InputError(f"{self.__name__}({shown(positional[0])}): allowed are keys with their values")
         try:
             return super().__call__(**values)
         except ValidationError as error:
@@ -224,13 +232,13 @@ def _faults(error: ValidationError, model: type[BaseModel], label: str) -> str:
         faults.setdefault(where, message)
     listed = list(faults.items())[:MAX_FAULTS]
     more = len(faults) - len(listed)
-    lines, told = [], set[str]()
+    lines, listed_names = [], set[str]()
     for where, message in listed:
         begin = f"{label}: {where}"
         said, _, names = message.partition(" (allowed: ")
-        if len(names) > MAX_SHOWN and names in told:  # every leg of a list, or several keys of one long table
+        if len(names) > MAX_SHOWN and names in listed_names:  # every leg of a list, or several keys of one long table
             message = f"{said} (allowed: as above)"
-        told.add(names)
+        listed_names.add(names)
         lines.append(f"{begin}{message}".replace("\n", f"\n{begin}: " if where else f"\n{begin}"))
     return "\n".join(lines + ([f"and {more} more"] if more > 0 else []))
 
@@ -250,8 +258,7 @@ def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
         elif owner is not None:
             field = owner.model_fields[part]
             dotted += f".{part}" if dotted else part
-            extra = field.json_schema_extra
-            unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+            unit = unit_of(field)
             here = field.annotation
             if last and fault["type"] == "missing":
                 return dotted, f" is missing: {field.description}{_unit(unit)}"
@@ -346,7 +353,7 @@ def sections_in(annotation: Any) -> list[type[BaseModel]]:
         return [annotation]
     if get_origin(annotation) is dict:
         return []
-    return [found for inner in get_args(annotation) for found in sections_in(inner)]
+    return [section for inner in get_args(annotation) for section in sections_in(inner)]
 
 
 def _tags(model: type[BaseModel]) -> tuple[Any, ...]:
@@ -358,8 +365,8 @@ def _dict_value(annotation: Any) -> Any:
     """Type of the values of a table of free keys; None if it is not such a table."""
     if get_origin(annotation) is dict:
         return get_args(annotation)[1]
-    found = (_dict_value(inner) for inner in get_args(annotation) if get_origin(annotation) is not Literal)
-    return next((value for value in found if value is not None), None)
+    values = (_dict_value(inner) for inner in get_args(annotation) if get_origin(annotation) is not Literal)
+    return next((value for value in values if value is not None), None)
 
 
 # Types of values in a scenario file, in addition to those of `insenv.base.toml`.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from math import pi, radians
+from math import radians
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -18,7 +18,7 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core.compose import Part, as_part, merge
-from insenv.core.elementary import clamp, log, maximum, select, wrap_angle
+from insenv.core.elementary import clamp, log, select, wrap_angle
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.envs.checks import check_choice, check_number, check_type
@@ -42,98 +42,8 @@ from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Ta
 from insenv.envs.vector import InertialVectorEnv
 from insenv.scenario import Scenario, ScenarioLike, plant_of
 from insenv.scenario.assembly import plant_model
-from insenv.vehicles import Vehicle
-from insenv.vehicles.turntable import COMMANDED, on_turntable
-
-# Vehicle commands of an agent: from action components in [-1, 1] to the state rows of the commands in force.
-
-CAR_ACCELERATION = 3.0
-"""m/s^2, along and across the path."""
-CAR_SPEED = 25.0
-"""Top speed of a car, m/s."""
-CAR_SLOW = 2.0
-"""Speed below which the yaw rate is that at this speed, m/s."""
-AIRCRAFT_ACCELERATION = 2.5
-"""m/s^2, along the path."""
-AIRCRAFT_SPEED = (60.0, 120.0)
-"""Lowest and highest speed, m/s."""
-AIRCRAFT_BANK = 0.7
-"""Largest bank, rad (40 deg)."""
-AIRCRAFT_CLIMB = 10.0
-"""Largest rate of climb, m/s."""
-
-
-@dataclass(frozen=True)
-class Commands:
-    """The commands of one kind of vehicle.
-
-    actions: rows of the action.  start_speeds: range from which an episode draws its start speed, m/s.
-    taken: ``(plant, p, x, u) -> {state row: value}``, the commands in force after an action.
-    """
-
-    actions: Table
-    start_speeds: tuple[float, float] | None
-    taken: Callable[[Model, Any, Any, Any], Mapping[str, Any]]
-
-
-def _action(name: str, meaning: str) -> Row:
-    return Row(name, meaning, lower=-1.0, upper=1.0)
-
-
-def _by_script(plant: Model, p: Any, x: Any, u: Any, commands: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Run the plant's own step ``command`` with these inputs; it ends the scenario's script."""
-    return plant.steps["command"].function(p, x, SimpleNamespace(**{**vars(u), **commands}))
-
-
-def _drive(plant: Model, p: Any, x: Any, u: Any) -> Mapping[str, Any]:
-    """Accelerate to the top speed, brake to a stop, or (at 0) hold the speed."""
-    along, across = clamp(u.accelerate, -1.0, 1.0), clamp(u.steer, -1.0, 1.0)
-    commands = {
-        "command_speed": ca.SX(CAR_SPEED),
-        "command_acceleration": along * CAR_ACCELERATION,
-        "command_yaw_rate": across * CAR_ACCELERATION / maximum(x.speed, CAR_SLOW),
-        **{f"command_{name}": getattr(x, f"commanded_{name}") for name in ("slope", "load_roll", "load_pitch", "load_down")},
-    }
-    return _by_script(plant, p, x, u, commands)
-
-
-def _fly(plant: Model, p: Any, x: Any, u: Any) -> Mapping[str, Any]:
-    along = clamp(u.accelerate, -1.0, 1.0)
-    commands = {
-        "command_speed": select(along > 0.0, AIRCRAFT_SPEED[1], AIRCRAFT_SPEED[0]),
-        "command_acceleration": ca.fabs(along) * AIRCRAFT_ACCELERATION,
-        "command_bank": clamp(u.bank, -1.0, 1.0) * AIRCRAFT_BANK,
-        "command_climb_rate": clamp(u.climb, -1.0, 1.0) * AIRCRAFT_CLIMB,
-    }
-    return _by_script(plant, p, x, u, commands)
-
-
-def _index(plant: Model, p: Any, x: Any, u: Any) -> Mapping[str, Any]:
-    return {COMMANDED: clamp(u.index, -1.0, 1.0) * pi}
-
-
-COMMANDS = {
-    "car": Commands(
-        Table((
-            _action("accelerate", f"Acceleration along the path, in {CAR_ACCELERATION:g} m/s^2; negative: brake to a stop"),
-            _action("steer", f"Acceleration across the path, positive to the right, in {CAR_ACCELERATION:g} m/s^2"),
-        )),
-        (2.0, 12.0),
-        _drive,
-    ),
-    "aircraft": Commands(
-        Table((
-            _action("accelerate", f"Acceleration along the path, in {AIRCRAFT_ACCELERATION:g} m/s^2"),
-            _action("bank", f"Bank of a coordinated turn, positive to the right, in {AIRCRAFT_BANK:g} rad"),
-            _action("climb", f"Rate of climb, in {AIRCRAFT_CLIMB:g} m/s"),
-        )),
-        (70.0, 110.0),
-        _fly,
-    ),
-    "turntable": Commands(Table((_action("index", "Target angle of the turntable, clockwise, in 180 deg"),)), None, _index),
-}  # fmt: skip
-"""Commands by kind of vehicle; "turntable": a vehicle that stays in place."""
-
+from insenv.vehicles import Actions, Vehicle, registry
+from insenv.vehicles.turntable import INDEXING, on_turntable
 
 DIVERGENCE_COST = 10.0
 """Reward lost when the filter diverges, in addition to the cost of the time left."""
@@ -193,22 +103,22 @@ REWARDS: dict[str, Callable[[Inner, Any, Any], Any]] = {"error": _by_error, "unc
 
 
 @lru_cache(maxsize=16)
-def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task:
+def manoeuvre_task(plant: Model, actions: Actions, estimator: str, reward: str) -> Task:
     """Return the task of making the heading observable by moving.
 
-    kind: kind of vehicle, a key of `COMMANDS`.  estimator: id of the inner filter.  reward: a key of `REWARDS`.
+    actions: how the agent steers the vehicle.  estimator: id of the inner filter.  reward: a key of `REWARDS`.
 
     Raises `InputError` for a filter that cannot run inside.
     """
-    inner, commands, level = inner_loop(plant, estimator), COMMANDS[kind], REWARDS[reward]
-    command = Row("command", "The action in force", "1", (commands.actions.size,), lower=-1.0, upper=1.0)
+    inner, level = inner_loop(plant, estimator), REWARDS[reward]
+    command = Row("command", "The action in force", "1", (actions.rows.size,), lower=-1.0, upper=1.0)
     observation = Table((CLOCK,)) + _ESTIMATES + STATISTICS + Table((command,))
 
     def act(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        finite, values = finite_action(ca.vertcat(*(getattr(u, row.name) for row in commands.actions)))
+        finite, values = finite_action(ca.vertcat(*(getattr(u, row.name) for row in actions.rows)))
         action = clamp(values, -1.0, 1.0)
         return {
-            **commands.taken(plant, p, x, SimpleNamespace(**{**vars(u), **vars(commands.actions.symbols(action))})),
+            **_taken(plant, p, x, u, actions.commands(x, actions.rows.symbols(action))),
             "invalid": ca.logic_not(finite),
             "command": action,
             "decisions": x.decisions + 1.0,
@@ -223,14 +133,22 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
     score = Part(
         parameters=_PARAMETERS,
         state=_STATE + Table((command,)),
-        inputs=commands.actions,
+        inputs=actions.rows,
         steps={"act": Step(act, when="never")},
     )
     title = f"{inner.model.title}: manoeuvres"
     model = merge(
         f"{inner.model.id}-manoeuvre", title, [as_part(inner.model), window_part(), score], observation + RESULT + _INFO, output
     )
-    return Task(model, commands.actions, Table(), observation, _INFO, judge="act")
+    return Task(model, actions.rows, Table(), observation, _INFO, judge="act")
+
+
+def _taken(plant: Model, p: Any, x: Any, u: Any, commands: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The commands in force after an action, by state row: the vehicle's own step ``command`` ends the scenario's script."""
+    if any(f"command_{name}" not in plant.inputs for name in commands):
+        return {f"commanded_{name}": value for name, value in commands.items()}
+    inputs = {f"command_{name}": value for name, value in commands.items()}
+    return plant.steps["command"].function(p, x, SimpleNamespace(**{**vars(u), **inputs}))
 
 
 def _seen(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
@@ -301,17 +219,10 @@ class Manoeuvre(Arguments):
     goal_deg: float = 0.1
     time_weight: float = 1.0
 
-    def _scenario(self) -> Scenario:
-        scenario = super()._scenario()
-        name, kind = scenario.name or scenario.title, scenario.vehicle.kind
-        if kind not in COMMANDS:
-            raise InputError(f"a manoeuvre environment needs a car or an aircraft: scenario {name!r} has a {kind}")
-        return scenario
-
     def _ranges(self, scenario: Scenario) -> Ranges:
         ranges = super()._ranges(scenario)
         if ranges.start_speed_mps is None and plant_of(scenario)[1].get("start_speed", 0.0) > 0.0:
-            return replace(ranges, start_speed_mps=COMMANDS[_commanded(scenario)[1]].start_speeds)
+            return replace(ranges, start_speed_mps=_commanded(scenario)[1].start_speeds)
         return ranges
 
     def _constants(self, scenario: Scenario) -> Mapping[str, float]:
@@ -323,18 +234,24 @@ class Manoeuvre(Arguments):
     def _task(self, scenario: Scenario) -> Task:
         check_type("estimator", self.estimator, str, "the id of an estimator")
         check_choice("reward", self.reward, tuple(REWARDS))
-        plant, kind = _commanded(scenario)
-        return manoeuvre_task(plant, kind, self.estimator, self.reward)
+        return manoeuvre_task(*_commanded(scenario), self.estimator, self.reward)
 
     def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:
         return InnerStarts(scenario, *rest, estimator=self.estimator)
 
 
-def _commanded(scenario: Scenario) -> tuple[Model, str]:
-    """Return the plant and its kind of commands; a vehicle that stays in place stands on a turntable."""
+def _commanded(scenario: Scenario) -> tuple[Model, Actions]:
+    """Return the plant and how it is steered; a vehicle that stays in place stands on a turntable."""
+    actions, name = scenario.vehicle.traits.actions, scenario.name or scenario.title
+    if actions is None:
+        kinds = [kind for kind in registry.names() if registry.traits_of(kind).actions is not None]
+        raise InputError(
+            f"ManoeuvreEnv needs a vehicle that an agent steers ({', '.join(kinds)}): scenario {name!r} has a "
+            f"{scenario.vehicle.kind}"
+        )
     if not scenario.vehicle.in_place:
-        return plant_of(scenario)[0], scenario.vehicle.kind
-    return _turntable_plant(scenario.vehicle.vehicle()), "turntable"
+        return plant_of(scenario)[0], actions
+    return _turntable_plant(scenario.vehicle.vehicle()), INDEXING
 
 
 @lru_cache(maxsize=16)

@@ -26,6 +26,8 @@ from insenv.estimators.parts.finding import Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.sensors import registry as sensor_registry
 from insenv.sensors.data_sheet import ImuDataSheet
+from insenv.vehicles import VehicleTraits
+from insenv.vehicles.registry import traits_of
 
 _ZERO = np.zeros(3)
 
@@ -116,11 +118,14 @@ class Drive:
     fix_velocity: bool = True
     ages: Mapping[str, float] = field(default_factory=dict, hash=False)
 
+    @property
+    def traits(self) -> VehicleTraits:
+        """The traits of its kind of vehicle; of an unknown one, those of a generic vehicle."""
+        return traits_of(self.vehicle)
+
 
 _ROUNDED = 1e-6
 """s: by which a stated age may be rounded."""
-TURNTABLE = "turntable"
-"""Kind of vehicle that turns the unit in place."""
 Choices = Mapping[str, tuple[str, ...]]
 """Names by key, such as the states and the aids of a fusion filter."""
 Notes = Callable[[Mapping[str, Any], float], tuple[str, ...]]
@@ -275,7 +280,7 @@ class Estimator:
         Raises `InputError` if there is none.
         """
         member = self if self.adapt is None else self.adapt(known, drive, choices or {})
-        if not member.on_turntable or drive.vehicle != TURNTABLE:
+        if not member.on_turntable or not drive.traits.turns_in_place:
             return member
         notes = member.applicability or (lambda rows, duration_s: ())
         return replace(member, applicability=lambda rows, duration_s: (*notes(rows, duration_s), member.on_turntable))

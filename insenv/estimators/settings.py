@@ -10,23 +10,17 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.keys import SAME, Conversion
 from insenv.base.toml import shown
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator, get
-from insenv.sensors import units
+from insenv.sensors.units import UNITS
 
-_UNITS: dict[str, dict[str, Callable[[Any], Any]]] = {
-    "rad": {"deg": units.deg_to_rad},
-    "rad/s": {"deg_h": units.deg_h_to_rad_s},
-    "m/s^2": {"ug": units.ug_to_m_s2, "mgal": units.mgal_to_m_s2},
-    "rad/s^0.5": {"deg_sqrt_h": units.deg_sqrt_h_to_rad_sqrt_s},
-    "m/s^1.5": {"ug_sqrt_hz": units.ug_sqrt_hz_to_m_s_sqrt_s, "mps_sqrt_h": units.m_s_sqrt_h_to_m_s_sqrt_s},
-    "m": {"m": np.asarray},
-    "s": {"s": np.asarray},
-    "m/s": {"mps": np.asarray},
-    "1": {"": np.asarray},
-}
+_UNITS: dict[str, dict[str, Conversion]] = {}
 """Endings of a key by the SI unit of its row; a row with another unit is set in SI, by its own name."""
+for _unit in UNITS.values():
+    if _unit.ending is not None:
+        _UNITS.setdefault(_unit.si, {})[_unit.ending] = _unit.convert
 _SHORT = {
     "arw": ("angle_random_walk",),
     "vrw": ("velocity_random_walk",),
@@ -50,7 +44,7 @@ def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
 
     Raises `InputError` for a text of another form, or a key that is given twice.
     """
-    found: dict[str, dict[str, Any]] = {}
+    tables: dict[str, dict[str, Any]] = {}
     faults: list[str] = []
     for text in texts:
         name, equals, value = text.partition("=")
@@ -58,7 +52,7 @@ def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         if not (id and dot and setting and equals and value.strip()):
             faults.append(f"--set {text!r}: allowed is ESTIMATOR.KEY=VALUE, such as loosely-coupled.arw_deg_sqrt_h=0.3")
             continue
-        table = found.setdefault(id, {})
+        table = tables.setdefault(id, {})
         if setting in table:
             faults.append(f"--set {text!r}: {id}.{setting} is given twice")
             continue
@@ -67,7 +61,7 @@ def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         except ValueError:
             table[setting] = value.strip()
     _raise(faults)
-    return found
+    return tables
 
 
 def _raise(faults: Sequence[str]) -> None:
@@ -84,7 +78,7 @@ def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict
     """
     if not isinstance(settings, (Mapping, type(None))):
         raise InputError(f"settings = {shown(settings)}: allowed is a dict of parameters by estimator id")
-    given: dict[str, dict[str, Any]] = {}
+    rows: dict[str, dict[str, Any]] = {}
     faults: list[str] = []
     for id, table in (settings or {}).items():
         allowed = dict.fromkeys(name for e in chosen for name in (e.id, e.smooths) if name)
@@ -94,11 +88,11 @@ def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict
             faults.append(f"settings[{id!r}] = {shown(table)}: allowed is a dict of values by key")
         else:
             try:
-                given[id] = tuning(next((e for e in chosen if e.id == id), id), table)
+                rows[id] = tuning(next((e for e in chosen if e.id == id), id), table)
             except InputError as error:
                 faults.append(str(error))
     _raise(faults)
-    return {e.id: {**given.get(e.smooths, {}), **given.get(e.id, {})} for e in chosen}
+    return {e.id: {**rows.get(e.smooths, {}), **rows.get(e.id, {})} for e in chosen}
 
 
 def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, Any]:
@@ -130,7 +124,7 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
 
 def _rows_of(
     estimator: Estimator,
-    known: Mapping[str, list[tuple[Row, Callable[[Any], Any]]]],
+    known: Mapping[str, list[tuple[Row, Conversion]]],
     before: Mapping[str, Any],
     where: str,
     key: str,
@@ -170,14 +164,14 @@ def _numbers(value: Any, flag: bool) -> np.ndarray:
 
 def own_settings(estimator: Estimator, settings: Settings | None) -> dict[str, Any]:
     """The settings of an estimator, over those of the filter under it."""
-    given = settings or {}
-    return {**given.get(estimator.smooths, {}), **given.get(estimator.id, {})}
+    tables = settings or {}
+    return {**tables.get(estimator.smooths, {}), **tables.get(estimator.id, {})}
 
 
 def choices_in(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     """The lists of names in `table` by the keys `Estimator.choices`.  Raises `InputError` for another value or name."""
     estimator = get(estimator)
-    found: dict[str, tuple[str, ...]] = {}
+    choices: dict[str, tuple[str, ...]] = {}
     for key, allowed in estimator.lists_of_names.items():
         if key not in table:
             continue
@@ -189,8 +183,8 @@ def choices_in(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str
                 raise InputError(f"{where}: unknown name {name!r}{nearest(name, allowed)}")
             if list(names).count(name) > 1:
                 raise InputError(f"{where}: {name!r} is given twice")
-        found[key] = tuple(names)
-    return found
+        choices[key] = tuple(names)
+    return choices
 
 
 def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any) -> Mapping[str, Any]:
@@ -204,19 +198,19 @@ def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any)
 
 def keys_by_row(parameters: Table) -> dict[str, list[str]]:
     """By parameter row, the keys that set it; rows that cannot be set are left out."""
-    found: dict[str, list[str]] = {}
+    by_row: dict[str, list[str]] = {}
     for key, rows in _keys(parameters).items():
         for row, _ in rows:
-            found.setdefault(row.name, []).append(key)
-    return found
+            by_row.setdefault(row.name, []).append(key)
+    return by_row
 
 
-def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:
+def _keys(parameters: Table) -> dict[str, list[tuple[Row, Conversion]]]:
     """Allowed keys: the rows that each sets, and the conversions to SI.  Rows that `Knowledge` gives cannot be set."""
-    keys: dict[str, list[tuple[Row, Callable[[Any], Any]]]] = {}
+    keys: dict[str, list[tuple[Row, Conversion]]] = {}
     for row in parameters:
         if not row.name.startswith("start_") and row.name not in _KNOWN:
-            for ending, convert in _UNITS.get(row.unit, {"": np.asarray}).items():
+            for ending, convert in _UNITS.get(row.unit, {"": SAME}).items():
                 for name in (row.name, *(short for short, names in _SHORT.items() if row.name in names)):
                     keys.setdefault(f"{name}_{ending}".rstrip("_"), []).append((row, convert))
     return keys

@@ -22,9 +22,9 @@ from insenv.core.elementary import sin_cos, wrap_angle
 from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.estimators import Estimator
-from insenv.estimators.contract import TURNTABLE
 from insenv.evaluation.health import Health
 from insenv.geodesy import STANDARD_GRAVITY
+from insenv.vehicles.registry import traits_of
 
 # The result of a calibration: the errors of the inertial unit that a filter estimates, beside the true ones.
 
@@ -72,7 +72,7 @@ def unit_errors(vehicle: str, outputs: Mapping[str, Array], true: Mapping[str, A
 
     vehicle: its kind.  true: `insenv.sensors.imu.true_unit_errors` (k,) by the same names, or None.
     """
-    estimated = [name for name in UNITS if vehicle == TURNTABLE and f"{name}_estimate_sigma" in outputs]
+    estimated = [name for name in UNITS if traits_of(vehicle).turns_in_place and f"{name}_estimate_sigma" in outputs]
     unit: list[UnitError] = []
     for name in estimated:
         unit_name, factor = UNITS[name]

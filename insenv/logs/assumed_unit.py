@@ -8,7 +8,7 @@ A log with less noise than any unit of the catalogue is simulated, rounded or sm
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import comb
 
 import numpy as np
@@ -120,8 +120,7 @@ def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> 
     if measured:
         noise |= {"angle_random_walk": gyro, "velocity_random_walk": accel}
     arw, vrw = noise["angle_random_walk"] / units.deg_sqrt_h_to_rad_sqrt_s(1.0), noise["velocity_random_walk"] * units.HOUR**0.5
-    unit = replace(
-        assumed,
+    unit = assumed.changed(
         name="",
         title="",
         sources={},

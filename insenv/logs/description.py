@@ -17,8 +17,8 @@ from insenv.logs import kf_gins
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, Sigma3
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
-from insenv.sensors.figures import largest
 from insenv.sensors.grade_file import grade_of
+from insenv.sensors.units import UNITS
 from insenv.vehicles import registry as vehicle_registry
 
 
@@ -32,7 +32,7 @@ Grade = Annotated[str, AfterValidator(_check_grade)]
 
 
 def _up_to(unit: str) -> AfterValidator:
-    return within(-largest(unit), largest(unit))
+    return within(-UNITS[unit].largest, UNITS[unit].largest)
 
 
 GyroSlope = Annotated[Signed, _up_to("deg/h/K")]

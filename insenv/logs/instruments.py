@@ -24,7 +24,7 @@ from insenv.sensors import registry
 from insenv.sensors.contract import Place
 from insenv.sensors.instrument import Column as MeasuredColumn
 from insenv.sensors.instrument import Instrument
-from insenv.sensors.instrument_section import figures_of, setting_rows
+from insenv.sensors.instrument_section import figures_of, setting_key
 
 
 def _check_axes(value: Any) -> Any:
@@ -48,8 +48,7 @@ def section_of(instrument: Instrument) -> type[MeasurementSection]:
     if any(column.axes for column in instrument.columns):
         keys["axes"] = (Axes, key(..., _AXES))
     for setting in instrument.settings:
-        default = ... if setting.needed else setting.default
-        keys[setting.key] = (setting.kind, key(default, setting.meaning, setting.unit))
+        keys[setting.key] = setting_key(setting, ... if setting.needed else setting.default)
     bases: Any = (MeasurementSection, figures_of(instrument))
     title = f"{instrument.called[0].upper()}{instrument.called[1:]}: its measurements and its errors."
     return create_model(f"{instrument.id.title()}Section", __base__=bases, __doc__=title, __validators__=validators, **keys)
@@ -138,7 +137,7 @@ def stated_errors(id: str, section: Any, place: Place | None) -> dict[str, Any]:
     """
     instrument = registry.instruments()[id]
     figures: Any = figures_of(instrument)() if section is None else section
-    rows = {**figures.error_rows(), **setting_rows(instrument, section)}
+    rows = figures.error_rows()
     if instrument.surroundings is not None:
         rows |= instrument.surroundings(section, place)
     table = instrument.all_parameters

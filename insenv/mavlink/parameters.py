@@ -22,8 +22,9 @@ from insenv.core.model import Model
 from insenv.core.tables import Row, Vector
 from insenv.mavlink.simulation import Simulation
 from insenv.sensors.gnss import GNSS_PARAMETERS
-from insenv.sensors.grades import SHOWN, elements
+from insenv.sensors.grades import elements
 from insenv.sensors.imu_tables import IMU_PARAMETERS
+from insenv.sensors.units import SHOWN
 
 REAL32 = 9
 """MAV_PARAM_TYPE_REAL32."""

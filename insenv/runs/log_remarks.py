@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.base.remarks import Remark, declared, remark
 from insenv.estimators import Estimator
-from insenv.estimators.fusion.family import PARKED, held
+from insenv.estimators.fusion.family import held
 from insenv.estimators.parts.rows import aid_health, reported_aids
 from insenv.logs import RecordedLog
 from insenv.logs.rest import LEAST_REST, REST_WINDOW_S, STEADY_S, rest_of, rest_rows, rest_until, shows_travel
 from insenv.runs.follower import Follower
+from insenv.vehicles import registry as vehicles
 
 Array = NDArray[np.float64]
 
@@ -87,8 +88,7 @@ def unseen(log: RecordedLog, estimator: Estimator, begin_s: float, latitude: flo
 
 @remark(
     "standstill-missed",
-    "{used}: the filter takes the vehicle to move. If it is parked, say so: in_place = true, and vehicle_kind = "
-    f"{' or '.join(map(repr, PARKED))}",
+    "{used}: the filter takes the vehicle to move. If it is parked, say so: in_place = true, and vehicle_kind = {kinds}",
 )
 def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dict[str, Any] | None:
     """Of all aids only zero velocity would hold the velocity of an estimate, and it is no longer used.
@@ -109,6 +109,7 @@ def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dic
     last = float(times[np.argmax(count == count[-1])])
     if times[-1] - last < LATEST_REST_S:
         return None
+    kinds = " or ".join(repr(kind) for kind in vehicles.names() if vehicles.traits_of(kind).parks)
     if not count[-1]:
-        return {"used": "zero velocity is all that would hold this velocity, and was never used"}
-    return {"used": f"zero velocity is all that holds this velocity, and was last used at {last:.4g} s"}
+        return {"used": "zero velocity is all that would hold this velocity, and was never used", "kinds": kinds}
+    return {"used": f"zero velocity is all that holds this velocity, and was last used at {last:.4g} s", "kinds": kinds}

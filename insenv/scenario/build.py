@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache, partial
-from math import radians
 from statistics import NormalDist
 from typing import Any
 
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.core import noise
 from insenv.core.model import Model
 from insenv.core.tables import Table, Vector, check_rows, naming
@@ -89,12 +89,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     model = _model(vehicle, (IMU, *(section.sensor for section in scenario.sensors.values())))
     rows = {
         "sample_interval": interval,
-        "start_latitude": radians(start.latitude_deg),
-        "start_longitude": radians(start.longitude_deg),
-        "start_height": start.height_m,
-        "start_heading": radians(start.heading_deg),
-        "mean_roll": radians(start.roll_deg),
-        "mean_pitch": radians(start.pitch_deg),
+        **rows_of(start),
         **_checked(this, partial(scenario.vehicle.rows, start), model.parameters),
         **scenario.imu.rows(scenario.rate_hz),
         **scenario.gravity.rows(start),
@@ -120,9 +115,9 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
 def _checked(where: str, rows: Callable[[], Any], table: Table) -> Mapping[str, Any]:
     """What `rows` of a section gives.  Raises `InputError` if it fails or gives no mapping of rows of the table."""
     with naming(f"{where}, rows", prefixed=False):
-        found = rows()
+        result = rows()
     with naming(f"{where}, rows"):
-        return check_rows(found, table)
+        return check_rows(result, table)
 
 
 @lru_cache(maxsize=64)
@@ -194,10 +189,7 @@ def _knowledge(
         roll=float(roll),
         pitch=float(pitch),
         heading=float(heading),
-        position_sigma=np.array(known.position_sigma_m),
-        velocity_sigma=np.array(known.velocity_sigma_mps),
-        tilt_sigma=radians(known.tilt_sigma_deg),
-        heading_sigma=radians(known.heading_sigma_deg),
+        **known.sigmas,
         **motion_errors(vars(sheet)),
         fix_wander_sigma=np.broadcast_to(np.asarray(parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3),
         fix_wander_time=float(parameters.get("gnss_wander_time", 60.0)),
@@ -228,9 +220,9 @@ def start_errors(known: KnowledgeSection, seed: ArrayLike) -> Vector:
     in n.
     """
     errors = start_sigmas(known) * start_normals(known, seed)
-    for place, given in enumerate(given_errors(known)):
-        if given is not None:
-            errors[..., place] = given
+    for place, error in enumerate(given_errors(known)):
+        if error is not None:
+            errors[..., place] = error
     return errors
 
 
@@ -243,13 +235,13 @@ def start_normals(known: KnowledgeSection, seed: ArrayLike) -> Vector:
 
 def start_sigmas(known: KnowledgeSection) -> Vector:
     """Reported standard deviations (9,) of the errors, in the order and units of `start_errors`."""
-    tilt = radians(known.tilt_sigma_deg)
-    return np.array([tilt, tilt, radians(known.heading_sigma_deg), *known.position_sigma_m, *known.velocity_sigma_mps])
+    sigma = known.sigmas
+    tilts = [sigma["tilt_sigma"]] * 2
+    return np.array([*tilts, sigma["heading_sigma"], *sigma["position_sigma"], *sigma["velocity_sigma"]])
 
 
 def given_errors(known: KnowledgeSection) -> tuple[float | None, ...]:
     """The errors that are given (9), in the order and units of `start_errors`; None for one that is drawn."""
-    angles = (known.roll_error_deg, known.pitch_error_deg, known.heading_error_deg)
-    position = (None,) * 3 if known.position_error_m is None else known.position_error_m
-    velocity = (None,) * 3 if known.velocity_error_mps is None else known.velocity_error_mps
-    return (*(None if angle is None else radians(angle) for angle in angles), *position, *velocity)
+    errors, none = rows_of(known), (None,) * 3
+    angles = [errors.get(f"{angle}_error") for angle in ("roll", "pitch", "heading")]
+    return (*angles, *errors.get("position_error", none), *errors.get("velocity_error", none))

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Union
 import numpy as np
 from pydantic import Field, PrivateAttr, Strict, ValidationError, create_model, model_validator
 
+from insenv.base.keys import rows_of
 from insenv.base.toml import Number, Parameter, Section, Sigmas, Vector3, key, summary, within
 from insenv.estimators import Drive, Estimator, get
 from insenv.estimators.settings import choices_in, tuning
@@ -54,19 +55,30 @@ class KnowledgeSection(Section):
     """Initial conditions as known to the estimators: the truth plus the errors given here or drawn from the sigmas."""
 
     draw_errors: bool = key(True, "draw from the seed the errors that are not given; false: they are 0", strict=True)
-    roll_error_deg: Number | None = key(None, "roll error: reported minus true", "deg", ge=-360, le=360)
-    pitch_error_deg: Number | None = key(None, "pitch error: reported minus true", "deg", ge=-360, le=360)
-    heading_error_deg: Number | None = key(None, "heading error: reported minus true", "deg", ge=-360, le=360)
+    roll_error_deg: Number | None = key(None, "roll error: reported minus true", "deg", row="roll_error", ge=-360, le=360)
+    pitch_error_deg: Number | None = key(None, "pitch error: reported minus true", "deg", row="pitch_error", ge=-360, le=360)
+    heading_error_deg: Number | None = key(
+        None, "heading error: reported minus true", "deg", row="heading_error", ge=-360, le=360
+    )
     position_error_m: Annotated[Vector3, within(-1e5, 1e5)] | None = key(
-        None, "position error: reported minus true, north, east, down", "m"
+        None, "position error: reported minus true, north, east, down", "m", row="position_error"
     )
     velocity_error_mps: Annotated[Vector3, within(-1e3, 1e3)] | None = key(
-        None, "velocity error: reported minus true, north, east, down", "m/s"
+        None, "velocity error: reported minus true, north, east, down", "m/s", row="velocity_error"
     )
-    tilt_sigma_deg: Number = key(0.5, "reported standard deviation of roll and pitch", "deg", gt=0, le=180)
-    heading_sigma_deg: Number = key(2.0, "reported standard deviation of the heading", "deg", gt=0, le=360)
-    position_sigma_m: Sigmas = key((1.0, 1.0, 1.0), "reported standard deviation of the position, north, east, down", "m")
-    velocity_sigma_mps: Sigmas = key((0.1, 0.1, 0.1), "reported standard deviation of the velocity, north, east, down", "m/s")
+    tilt_sigma_deg: Number = key(0.5, "reported standard deviation of roll and pitch", "deg", row="tilt_sigma", gt=0, le=180)
+    heading_sigma_deg: Number = key(2.0, "reported standard deviation of the heading", "deg", row="heading_sigma", gt=0, le=360)
+    position_sigma_m: Sigmas = key(
+        (1.0, 1.0, 1.0), "reported standard deviation of the position, north, east, down", "m", row="position_sigma"
+    )
+    velocity_sigma_mps: Sigmas = key(
+        (0.1, 0.1, 0.1), "reported standard deviation of the velocity, north, east, down", "m/s", row="velocity_sigma"
+    )
+
+    @property
+    def sigmas(self) -> dict[str, Any]:
+        """The reported standard deviations (SI) by field of `insenv.Knowledge`."""
+        return {row: value for row, value in rows_of(self).items() if row.endswith("_sigma")}
 
 
 class Scenario(Section):
@@ -104,19 +116,19 @@ class Scenario(Section):
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what the scenario leaves open, for a reader of its results."""
-        found = self.vehicle.notes
+        sentences = self.vehicle.notes
         for section in self.sensors.values():
-            found += section.notes(self.rate_hz)
+            sentences += section.notes(self.rate_hz)
         if self.imu.grade != "perfect" or any(getattr(self.imu, name) is not None for name in FIGURES):
-            return found
-        return (*found, "the inertial unit is perfect, because [imu] is missing or states no errors")
+            return sentences
+        return (*sentences, "the inertial unit is perfect, because [imu] is missing or states no errors")
 
     def stated(self) -> dict[str, Any]:
         """The values as in a TOML file, less the start and the duration of a vehicle whose motion has its own."""
-        values, own = self.model_dump(mode="json", warnings=False), self.vehicle.start_values()
-        if own is not None:
-            values["start"] = {name: value for name, value in values["start"].items() if name not in own}
-        if own is not None and self.duration_s == self.vehicle.lasts_s:
+        values, place = self.model_dump(mode="json", warnings=False), self.vehicle.start_values()
+        if place is not None:
+            values["start"] = {name: value for name, value in values["start"].items() if name not in place}
+        if place is not None and self.duration_s == self.vehicle.lasts_s:
             del values["duration_s"]
         return values
 
@@ -185,16 +197,16 @@ def _with_its_place(data: Mapping[str, Any]) -> Mapping[str, Any]:
             section = None
     if section is None:  # the check of [vehicle] says why: whether it has a place of its own is not known
         return {"duration_s": 1.0, "start": {"latitude_deg": 0.0, "longitude_deg": 0.0}, **data}
-    own = section.start_values()
-    if own is None:
+    place = section.start_values()
+    if place is None:
         return data
-    given = data.get("start")
-    stated = given if isinstance(given, Mapping) else {}
+    start = data.get("start")
+    stated = start if isinstance(start, Mapping) else {}
     return {
         "duration_s": section.lasts_s,
         **data,
         "vehicle": section,
-        "start": given if given and not stated else {**own, **stated},
+        "start": start if start and not stated else {**place, **stated},
     }
 
 

@@ -69,8 +69,8 @@ def with_settings(scenario: ScenarioLike, settings: Settings | None, estimators:
     if not settings:
         return loaded
     values = loaded.stated()
-    for id, own in settings.items():
-        values["estimator"][id] = {**values["estimator"].get(id, {}), **own}
+    for id, table in settings.items():
+        values["estimator"][id] = {**values["estimator"].get(id, {}), **table}
     return parse(values, loaded.name or "scenario", loaded.name)
 
 
@@ -120,17 +120,17 @@ def _plain(schema: Any) -> Any:
         return [_plain(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    kept = {
+    plain = {
         name: _plain(value)
         for name, value in schema.items()
         if (name, value) not in (("default", None), ("unit", "")) and not (name == "title" and isinstance(value, str))
     }
-    choices = [choice for choice in kept.get("anyOf", []) if choice != {"type": "null"}]
+    choices = [choice for choice in plain.get("anyOf", []) if choice != {"type": "null"}]
     if len(choices) == 1:
-        kept = {**choices[0], **{name: value for name, value in kept.items() if name != "anyOf"}}
+        plain = {**choices[0], **{name: value for name, value in plain.items() if name != "anyOf"}}
     elif choices:
-        kept["anyOf"] = choices
-    return kept
+        plain["anyOf"] = choices
+    return plain
 
 
 # The estimators that a scenario names, and those that can run on it.
@@ -156,19 +156,15 @@ def named_estimators(scenario: Scenario) -> tuple[str, ...]:
 
 # What a grade of the catalogue gives for a key that a scenario leaves to it.
 
-_GNSS = {"velocity_noise_mps": "velocity_noise_m_s"}
-"""Fields of `GnssGrade` that have another name than the key."""
-
 
 def grade_value(section: str, grade: str, key: str) -> Any:
     """The value in the unit of the key, one number or three; None if the section has no such figure.
 
     Raises `InputError` for an unknown grade.
     """
-    if section == "imu":
-        return getattr(imu_grade(grade), key, None)
-    if section == "gnss":
-        return getattr(gnss_grade(grade), _GNSS.get(key, key), None)
+    catalogue = {"imu": imu_grade, "gnss": gnss_grade}
+    if section in catalogue:
+        return getattr(catalogue[section](grade), key, None)
     kind = registered_sensors().get(section)
     if kind is None or not issubclass(kind, FiguresSection) or key not in kind.figures or not kind.figures[key].vector:
         return None

@@ -19,7 +19,6 @@ from insenv.core.elementary import exp
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.sensors import units
 from insenv.sensors.figures import Figure, Grade, by_name
 from insenv.sensors.instrument import Column, Estimated, Instrument, Lag, Term, constant, drift, white
 
@@ -96,9 +95,9 @@ FIGURES: dict[str, Figure] = {
     "bias_sigma_m": Figure("barometer_bias_sigma", "m"),
     "drift_sigma_m": Figure("barometer_drift_sigma", "m"),
     "drift_time_s": Figure("barometer_drift_time", "s"),
-    "scale_factor_percent": Figure("barometer_scale_factor", "%", units.percent_to_one),
-    "scale_factor_sigma_percent": Figure("barometer_scale_factor_sigma", "%", units.percent_to_one),
-    "speed_error_percent": Figure("barometer_speed_error", "%", units.percent_to_one),
+    "scale_factor_percent": Figure("barometer_scale_factor", "%"),
+    "scale_factor_sigma_percent": Figure("barometer_scale_factor_sigma", "%"),
+    "speed_error_percent": Figure("barometer_speed_error", "%"),
     "lag_s": Figure("barometer_lag", "s"),
     "quantum_m": Figure("barometer_quantum", "m"),
 }

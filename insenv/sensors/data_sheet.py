@@ -96,8 +96,8 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
                 variance, drive = variance + part, drive + 2 * part / correlation
         notes[white] = np.maximum(list(map(hypot, noise.tolist(), _power(fast, 0.5).tolist())), floor)
         bare = variance - motion, drive - 2 * motion / units.HOUR
-        for prefix, own, driving in (("", variance, drive), ("bare_", *bare)):
-            sigma = np.maximum(_power(np.maximum(own, 0.0), 0.5), floor)
+        for prefix, square_sum, driving in (("", variance, drive), ("bare_", *bare)):
+            sigma = np.maximum(_power(np.maximum(square_sum, 0.0), 0.5), floor)
             square = _power(sigma, 2)
             notes[f"{prefix}{triad}_bias_sigma"] = sigma
             notes[f"{prefix}{triad}_correlation_time"] = 2 * square / np.maximum(driving, 2 * square / CONSTANT)

@@ -22,7 +22,6 @@ from insenv.attitude import from_rotation_vector, rotate_inverse
 from insenv.base.toml import LeverArm
 from insenv.core.model import Values
 from insenv.core.tables import Row
-from insenv.sensors import units
 from insenv.sensors.figures import Figure, Grade, by_name
 from insenv.sensors.instrument import Column, Estimated, Instrument, Setting, constant, drift, white
 
@@ -71,10 +70,10 @@ def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
 
 FIGURES: dict[str, Figure] = {
     "noise_mps": Figure("dvl_noise", "m/s"),
-    "scale_factor_percent": Figure("dvl_scale_factor", "%", units.percent_to_one),
-    "scale_factor_sigma_percent": Figure("dvl_scale_factor_sigma", "%", units.percent_to_one),
-    "misalignment_deg": Figure("dvl_misalignment", "deg", units.deg_to_rad, vector=True),
-    "misalignment_sigma_deg": Figure("dvl_misalignment_sigma", "deg", units.deg_to_rad, vector=True),
+    "scale_factor_percent": Figure("dvl_scale_factor", "%"),
+    "scale_factor_sigma_percent": Figure("dvl_scale_factor_sigma", "%"),
+    "misalignment_deg": Figure("dvl_misalignment", "deg", vector=True),
+    "misalignment_sigma_deg": Figure("dvl_misalignment_sigma", "deg", vector=True),
     "current_mps": Figure("dvl_current_n", "m/s", vector=True),
     "current_sigma_mps": Figure("dvl_current_sigma", "m/s"),
     "current_time_s": Figure("dvl_current_time", "s"),
@@ -131,7 +130,7 @@ DVL = Instrument(
         Setting("lever_arm_m", LeverArm, (0.0, 0.0, 0.0), "from the inertial unit to the log: forward, right, down", "m",
                 "dvl_lever_arm_b", needed=True),
         Setting("water_track", Annotated[bool, Strict()], False, "whether the log shows the velocity through the water",
-                row=WATER_TRACK.name, convert=float),
+                row=WATER_TRACK.name),
     ),
     figures=FIGURES,
     grades=GRADES,

@@ -7,7 +7,7 @@ its parameter row, which means "no such error".
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
@@ -15,44 +15,43 @@ import numpy as np
 from pydantic import create_model, field_validator
 
 from insenv.base.errors import nearest
+from insenv.base.keys import Conversion, rows_of
 from insenv.base.toml import Number, PerAxis, Section, Window, key, one_of, within
 from insenv.core.tables import Table
 from insenv.sensors.contract import SensorSection
 from insenv.sensors.sampled import OUTAGES, check_times
-
-# The largest error of an instrument that a key takes, by the unit of its data sheet.
-
-LARGEST = 1e9
-_BY_UNIT = {
-    "%": 100.0,
-    "ppm": 1e6,
-    "% per m/s^2": 100.0,
-    "ppm/K": 1e3,
-    "deg": 180.0,
-    "deg/h/g": 1e6,
-    "deg/h/K": 1e4,
-    "ug/K": 1e5,
-}
-"""An error in proportion to a quantity is at most that quantity; one per kelvin or g is ten times that of the poorest units."""
-
-
-def largest(unit: str) -> float:
-    """Bound of a figure, in its unit: `LARGEST` where its unit tells nothing of what is possible."""
-    return _BY_UNIT.get(unit, LARGEST)
-
-
-def _same(value: Any) -> Any:
-    return value
+from insenv.sensors.units import UNITS
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure: the parameter row that it sets, its unit and conversion to SI; vector: of three, one for each axis."""
+    """One figure, which a key states: the parameter row that it sets, and its unit, one of `insenv.sensors.units.UNITS`.
+
+    vector: of three, one for each axis.  convert: to SI; None: that of the unit.  meaning: None: that of the row.
+    """
 
     row: str
     unit: str = ""
-    convert: Callable[[Any], Any] = _same
+    convert: Conversion | None = None
     vector: bool = False
+    meaning: str | None = None
+
+    def to_si(self, value: Any) -> Any:
+        """The value of the row for a value in the unit."""
+        return (self.convert or UNITS[self.unit].convert)(np.asarray(value))
+
+    def key(self, parameters: Table, otherwise: str) -> tuple[Any, Any]:
+        """Type and field of the key, whose meaning and limits are those of the row.  otherwise: what holds if it is absent."""
+        row, convert = parameters[self.row], self.convert or UNITS[self.unit].convert
+        text = self.meaning or row.meaning
+        most = min(UNITS[self.unit].largest, float(convert.back(row.upper)))
+        least = 0.0 if row.lower >= 0.0 else -most
+        kind: Any = Number
+        limits: dict[str, float] = {"gt": 0.0, "le": most} if row.lower > 0.0 else {"ge": least, "le": most}
+        if self.vector:
+            kind, limits = Annotated[PerAxis, within(least, most)], {}
+        meaning = f"{text[0].lower()}{text[1:]}; {otherwise} if absent"
+        return kind | None, key(None, meaning, self.unit, row=self.row, convert=convert, **limits)
 
 
 @dataclass(frozen=True)
@@ -89,10 +88,9 @@ class FiguresSection(Section):
         return value
 
     def error_rows(self) -> dict[str, Any]:
-        """Parameter rows (SI) of the grade's figures and of those that replace them."""
-        own = {name: getattr(self, name) for name in self.figures if getattr(self, name) is not None}
-        found = {**self.grades[self.grade].figures, **own}
-        return {self.figures[name].row: self.figures[name].convert(np.asarray(value)) for name, value in found.items()}
+        """Parameter rows (SI) of the grade's figures, and of all keys of the section that set one."""
+        of_grade = self.grades[self.grade].figures
+        return {self.figures[name].row: self.figures[name].to_si(value) for name, value in of_grade.items()} | rows_of(self)
 
 
 def figures_section(
@@ -102,19 +100,10 @@ def figures_section(
     keys: dict[str, Any] = {
         "grade": (Annotated[str, one_of(grades)], key(default, "grade of the catalogue (docs/instruments.md)")),
     }
-    for each, figure in figures.items():
-        row = parameters[figure.row]
-        meaning = f"{row.meaning[0].lower()}{row.meaning[1:]}; the grade's if absent"
-        most = min(largest(figure.unit), row.upper / figure.convert(1.0))
-        lowest = 0.0 if row.lower >= 0.0 else -most
-        if figure.vector:
-            keys[each] = (Annotated[PerAxis, within(lowest, most)] | None, key(None, meaning, figure.unit))
-        else:
-            limits = {"gt": 0.0} if row.lower > 0.0 else {"ge": lowest}
-            keys[each] = (Number | None, key(None, meaning, figure.unit, le=most, **limits))
-    made = create_model(name, __base__=FiguresSection, **keys)
-    made.grades, made.figures = grades, figures
-    return made
+    keys |= {each: figure.key(parameters, "the grade's") for each, figure in figures.items()}
+    section = create_model(name, __base__=FiguresSection, **keys)
+    section.grades, section.figures = grades, figures
+    return section
 
 
 class TimedSection(SensorSection):

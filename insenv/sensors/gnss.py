@@ -27,6 +27,7 @@ from pydantic import field_validator
 
 from insenv.attitude import rotate
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.base.toml import LeverArm, NotNegative, Number, key, one_of
 from insenv.core.compose import Part
 from insenv.core.elementary import TWO_PI, clamp, exp, maximum, normals, select, sin_cos
@@ -46,37 +47,13 @@ SIGMA_FLOOR = 1e-3
 """Smallest standard deviation that the receiver reports, m and m/s; never 0, so that an estimator may divide by it."""
 
 GNSS_PARAMETERS = Table((
-    Row(
-        "gnss_interval",
-        "Time between fixes, a whole number of samples; the first comes one interval after the start",
-        "s",
-        start=1.0,
-        lower=1e-4,
-        upper=HUGE,
-    ),
-    Row(
-        "gnss_latency",
-        "Time from the sample of the epoch to delivery, a whole number of samples, below the interval",
-        "s",
-        lower=0.0,
-        upper=3600.0,
-    ),
-    Row(
-        "gnss_epoch_offset",
-        "Time by which the epoch precedes the sample on which it is processed, below one sample",
-        "s",
-        lower=0.0,
-        upper=1.0,
-    ),
-    Row(
-        "antenna_lever_arm_b",
-        "Position of the antenna relative to the IMU",
-        "m",
-        (3,),
-        "b",
-        lower=-1e3,
-        upper=1e3,
-    ),
+    Row("gnss_interval", "Time between fixes, a whole number of samples; the first comes one interval after the start", "s",
+        start=1.0, lower=1e-4, upper=HUGE),
+    Row("gnss_latency", "Time from the sample of the epoch to delivery, a whole number of samples, below the interval", "s",
+        lower=0.0, upper=3600.0),
+    Row("gnss_epoch_offset", "Time by which the epoch precedes the sample on which it is processed, below one sample", "s",
+        lower=0.0, upper=1.0),
+    Row("antenna_lever_arm_b", "Position of the antenna relative to the IMU", "m", (3,), "b", lower=-1e3, upper=1e3),
     Row("antenna_lever_arm_error", "Actual minus stated lever arm, fixed part", "m", (3,), "b", lower=-1e3, upper=1e3),
     Row("antenna_lever_arm_sigma", "Actual minus stated lever arm, 1 sigma of the part drawn at the start", "m", (3,), "b",
         lower=0.0),
@@ -85,39 +62,15 @@ GNSS_PARAMETERS = Table((
         upper=3600.0),
     Row("gnss_position_noise", "White position noise, standard deviation", "m", (3,), "n", lower=0.0),
     Row("gnss_velocity_noise", "White velocity noise, standard deviation", "m/s", (3,), "n", lower=0.0),
-    Row(
-        "gnss_wander_sigma",
-        "Correlated position error (Gauss-Markov), standard deviation",
-        "m",
-        (3,),
-        "n",
-        lower=0.0,
-    ),
-    Row(
-        "gnss_wander_time",
-        "Correlated position error (Gauss-Markov), correlation time",
-        "s",
-        start=60.0,
-        lower=1e-3,
-        upper=HUGE,
-    ),
+    Row("gnss_wander_sigma", "Correlated position error (Gauss-Markov), standard deviation", "m", (3,), "n", lower=0.0),
+    Row("gnss_wander_time", "Correlated position error (Gauss-Markov), correlation time", "s", start=60.0, lower=1e-3,
+        upper=HUGE),
     Row("gnss_outlier_probability", "Probability that a position is an outlier", lower=0.0, upper=1.0),
     Row("gnss_outlier_size", "Length of an outlier's displacement, in a random direction", "m", lower=0.0),
-    Row(
-        "gnss_has_velocity",
-        "1 if the receiver measures velocity, 0 if not",
-        start=1.0,
-        lower=0.0,
-        upper=1.0,
-        flag=True,
-    ),
+    Row("gnss_has_velocity", "1 if the receiver measures velocity, 0 if not", start=1.0, lower=0.0, upper=1.0, flag=True),
     Row("gnss_outage_start", "Outage windows: first epoch lost, time since the start", "s", (OUTAGES,)),
-    Row(
-        "gnss_outage_end",
-        "Outage windows: first epoch no longer lost; a window that ends as it starts is empty",
-        "s",
-        (OUTAGES,),
-    ),
+    Row("gnss_outage_end", "Outage windows: first epoch no longer lost; a window that ends as it starts is empty", "s",
+        (OUTAGES,)),
 ))  # fmt: skip
 
 _NAMES = ("latitude", "longitude", "height", "velocity_n")
@@ -133,14 +86,7 @@ GNSS_STATE = Table((
     Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0, flag=True),
     *_fix("gnss_", "latest fix delivered"),
     Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0),
-    Row(
-        "gnss_velocity_sigma",
-        "Standard deviation of velocity that the receiver reports",
-        "m/s",
-        (3,),
-        "n",
-        1.0,
-    ),
+    Row("gnss_velocity_sigma", "Standard deviation of velocity that the receiver reports", "m/s", (3,), "n", 1.0),
     Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
     *_fix("gnss_pending_", "latest epoch, not yet delivered"),
     Row("gnss_pending", "1 if the latest epoch gave a fix", lower=0.0, upper=1.0),
@@ -341,22 +287,40 @@ class GnssSection(TimedSection):
     sensor: ClassVar[Sensor] = GNSS
 
     grade: Annotated[str, one_of(GNSS_GRADES)] = key("spp", "grade of the catalogue (docs/sensors.md)")
-    epoch_offset_s: Number = key(0.0, "time from the epoch of a fix to its sample, below one sample", "s", ge=0, le=1)
-    lever_arm_m: LeverArm = key(_ZERO, "from the inertial unit to the antenna: forward, right, down", "m")
-    lever_arm_error_m: LeverArm = key(_ZERO, "actual minus stated lever arm", "m")
-    lever_arm_sigma_m: NotNegative = key(_ZERO, "actual minus stated lever arm, 1 sigma of a part drawn at the start", "m")
+    epoch_offset_s: Number = key(
+        0.0, "time from the epoch of a fix to its sample, below one sample", "s", row="gnss_epoch_offset", ge=0, le=1
+    )
+    lever_arm_m: LeverArm = key(
+        _ZERO, "from the inertial unit to the antenna: forward, right, down", "m", row="antenna_lever_arm_b"
+    )
+    lever_arm_error_m: LeverArm = key(_ZERO, "actual minus stated lever arm", "m", row="antenna_lever_arm_error")
+    lever_arm_sigma_m: NotNegative = key(
+        _ZERO, "actual minus stated lever arm, 1 sigma of a part drawn at the start", "m", row="antenna_lever_arm_sigma"
+    )
     delay_error_s: Number = key(
         0.0, "time by which a fix is older than its age says; latency and this from 0 to less than the interval",
-        "s", ge=-3600, le=3600,
+        "s", row="gnss_delay_error", ge=-3600, le=3600,
     )  # fmt: skip
-    delay_sigma_s: Number = key(0.0, "that time, 1 sigma of a part drawn at the start", "s", ge=0, le=3600)
-    velocity: bool = key(True, "whether fixes contain a velocity", strict=True)
-    position_noise_m: NotNegative | None = key(None, "white noise of position (1 sigma, NED); the grade's if absent", "m")
-    velocity_noise_mps: NotNegative | None = key(None, "white noise of velocity (1 sigma, NED); the grade's if absent", "m/s")
-    wander_sigma_m: NotNegative | None = key(None, "correlated error of position (1 sigma, NED); the grade's if absent", "m")
-    wander_time_s: Number | None = key(None, "correlation time of that error; the grade's if absent", "s", gt=0, le=1e9)
-    outlier_probability: Number = key(0.0, "probability that a position is an outlier", "", ge=0, le=1)
-    outlier_size_m: Number = key(0.0, "length of an outlier", "m", ge=0, le=1e7)
+    delay_sigma_s: Number = key(
+        0.0, "that time, 1 sigma of a part drawn at the start", "s", row="gnss_delay_sigma", ge=0, le=3600
+    )
+    velocity: bool = key(True, "whether fixes contain a velocity", row="gnss_has_velocity", strict=True)
+    position_noise_m: NotNegative | None = key(
+        None, "white noise of position (1 sigma, NED); the grade's if absent", "m", row="gnss_position_noise"
+    )
+    velocity_noise_mps: NotNegative | None = key(
+        None, "white noise of velocity (1 sigma, NED); the grade's if absent", "m/s", row="gnss_velocity_noise"
+    )
+    wander_sigma_m: NotNegative | None = key(
+        None, "correlated error of position (1 sigma, NED); the grade's if absent", "m", row="gnss_wander_sigma"
+    )
+    wander_time_s: Number | None = key(
+        None, "correlation time of that error; the grade's if absent", "s", row="gnss_wander_time", gt=0, le=1e9
+    )
+    outlier_probability: Number = key(
+        0.0, "probability that a position is an outlier", row="gnss_outlier_probability", ge=0, le=1
+    )
+    outlier_size_m: Number = key(0.0, "length of an outlier", "m", row="gnss_outlier_size", ge=0, le=1e7)
 
     @field_validator("grade")
     @classmethod
@@ -402,24 +366,4 @@ class GnssSection(TimedSection):
                 f"epoch_offset_s = {self.latency_s + self.epoch_offset_s:g} s and interval_s = {self.interval_s:g} s, because "
                 "no fix is from the future and only one at a time is pending"
             )
-        rows = gnss_grade(self.grade).parameters()
-        for row, value in (
-            ("gnss_position_noise", self.position_noise_m),
-            ("gnss_velocity_noise", self.velocity_noise_mps),
-            ("gnss_wander_sigma", self.wander_sigma_m),
-            ("gnss_wander_time", self.wander_time_s),
-        ):
-            rows |= {} if value is None else {row: np.array(value)}
-        return {
-            **rows,
-            **timing,
-            "gnss_epoch_offset": self.epoch_offset_s,
-            "antenna_lever_arm_b": np.array(self.lever_arm_m),
-            "antenna_lever_arm_error": np.array(self.lever_arm_error_m),
-            "antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m),
-            "gnss_delay_error": self.delay_error_s,
-            "gnss_delay_sigma": self.delay_sigma_s,
-            "gnss_has_velocity": float(self.velocity),
-            "gnss_outlier_probability": self.outlier_probability,
-            "gnss_outlier_size": self.outlier_size_m,
-        }
+        return {**gnss_grade(self.grade).parameters(), **timing, **rows_of(self)}

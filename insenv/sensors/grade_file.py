@@ -16,7 +16,8 @@ from pydantic import BeforeValidator, WithJsonSchema, create_model, model_valida
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Section, key, read_toml, validated
 from insenv.sensors.catalogue import IMU_GRADES, imu_grade
-from insenv.sensors.grades import FIGURES, WAYS, WHITE, ImuGrade, figure_key
+from insenv.sensors.grades import FIGURES, WAYS, WHITE, ImuGrade
+from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 SUFFIX = ".toml"
 
@@ -32,30 +33,33 @@ class _GradeTable(Section):
     @model_validator(mode="after")
     def _one_way(self) -> _GradeTable:
         for group in WAYS:
-            given = [name for name in group if getattr(self, name) is not None]
-            if len(given) > 1:
-                raise ValueError(f"{' and '.join(given)} describe the same noise: allowed is one of them")
+            ways = [name for name in group if getattr(self, name) is not None]
+            if len(ways) > 1:
+                raise ValueError(f"{' and '.join(ways)} describe the same noise: allowed is one of them")
         return self
 
     def grade(self) -> ImuGrade:
         """The grade."""
-        given = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
-        return ImuGrade(self.name, self.title, self.sources, white_rate_hz=self.white_rate_hz, **given)
+        stated = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
+        return ImuGrade(self.name, self.title, self.sources, white_rate_hz=self.white_rate_hz, **stated)
 
 
 if TYPE_CHECKING:
     GradeTable = _GradeTable
 else:
     GradeTable = create_model(
-        "GradeTable", __base__=_GradeTable, __doc__=_GradeTable.__doc__, **{name: figure_key(name, "0") for name in FIGURES}
+        "GradeTable",
+        __base__=_GradeTable,
+        __doc__=_GradeTable.__doc__,
+        **{name: figure.key(IMU_PARAMETERS, "0") for name, figure in FIGURES.items()},
     )
 
 
 def read_grade(path: str | Path) -> GradeTable:
     """The grade file at `path`.  Raises `InputError` for a missing file, a wrong key or value."""
     data = read_toml(path)
-    found = validated(GradeTable, data, str(path))
-    return found if found.name else found.model_copy(update={"name": Path(path).stem})
+    table = validated(GradeTable, data, str(path))
+    return table if table.name else table.model_copy(update={"name": Path(path).stem})
 
 
 def _value(value: Any) -> Any:
@@ -105,7 +109,7 @@ def in_folder(folder: Path) -> tuple[dict[str, ImuGrade], tuple[str, ...]]:
 
     A file that has a figure at its top is a grade file.
     """
-    found, faults = {}, []
+    grades, faults = {}, []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         try:
             if not set(read_toml(path)) & set(FIGURES):
@@ -113,10 +117,10 @@ def in_folder(folder: Path) -> tuple[dict[str, ImuGrade], tuple[str, ...]]:
         except InputError:
             continue
         try:
-            found[path.name] = read_grade(path).grade()
+            grades[path.name] = read_grade(path).grade()
         except InputError as error:
             faults.append(str(error))
-    return found, tuple(faults)
+    return grades, tuple(faults)
 
 
 def toml_text(grade: ImuGrade, remarks: Mapping[str, str] | None = None) -> str:
@@ -128,9 +132,9 @@ def toml_text(grade: ImuGrade, remarks: Mapping[str, str] | None = None) -> str:
         comment = f"    # {remarks[figure]}" if figure in remarks else ""
         if figure == "white_rate_hz" and not any(getattr(grade, name) for name in WHITE):
             continue
-        shown = [f"{number:.6g}" for number in np.atleast_1d(value)]
-        shown = [text if any(c in text for c in ".en") else f"{text}.0" for text in shown]
-        lines.append(f"{figure} = {shown[0] if len(shown) == 1 else '[' + ', '.join(shown) + ']'}{comment}")
+        texts = [f"{number:.6g}" for number in np.atleast_1d(value)]
+        texts = [text if any(c in text for c in ".en") else f"{text}.0" for text in texts]
+        lines.append(f"{figure} = {texts[0] if len(texts) == 1 else '[' + ', '.join(texts) + ']'}{comment}")
     if grade.sources:
         lines += ["", "[sources]", *(f"{_text(name)} = {_text(text)}" for name, text in grade.sources.items())]
     return "\n".join(lines) + "\n"

@@ -28,15 +28,15 @@ from pydantic import create_model
 from insenv import attitude
 from insenv.attitude import from_rotation_vector, normalize, to_dcm
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.base.toml import LeverArm, Number, Rotation, key
 from insenv.core.compose import Part
 from insenv.core.elementary import exp, normals, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
-from insenv.sensors import units
 from insenv.sensors.contract import ErrorSource, Sensor, SensorSection
 from insenv.sensors.grade_file import GradeValue, grade_of
-from insenv.sensors.grades import FIGURES, WAYS, WHITE, figure_key
+from insenv.sensors.grades import FIGURES, WAYS, WHITE
 from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, HUGE, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
 
 SAMPLE_UNIFORMS = 7
@@ -80,11 +80,11 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
         "C_bs": C_bs,
         "gyro_g_matrix": p.gyro_g_sensitivity @ C_bs.T,
     }
-    for triad, own in ((GYRO, n[0:15]), (ACCEL, n[15:30])):
-        bias = _of(p, triad, "bias") + _of(p, triad, "bias_sigma") * own[0:3]
-        instability = _of(p, triad, "instability_sigma") * own[3:6]
-        scale = _of(p, triad, "scale_factor") + _of(p, triad, "scale_factor_sigma") * own[6:9]
-        coupling = _of(p, triad, "misalignment") + _of(p, triad, "misalignment_sigma") * own[9:15]
+    for triad, drawn in ((GYRO, n[0:15]), (ACCEL, n[15:30])):
+        bias = _of(p, triad, "bias") + _of(p, triad, "bias_sigma") * drawn[0:3]
+        instability = _of(p, triad, "instability_sigma") * drawn[3:6]
+        scale = _of(p, triad, "scale_factor") + _of(p, triad, "scale_factor_sigma") * drawn[6:9]
+        coupling = _of(p, triad, "misalignment") + _of(p, triad, "misalignment_sigma") * drawn[9:15]
         matrix = ca.vertcat(
             ca.horzcat(1.0 + scale[0], coupling[0], coupling[1]),
             ca.horzcat(coupling[2], 1.0 + scale[1], coupling[3]),
@@ -107,9 +107,9 @@ def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     arrives = r[6] >= p.imu_drop_probability
     temperature = x.imu_temperature + x.imu_temperature_step
     state: dict[str, Any] = {"imu_valid": arrives}
-    for triad, own, output in ((GYRO, n[0:3], "delta_angle"), (ACCEL, n[3:6], "delta_velocity")):
+    for triad, white, output in ((GYRO, n[0:3], "delta_angle"), (ACCEL, n[3:6], "delta_velocity")):
         bias = _of(x, triad, "bias_s") + _of(x, triad, "bias_step_s")
-        sensed = _sensed(p, x, triad, bias, temperature) + getattr(p, triad.white) * root_dt * own
+        sensed = _sensed(p, x, triad, bias, temperature) + getattr(p, triad.white) * root_dt * white
         counted, residual = _count(p, x, triad, sensed)
         state[f"{triad.name}_bias_s"] = bias
         state[f"{triad.name}_bias_true"] = _of(x, triad, "bias_true") + _of(x, triad, "bias_step_b")
@@ -172,13 +172,16 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         "imu_temperature_target": target,
         "imu_temperature_step": (temperature - x.imu_temperature) / count,
     }
-    for triad, own, more in ((GYRO, n[0:6], n[12 : 12 + 3 * FLICKER_PARTS]), (ACCEL, n[6:12], n[12 + 3 * FLICKER_PARTS :])):
+    for triad, drawn, flicker in (
+        (GYRO, n[0:6], n[12 : 12 + 3 * FLICKER_PARTS]),
+        (ACCEL, n[6:12], n[12 + 3 * FLICKER_PARTS :]),
+    ):
         decay = exp(-h / _of(p, triad, "instability_time"))
         drive = _of(p, triad, "instability_sigma") * ca.sqrt((1.0 - decay) * (1.0 + decay))
-        instability = decay * _of(x, triad, "instability") + drive * own[0:3]
-        walk = _of(x, triad, "walk") + _of(p, triad, "rate_random_walk") * ca.sqrt(h) * own[3:6]
+        instability = decay * _of(x, triad, "instability") + drive * drawn[0:3]
+        walk = _of(x, triad, "walk") + _of(p, triad, "rate_random_walk") * ca.sqrt(h) * drawn[3:6]
         thermal = (temperature - p.imu_temperature_reference) * _of(p, triad, "temperature_slope")
-        parts = advanced_flicker(_of(x, triad, "flicker_parts"), _of(p, triad, "flicker"), h, more, first)
+        parts = advanced_flicker(_of(x, triad, "flicker_parts"), _of(p, triad, "flicker"), h, flicker, first)
         flickering = ca.sum2(parts)
         bias_s = _of(x, triad, "bias_s") + first * flickering
         bias_true = _of(x, triad, "bias_true") + first * (x.C_bs @ flickering)
@@ -246,17 +249,17 @@ def true_unit_errors(state: Mapping[str, Any], parameters: Mapping[str, Any]) ->
     state: that of a plant, by row name.  parameters: its parameters.  With y measured and x true, x = (I - S - M) (y - b dt):
     I - S - M is the inverse of the matrix of `insenv.sensors.imu`.  The g-sensitivity is that of each gyro along its own axis.
     """
-    found: dict[str, Array] = {}
+    errors: dict[str, Array] = {}
     warm = state["imu_temperature"] - parameters["imu_temperature_reference"]
     for triad in ("gyro", "accel"):
         thermal = 1.0 + np.multiply(parameters[f"{triad}_scale_factor_slope"], warm)
         measured = state["C_bs"] @ np.diag(np.broadcast_to(thermal, 3)) @ state[f"{triad}_error_matrix"]
         left = np.eye(3) - np.linalg.inv(measured)
-        found[f"{triad}_bias"] = np.array(state[f"{triad}_bias_true"])
-        found[f"{triad}_scale"] = np.diag(left).copy()
-        found[f"{triad}_misalignment"] = left[~np.eye(3, dtype=bool)]
-    found["gyro_g_sensitivity"] = np.diag(state["C_bs"] @ state["gyro_g_matrix"]).copy()
-    return found
+        errors[f"{triad}_bias"] = np.array(state[f"{triad}_bias_true"])
+        errors[f"{triad}_scale"] = np.diag(left).copy()
+        errors[f"{triad}_misalignment"] = left[~np.eye(3, dtype=bool)]
+    errors["gyro_g_sensitivity"] = np.diag(state["C_bs"] @ state["gyro_g_matrix"]).copy()
+    return errors
 
 
 # The section [imu] of a scenario: a grade, values that replace its own, and the mounting.
@@ -268,45 +271,41 @@ class _ImuSection(SensorSection):
     sensor: ClassVar[Sensor] = IMU
 
     grade: GradeValue = key("perfect", "grade of the catalogue (docs/sensors.md), or a grade file (docs/allan.md)")
-    lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit: forward, right, down", "m")
-    mounting_angles_deg: Rotation = key(
-        (0.0, 0.0, 0.0),
-        "known roll, pitch and heading of the unit in the vehicle; its output is in body axes",
-        "deg",
+    lever_arm_m: LeverArm = key(
+        (0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit: forward, right, down", "m", row="imu_lever_arm_b"
     )
-    mounting_error_deg: Rotation = key((0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg")
-    drop_probability: Number = key(0.0, "probability that a sample is lost", "", ge=0, le=1)
-    temperature_start_degc: Number = key(20.0, "temperature at time 0", "deg C", ge=-100, le=200)
-    temperature_end_degc: Number = key(20.0, "temperature after warm-up", "deg C", ge=-100, le=200)
-    temperature_reference_degc: Number = key(20.0, "temperature at which thermal errors are 0", "deg C", ge=-100, le=200)
-    temperature_ramp_k_h: Number = key(0.0, "steady change with the surroundings", "K/h", ge=-100, le=100)
-    warm_up_s: Number = key(600.0, "time constant of the warm-up", "s", ge=1e-3, le=1e9)
+    mounting_angles_deg: Rotation = key(
+        (0.0, 0.0, 0.0), "known roll, pitch and heading of the unit in the vehicle; its output is in body axes", "deg"
+    )
+    mounting_error_deg: Rotation = key(
+        (0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg", row="mounting_error"
+    )
+    drop_probability: Number = key(0.0, "probability that a sample is lost", row="imu_drop_probability", ge=0, le=1)
+    temperature_start_degc: Number = key(20.0, "temperature at time 0", "deg C", row="imu_temperature_initial", ge=-100, le=200)
+    temperature_end_degc: Number = key(20.0, "temperature after warm-up", "deg C", row="imu_temperature_final", ge=-100, le=200)
+    temperature_reference_degc: Number = key(
+        20.0, "temperature at which thermal errors are 0", "deg C", row="imu_temperature_reference", ge=-100, le=200
+    )
+    temperature_ramp_k_h: Number = key(
+        0.0, "steady change with the surroundings", "K/h", row="imu_temperature_ramp", ge=-100, le=100
+    )
+    warm_up_s: Number = key(600.0, "time constant of the warm-up", "s", row="imu_temperature_time", ge=1e-3, le=1e9)
 
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI).  White noise per sample, if given here, is that of samples at `rate_hz`."""
         grade = grade_of(self.grade)
-        own = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
+        stated = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
         for group in WAYS:
-            given = [name for name in group if name in own]
-            if len(given) > 1:
-                raise InputError(f"imu has {' and '.join(given)}, which describe the same noise: allowed is one of them")
-            if given:
-                own = dict.fromkeys(group, 0.0) | own
+            ways = [name for name in group if name in stated]
+            if len(ways) > 1:
+                raise InputError(f"imu has {' and '.join(ways)}, which describe the same noise: allowed is one of them")
+            if ways:
+                stated = dict.fromkeys(group, 0.0) | stated
         for name in WHITE:
-            if own.get(name):
-                own[name] *= float(np.sqrt(grade.white_rate_hz / rate_hz))
-        rows = replace(grade, **own).parameters()
-        return rows | {
-            "imu_lever_arm_b": np.array(self.lever_arm_m),
-            "q_bs": attitude.numeric.from_euler(*np.radians(self.mounting_angles_deg)),
-            "mounting_error": np.radians(self.mounting_error_deg),
-            "imu_drop_probability": self.drop_probability,
-            "imu_temperature_initial": units.deg_c_to_k(self.temperature_start_degc),
-            "imu_temperature_final": units.deg_c_to_k(self.temperature_end_degc),
-            "imu_temperature_time": self.warm_up_s,
-            "imu_temperature_reference": units.deg_c_to_k(self.temperature_reference_degc),
-            "imu_temperature_ramp": self.temperature_ramp_k_h / units.HOUR,
-        }
+            if stated.get(name):
+                stated[name] *= float(np.sqrt(grade.white_rate_hz / rate_hz))
+        q_bs = attitude.numeric.from_euler(*np.radians(self.mounting_angles_deg))
+        return {**replace(grade, **stated).parameters(), **rows_of(self, without=FIGURES), "q_bs": q_bs}
 
 
 if TYPE_CHECKING:
@@ -316,5 +315,5 @@ else:
         "ImuSection",
         __base__=_ImuSection,
         __doc__=_ImuSection.__doc__,
-        **{name: figure_key(name, "the grade's") for name in FIGURES},
+        **{name: figure.key(IMU_PARAMETERS, "the grade's") for name, figure in FIGURES.items()},
     )

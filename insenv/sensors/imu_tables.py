@@ -67,121 +67,49 @@ class Triad:
     white: str
     white_unit: str
 
+    def _row(self, name: str, meaning: str, unit: str, shape: tuple[int, ...] = (3,), **more: Any) -> Row:
+        return Row(f"{self.name}_{name}", f"{self.what} {meaning}", unit, shape, "s" if shape else "", **more)
+
     def parameters(self) -> tuple[Row, ...]:
         """Parameter rows, all in sensor axes and with start values that mean "no error"."""
-        name, what, unit = self.name, self.what, self.rate
+        row, unit, drawn = self._row, self.rate, "1 sigma of the part drawn at the start"
         pairs = "axis couplings xy, xz, yx, yz, zx, zy (measuring axis first)"
+        markov = "in-run bias (Gauss-Markov)"
         return (
-            Row(f"{name}_bias", f"{what} turn-on bias, fixed part", unit, (3,), "s"),
-            Row(
-                f"{name}_bias_sigma",
-                f"{what} turn-on bias, 1 sigma of the part drawn at the start",
-                unit,
-                (3,),
-                "s",
-                lower=0.0,
-            ),
-            Row(self.white, f"{what} white noise density", self.white_unit, (3,), "s", lower=0.0),
-            Row(
-                f"{name}_instability_sigma",
-                f"{what} in-run bias (Gauss-Markov), standard deviation",
-                unit,
-                (3,),
-                "s",
-                lower=0.0,
-            ),
-            Row(
-                f"{name}_instability_time",
-                f"{what} in-run bias (Gauss-Markov), correlation time",
-                "s",
-                (3,),
-                "s",
-                start=3600.0,
-                lower=1e-3,
-                upper=HUGE,
-            ),
-            Row(
-                f"{name}_rate_random_walk",
-                f"{what} bias random walk density",
-                f"{unit}/sqrt(s)",
-                (3,),
-                "s",
-                lower=0.0,
-            ),
-            Row(
-                f"{name}_flicker",
-                f"{what} in-run bias with a flicker spectrum, floor of its Allan deviation",
-                unit,
-                (3,),
-                "s",
-                lower=0.0,
-            ),
-            Row(f"{name}_scale_factor", f"{what} scale factor error, fixed part", "1", (3,), "s"),
-            Row(
-                f"{name}_scale_factor_sigma",
-                f"{what} scale factor error, 1 sigma of the part drawn at the start",
-                "1",
-                (3,),
-                "s",
-                lower=0.0,
-            ),
-            Row(f"{name}_misalignment", f"{what} misalignment, fixed part, {pairs}", "rad", (6,), "s"),
-            Row(
-                f"{name}_misalignment_sigma",
-                f"{what} misalignment, 1 sigma of the part drawn at the start, {pairs}",
-                "rad",
-                (6,),
-                "s",
-                lower=0.0,
-            ),
-            Row(
-                f"{name}_temperature_slope",
-                f"{what} bias per kelvin from the reference temperature",
-                f"{unit}/K",
-                (3,),
-                "s",
-            ),
-            Row(
-                f"{name}_scale_factor_slope",
-                f"{what} scale factor error per kelvin from the reference temperature",
-                "1/K",
-                (3,),
-                "s",
-            ),
-            Row(f"{name}_quantum", f"{what} increment of one count, 0 for none", self.increment, lower=0.0),
-            Row(f"{name}_range", f"{what} full scale", unit, start=HUGE, lower=1e-9, upper=HUGE),
+            row("bias", "turn-on bias, fixed part", unit),
+            row("bias_sigma", f"turn-on bias, {drawn}", unit, lower=0.0),
+            Row(self.white, f"{self.what} white noise density", self.white_unit, (3,), "s", lower=0.0),
+            row("instability_sigma", f"{markov}, standard deviation", unit, lower=0.0),
+            row("instability_time", f"{markov}, correlation time", "s", start=3600.0, lower=1e-3, upper=HUGE),
+            row("rate_random_walk", "bias random walk density", f"{unit}/sqrt(s)", lower=0.0),
+            row("flicker", "in-run bias with a flicker spectrum, floor of its Allan deviation", unit, lower=0.0),
+            row("scale_factor", "scale factor error, fixed part", "1"),
+            row("scale_factor_sigma", f"scale factor error, {drawn}", "1", lower=0.0),
+            row("misalignment", f"misalignment, fixed part, {pairs}", "rad", (6,)),
+            row("misalignment_sigma", f"misalignment, {drawn}, {pairs}", "rad", (6,), lower=0.0),
+            row("temperature_slope", "bias per kelvin from the reference temperature", f"{unit}/K"),
+            row("scale_factor_slope", "scale factor error per kelvin from the reference temperature", "1/K"),
+            row("quantum", "increment of one count, 0 for none", self.increment, (), lower=0.0),
+            row("range", "full scale", unit, (), start=HUGE, lower=1e-9, upper=HUGE),
         )
 
     def state(self) -> tuple[Row, ...]:
         """State rows; other models use ``*_bias_true``."""
-        name, what, unit = self.name, self.what, self.rate
+        row, unit = self._row, self.rate
         identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        in_force = "total bias over the latest sample"
-        step = "bias, change per sample until the next drift update"
+        in_force, step = "total bias over the latest sample", "bias, change per sample until the next drift update"
+        matrix = "errors of scale, alignment and mounting: transforms body increments to sensed ones"
         return (
-            Row(f"{name}_bias_true", f"{what} {in_force}", unit, (3,), "b"),
-            Row(f"{name}_bias_s", f"{what} {in_force}", unit, (3,), "s"),
-            Row(f"{name}_bias_step_b", f"{what} {step}", unit, (3,), "b"),
-            Row(f"{name}_bias_step_s", f"{what} {step}", unit, (3,), "s"),
-            Row(f"{name}_bias_turn_on", f"{what} turn-on bias, fixed and drawn", unit, (3,), "s"),
-            Row(f"{name}_instability", f"{what} in-run bias at the next drift update", unit, (3,), "s"),
-            Row(f"{name}_walk", f"{what} bias random walk at the next drift update", unit, (3,), "s"),
-            Row(
-                f"{name}_flicker_parts",
-                f"{what} flicker noise at the next drift update, its processes",
-                unit,
-                (3, FLICKER_PARTS),
-                "s",
-            ),
-            Row(
-                f"{name}_error_matrix",
-                f"{what} errors of scale, alignment and mounting: transforms body increments to sensed ones",
-                "1",
-                (3, 3),
-                "s",
-                start=identity,
-            ),
-            Row(f"{name}_residual", f"{what} part of a count carried to the next sample", self.increment, (3,), "s"),
+            Row(f"{self.name}_bias_true", f"{self.what} {in_force}", unit, (3,), "b"),
+            row("bias_s", in_force, unit),
+            Row(f"{self.name}_bias_step_b", f"{self.what} {step}", unit, (3,), "b"),
+            row("bias_step_s", step, unit),
+            row("bias_turn_on", "turn-on bias, fixed and drawn", unit),
+            row("instability", "in-run bias at the next drift update", unit),
+            row("walk", "bias random walk at the next drift update", unit),
+            row("flicker_parts", "flicker noise at the next drift update, its processes", unit, (3, FLICKER_PARTS)),
+            row("error_matrix", matrix, "1", (3, 3), start=identity),
+            row("residual", "part of a count carried to the next sample", self.increment),
         )
 
 

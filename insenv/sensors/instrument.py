@@ -257,7 +257,7 @@ class Column:
 class Setting:
     """A key that scenarios and logs have beside the errors: `kind` is its type for pydantic.
 
-    row: the parameter row that it sets, `convert` being its conversion to SI; empty: none by itself.  needed: whether a log
+    row: the parameter row that it sets, by the conversion of its unit; empty: none by itself.  needed: whether a log
     must give it.
     """
 
@@ -267,7 +267,6 @@ class Setting:
     meaning: str
     unit: str = ""
     row: str = ""
-    convert: Callable[[Any], Any] = np.asarray
     needed: bool = False
 
 

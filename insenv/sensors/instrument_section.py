@@ -5,13 +5,12 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, ClassVar
 
-import numpy as np
 from pydantic import create_model
 
 from insenv.base.toml import Number, key
 from insenv.sensors.contract import Place, SensorSection
 from insenv.sensors.figures import FiguresSection, TimedSection, figures_section
-from insenv.sensors.instrument import Instrument
+from insenv.sensors.instrument import Instrument, Setting
 from insenv.sensors.sampled import Sampled
 
 
@@ -23,7 +22,7 @@ class InstrumentSection(TimedSection):
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for times that do not fit the samples."""
         assert isinstance(self, FiguresSection)
-        return {**self.timing(rate_hz), **self.error_rows(), **setting_rows(self.instrument, self)}
+        return {**self.timing(rate_hz), **self.error_rows()}
 
     def rows_at(self, rate_hz: float, place: Place) -> dict[str, Any]:
         """Parameter rows (SI) with those of the surroundings at `place`.  Raises `InputError`."""
@@ -31,10 +30,9 @@ class InstrumentSection(TimedSection):
         return {**self.rows(rate_hz), **({} if surroundings is None else surroundings(self, place))}
 
 
-def setting_rows(instrument: Instrument, section: Any) -> dict[str, Any]:
-    """Parameter rows (SI) of the further keys of an instrument; a key that `section` lacks or leaves out sets none."""
-    settings = ((setting, getattr(section, setting.key, None)) for setting in instrument.settings if setting.row)
-    return {setting.row: setting.convert(np.array(value)) for setting, value in settings if value is not None}
+def setting_key(setting: Setting, default: Any) -> tuple[Any, Any]:
+    """Type and field of a further key of an instrument."""
+    return setting.kind, key(default, setting.meaning, setting.unit, row=setting.row)
 
 
 @cache
@@ -50,7 +48,7 @@ def section_of(instrument: Instrument) -> type[SensorSection]:
     interval = key(instrument.interval_s, "interval between measurements, a whole number of samples", "s", gt=0, le=3600)
     keys: dict[str, Any] = {"interval_s": (Number, interval)}
     for setting in instrument.settings:
-        keys[setting.key] = (setting.kind, key(setting.default, setting.meaning, setting.unit))
+        keys[setting.key] = setting_key(setting, setting.default)
     bases: Any = (figures_of(instrument), InstrumentSection)
     title = f"{instrument.called[0].upper()}{instrument.called[1:]}."
     made = create_model(f"{instrument.id.title()}Section", __base__=bases, __doc__=title, **keys)

@@ -81,16 +81,16 @@ def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
 
 
 FIGURES: dict[str, Figure] = {
-    "noise_nt": Figure("magnetometer_noise", "nT", units.nt_to_t),
-    "hard_iron_nt": Figure("magnetometer_hard_iron", "nT", units.nt_to_t, vector=True),
-    "hard_iron_sigma_nt": Figure("magnetometer_hard_iron_sigma", "nT", units.nt_to_t, vector=True),
-    "soft_iron_sigma_percent": Figure("magnetometer_soft_iron_sigma", "%", units.percent_to_one),
-    "coupling_sigma_percent": Figure("magnetometer_coupling_sigma", "%", units.percent_to_one),
-    "drift_sigma_nt": Figure("magnetometer_drift_sigma", "nT", units.nt_to_t),
+    "noise_nt": Figure("magnetometer_noise", "nT"),
+    "hard_iron_nt": Figure("magnetometer_hard_iron", "nT", vector=True),
+    "hard_iron_sigma_nt": Figure("magnetometer_hard_iron_sigma", "nT", vector=True),
+    "soft_iron_sigma_percent": Figure("magnetometer_soft_iron_sigma", "%"),
+    "coupling_sigma_percent": Figure("magnetometer_coupling_sigma", "%"),
+    "drift_sigma_nt": Figure("magnetometer_drift_sigma", "nT"),
     "drift_time_s": Figure("magnetometer_drift_time", "s"),
-    "anomaly_nt": Figure("magnetic_anomaly_n", "nT", units.nt_to_t, vector=True),
-    "anomaly_sigma_nt": Figure("magnetic_anomaly_sigma", "nT", units.nt_to_t, vector=True),
-    "quantum_nt": Figure("magnetometer_quantum", "nT", units.nt_to_t),
+    "anomaly_nt": Figure("magnetic_anomaly_n", "nT", vector=True),
+    "anomaly_sigma_nt": Figure("magnetic_anomaly_sigma", "nT", vector=True),
+    "quantum_nt": Figure("magnetometer_quantum", "nT"),
 }
 
 _MODEL = "WMM2025 error model, global averages north, east, down: 137, 89, 141 nT"

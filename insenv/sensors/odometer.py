@@ -72,12 +72,12 @@ def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
 
 FIGURES: dict[str, Figure] = {
     "noise_mps": Figure("odometer_noise", "m/s"),
-    "scale_factor_percent": Figure("odometer_scale_factor", "%", units.percent_to_one),
-    "scale_factor_sigma_percent": Figure("odometer_scale_factor_sigma", "%", units.percent_to_one),
-    "slip_percent_s2_m": Figure("odometer_slip", "% per m/s^2", units.percent_to_one),
-    "slip_sigma_percent_s2_m": Figure("odometer_slip_sigma", "% per m/s^2", units.percent_to_one),
-    "mounting_error_deg": Figure("odometer_mounting_error", "deg", units.deg_to_rad, vector=True),
-    "mounting_sigma_deg": Figure("odometer_mounting_error_sigma", "deg", units.deg_to_rad, vector=True),
+    "scale_factor_percent": Figure("odometer_scale_factor", "%"),
+    "scale_factor_sigma_percent": Figure("odometer_scale_factor_sigma", "%"),
+    "slip_percent_s2_m": Figure("odometer_slip", "% per m/s^2"),
+    "slip_sigma_percent_s2_m": Figure("odometer_slip_sigma", "% per m/s^2"),
+    "mounting_error_deg": Figure("odometer_mounting_error", "deg", vector=True),
+    "mounting_sigma_deg": Figure("odometer_mounting_error_sigma", "deg", vector=True),
     "quantum_mps": Figure("odometer_quantum", "m/s"),
 }
 
@@ -160,7 +160,7 @@ ODOMETER = Instrument(
         Setting("lever_arm_m", LeverArm, (0.0, 0.0, 0.0), "from the inertial unit to the wheel: forward, right, down", "m",
                 "odometer_lever_arm_b", needed=True),
         Setting("mounting_deg", Rotation, (0.0, 0.0, 0.0), "nominal rotation from body to odometer axes, as a rotation vector",
-                "deg", "odometer_mounting", units.deg_to_rad),
+                "deg", "odometer_mounting"),
     ),
     figures=FIGURES,
     grades=GRADES,

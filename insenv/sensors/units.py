@@ -1,23 +1,25 @@
 """Conversion of data-sheet units (deg/h, ug/sqrt(Hz), ...) to SI, and of the two notations of white noise.
 
-NumPy functions of a number or an array, named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g`` the standard
+Conversions of a number or an array are named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g`` the standard
 gravity of data sheets (9.80665 m/s^2, independent of the local gravity), ``ppm`` a millionth.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from insenv.base.keys import CELSIUS, DEGREES, SAME, Conversion
 from insenv.geodesy import STANDARD_GRAVITY
 
 HOUR = 3600.0
 """s."""
-DEGREE = math.pi / 180.0
+DEGREE = DEGREES.scale
 """rad."""
-ZERO_CELSIUS = 273.15
+ZERO_CELSIUS = CELSIUS.scale
 """K."""
 
 
@@ -27,109 +29,79 @@ SPEED_UNITS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
 """unit -> m/s."""
 
 
-def deg_to_rad(value: Any) -> Any:
-    """deg to rad; also deg/s to rad/s."""
-    return np.multiply(value, DEGREE)
+def _times(scale: float) -> Conversion:
+    return Conversion("product", scale)
 
 
-def rad_to_deg(value: Any) -> Any:
-    """rad to deg; also rad/s to deg/s."""
-    return np.divide(value, DEGREE)
+deg_to_rad = DEGREES
+rad_to_deg = deg_to_rad.back
+arcsec_to_rad = _times(DEGREE / 3600.0)
+urad_to_rad = _times(1e-6)
+deg_h_to_rad_s = _times(DEGREE / HOUR)
+rad_s_to_deg_h = deg_h_to_rad_s.back
+deg_sqrt_h_to_rad_sqrt_s = _times(DEGREE / math.sqrt(HOUR))  # angle random walk
+deg_h_sqrt_h_to_rad_s_sqrt_s = _times(DEGREE / HOUR / math.sqrt(HOUR))  # rate random walk
+deg_h_g_to_rad_s_per_m_s2 = _times(DEGREE / HOUR / STANDARD_GRAVITY)  # g-sensitivity
+g_to_m_s2 = _times(STANDARD_GRAVITY)
+m_s2_to_g = g_to_m_s2.back
+ug_to_m_s2 = _times(STANDARD_GRAVITY * 1e-6)
+m_s2_to_ug = ug_to_m_s2.back
+mgal_to_m_s2 = _times(1e-5)
+ug_sqrt_hz_to_m_s_sqrt_s = _times(STANDARD_GRAVITY * 1e-6)  # velocity random walk as an acceleration density
+m_s_sqrt_h_to_m_s_sqrt_s = _times(1.0 / math.sqrt(HOUR))  # velocity random walk
+ug_sqrt_h_to_m_s2_sqrt_s = _times(STANDARD_GRAVITY * 1e-6 / math.sqrt(HOUR))  # acceleration random walk
+ppm_to_one = _times(1e-6)
+percent_to_one = _times(0.01)
+nt_to_t = _times(1e-9)
+deg_c_to_k = CELSIUS
 
 
-def arcsec_to_rad(value: Any) -> Any:
-    """Seconds of arc to rad."""
-    return np.multiply(value, DEGREE / 3600.0)
+@dataclass(frozen=True)
+class Unit:
+    """A unit of data sheets.
+
+    si: the unit of the rows that it is converted to.  largest: value that an error in this unit does not exceed: in
+        proportion to a quantity that quantity; per kelvin or g ten times that of the poorest units.  ending: of the keys of
+        an estimator's section that are given in it; None: there are none.  shown: whether MAVLink's parameters are in it.
+    """
+
+    si: str
+    convert: Conversion = SAME
+    largest: float = 1e9
+    ending: str | None = None
+    shown: bool = False
 
 
-def urad_to_rad(value: Any) -> Any:
-    """Microradians to rad."""
-    return np.multiply(value, 1e-6)
-
-
-def deg_h_to_rad_s(value: Any) -> Any:
-    """deg/h to rad/s (bias); also deg/h/K to rad/s/K."""
-    return np.multiply(value, DEGREE / HOUR)
-
-
-def rad_s_to_deg_h(value: Any) -> Any:
-    """rad/s to deg/h."""
-    return np.divide(value, DEGREE / HOUR)
-
-
-def deg_sqrt_h_to_rad_sqrt_s(value: Any) -> Any:
-    """deg/sqrt(h) to rad/sqrt(s) (angle random walk)."""
-    return np.multiply(value, DEGREE / math.sqrt(HOUR))
-
-
-def deg_h_sqrt_h_to_rad_s_sqrt_s(value: Any) -> Any:
-    """(deg/h)/sqrt(h) to (rad/s)/sqrt(s) (rate random walk)."""
-    return np.multiply(value, DEGREE / HOUR / math.sqrt(HOUR))
-
-
-def deg_h_g_to_rad_s_per_m_s2(value: Any) -> Any:
-    """(deg/h)/g to (rad/s)/(m/s^2) (g-sensitivity)."""
-    return np.multiply(value, DEGREE / HOUR / STANDARD_GRAVITY)
-
-
-def g_to_m_s2(value: Any) -> Any:
-    """g to m/s^2."""
-    return np.multiply(value, STANDARD_GRAVITY)
-
-
-def m_s2_to_g(value: Any) -> Any:
-    """m/s^2 to g."""
-    return np.divide(value, STANDARD_GRAVITY)
-
-
-def ug_to_m_s2(value: Any) -> Any:
-    """ug to m/s^2; also ug/K to m/s^2/K."""
-    return np.multiply(value, STANDARD_GRAVITY * 1e-6)
-
-
-def m_s2_to_ug(value: Any) -> Any:
-    """m/s^2 to ug."""
-    return np.divide(value, STANDARD_GRAVITY * 1e-6)
-
-
-def mgal_to_m_s2(value: Any) -> Any:
-    """mGal to m/s^2."""
-    return np.multiply(value, 1e-5)
-
-
-def ug_sqrt_hz_to_m_s_sqrt_s(value: Any) -> Any:
-    """ug/sqrt(Hz) to (m/s)/sqrt(s) (velocity random walk as an acceleration density)."""
-    return np.multiply(value, STANDARD_GRAVITY * 1e-6)
-
-
-def m_s_sqrt_h_to_m_s_sqrt_s(value: Any) -> Any:
-    """(m/s)/sqrt(h) to (m/s)/sqrt(s) (velocity random walk)."""
-    return np.multiply(value, 1.0 / math.sqrt(HOUR))
-
-
-def ug_sqrt_h_to_m_s2_sqrt_s(value: Any) -> Any:
-    """ug/sqrt(h) to (m/s^2)/sqrt(s) (acceleration random walk)."""
-    return np.multiply(value, STANDARD_GRAVITY * 1e-6 / math.sqrt(HOUR))
-
-
-def ppm_to_one(value: Any) -> Any:
-    """Parts per million to a pure number."""
-    return np.multiply(value, 1e-6)
-
-
-def percent_to_one(value: Any) -> Any:
-    """Per cent to a pure number."""
-    return np.multiply(value, 0.01)
-
-
-def nt_to_t(value: Any) -> Any:
-    """nT to T."""
-    return np.multiply(value, 1e-9)
-
-
-def deg_c_to_k(value: Any) -> Any:
-    """Degrees Celsius to kelvin."""
-    return np.add(value, ZERO_CELSIUS)
+UNITS = {
+    "deg": Unit("rad", deg_to_rad, 180.0, "deg", shown=True),
+    "arcsec": Unit("rad", arcsec_to_rad),
+    "urad": Unit("rad", urad_to_rad),
+    "deg/h": Unit("rad/s", deg_h_to_rad_s, ending="deg_h", shown=True),
+    "deg/s": Unit("rad/s", deg_to_rad),
+    "deg/sqrt(h)": Unit("rad/s^0.5", deg_sqrt_h_to_rad_sqrt_s, ending="deg_sqrt_h", shown=True),
+    "deg/h/sqrt(h)": Unit("rad/s/sqrt(s)", deg_h_sqrt_h_to_rad_s_sqrt_s),
+    "deg/h/g": Unit("(rad/s)/(m/s^2)", deg_h_g_to_rad_s_per_m_s2, 1e6),
+    "deg/h/K": Unit("rad/s/K", deg_h_to_rad_s, 1e4),
+    "ug": Unit("m/s^2", ug_to_m_s2, ending="ug", shown=True),
+    "mGal": Unit("m/s^2", mgal_to_m_s2, ending="mgal"),
+    "g": Unit("m/s^2", g_to_m_s2),
+    "ug/sqrt(Hz)": Unit("m/s^1.5", ug_sqrt_hz_to_m_s_sqrt_s, ending="ug_sqrt_hz", shown=True),
+    "m/s/sqrt(h)": Unit("m/s^1.5", m_s_sqrt_h_to_m_s_sqrt_s, ending="mps_sqrt_h"),
+    "ug/sqrt(h)": Unit("m/s^2/sqrt(s)", ug_sqrt_h_to_m_s2_sqrt_s),
+    "ug/K": Unit("m/s^2/K", ug_to_m_s2, 1e5),
+    "ppm": Unit("1", ppm_to_one, 1e6),
+    "ppm/K": Unit("1/K", ppm_to_one, 1e3),
+    "%": Unit("1", percent_to_one, 100.0),
+    "% per m/s^2": Unit("s^2/m", percent_to_one, 100.0),
+    "nT": Unit("T", nt_to_t),
+    "m": Unit("m", ending="m"),
+    "s": Unit("s", ending="s"),
+    "m/s": Unit("m/s", ending="mps"),
+    "": Unit("1", ending=""),
+}
+"""The units of data sheets by name: their conversions, and the largest values and keys in them."""
+SHOWN = {unit.si: (name, unit.convert) for name, unit in UNITS.items() if unit.shown}
+"""Unit shown and its conversion to SI, by SI unit."""
 
 
 def density_from_sample_std(sample_std: Any, sample_interval: float) -> Any:

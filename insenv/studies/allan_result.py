@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -172,7 +172,7 @@ class UnitNoise:
         sources = {"": self.assumption}
         sources |= dict.fromkeys(measured, f"insenv allan, {self.part.end_s - self.part.begin_s:.6g} s of {self.log}")
         title = f"Unit of {self.log}"[:120]
-        return replace(self.assumed, title=title, sources=sources, **{**others, **noise, **ranges, **times, **measured})
+        return self.assumed.changed(title=title, sources=sources, **{**others, **noise, **ranges, **times, **measured})
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form (docs/json.md)."""

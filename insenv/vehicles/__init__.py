@@ -3,7 +3,7 @@
 from insenv.vehicles.aircraft import AircraftSection, aircraft, flight_plan, survey_pattern
 from insenv.vehicles.car import CarSection, car, car_route
 from insenv.vehicles.multirotor import MultirotorSection, multirotor
-from insenv.vehicles.section import StartSection, StickCommand, VehicleSection, VehicleTraits
+from insenv.vehicles.section import Actions, StartSection, StickCommand, VehicleSection, VehicleTraits
 from insenv.vehicles.ship import ShipSection, regular_sway, ship, ship_course
 from insenv.vehicles.truth import TRUTH_PARAMETERS, TRUTH_STATE, Vehicle, truth_instant, truth_part
 from insenv.vehicles.waves import Hull, irregular_sea
@@ -11,6 +11,7 @@ from insenv.vehicles.waves import Hull, irregular_sea
 __all__ = [
     "TRUTH_PARAMETERS",
     "TRUTH_STATE",
+    "Actions",
     "AircraftSection",
     "CarSection",
     "Hull",

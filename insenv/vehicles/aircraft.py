@@ -8,7 +8,7 @@ level. Turbulence is a small Gauss-Markov disturbance of attitude and velocity.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from math import pi, radians, tan
 from types import SimpleNamespace
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import Strict
 
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, Section, key
+from insenv.base.toml import Number, key, validated
 from insenv.core.elementary import clamp, maximum, select, sin_cos
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
@@ -28,8 +28,21 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
-from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_all, leg_kind, positive_value
-from insenv.vehicles.section import MAX_LEGS, GustsSection, StartSection, StickCommand, VehicleTraits, dumped, fastest, in_legs
+from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
+from insenv.vehicles.section import (
+    MAX_LEGS,
+    Actions,
+    GustsSection,
+    Legs,
+    LegSection,
+    StartSection,
+    StickCommand,
+    VehicleTraits,
+    action,
+    fastest,
+    in_legs,
+    legs_of,
+)
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
 SLOW = 5.0
@@ -42,15 +55,46 @@ SCRIPT = Script((
     Row("climb_rate", "Rate of climb, in the air", "m/s", lower=-100.0, upper=100.0),
 ))  # fmt: skip
 
+AGENT_ACCELERATION = 2.5
+"""m/s^2, along the path, by a full action of an agent."""
+AGENT_SPEEDS = (60.0, 120.0)
+"""Lowest and highest speed that an agent reaches, m/s."""
+AGENT_BANK = 0.7
+"""Bank by a full action, rad (40 deg)."""
+AGENT_CLIMB = 10.0
+"""Rate of climb by a full action, m/s."""
+
+
+def _commands(x: Any, action: Any) -> dict[str, Any]:
+    along = clamp(action.accelerate, -1.0, 1.0)
+    return {
+        "speed": select(along > 0.0, AGENT_SPEEDS[1], AGENT_SPEEDS[0]),
+        "acceleration": ca.fabs(along) * AGENT_ACCELERATION,
+        "bank": clamp(action.bank, -1.0, 1.0) * AGENT_BANK,
+        "climb_rate": clamp(action.climb, -1.0, 1.0) * AGENT_CLIMB,
+    }
+
+
 AIRCRAFT_TRAITS = VehicleTraits(
     mavlink_type=1,  # MAV_TYPE_FIXED_WING
+    shape="aircraft",
     airspeed=True,
     sticks=(
         StickCommand("speed", "SPEED", "Speed", ("z",), 80.0, 340.0, "m/s", one_sided=True, released=None),
         StickCommand("bank", "BANK", "Bank", ("y",), 30.0, 60.0, "deg"),
         StickCommand("climb_rate", "CLIMB", "Climb rate", ("x",), 5.0, 100.0, "m/s", sign=-1.0),
     ),
-)
+    parks=True,
+    actions=Actions(
+        Table((
+            action("accelerate", f"Acceleration along the path, in {AGENT_ACCELERATION:g} m/s^2"),
+            action("bank", f"Bank of a coordinated turn, positive to the right, in {AGENT_BANK:g} rad"),
+            action("climb", f"Rate of climb, in {AGENT_CLIMB:g} m/s"),
+        )),
+        _commands,
+        (70.0, 110.0),
+    ),
+)  # fmt: skip
 
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Horizontal speed over ground", "m/s")
 BANK = Tracker(("bank", "bank_rate", "bank_second"), "Bank of the turn", "rad")
@@ -82,6 +126,7 @@ PARAMETERS = Table((
 ))  # fmt: skip
 
 
+@lru_cache(maxsize=16)
 def aircraft(engine_components: int = 1) -> Vehicle:
     """An aircraft.
 
@@ -179,52 +224,6 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     return held | {"turn_acceleration": (turn_rate_of(end["bank"], end["speed"]) - x.turn_rate) / h}
 
 
-def flight_plan(legs: Sequence[Leg], start_speed_mps: float = 0.0, start_height_m: float = 0.0) -> NDArray[np.float64]:
-    """Segments of `aircraft` from legs such as::
-
-        [{"wait_s": 300}, {"speed_mps": 8}, {"turn_deg": 90, "bank_deg": 5}, {"speed_mps": 80, "acceleration_mps2": 3},
-         {"climb_to_m": 6000, "climb_mps": 8}, {"line_m": 20000}, {"turn_deg": -180, "bank_deg": 20},
-         {"fly_s": 60}]
-
-    Each leg has one of ``wait_s`` or ``fly_s`` (straight ahead), ``line_m`` (straight ahead for a ground distance),
-    ``speed_mps`` (until it is reached), ``climb_to_m`` (height above the ellipsoid, at ``climb_mps``, 5), ``turn_deg``
-    (positive to the right, at ``bank_deg``, 20; wings level at its end). Any leg may set ``acceleration_mps2`` (2.5).
-    Assumes the default bandwidths and limits of the vehicle; turns are accurate to 0.1 deg. Raises `InputError` naming
-    the leg, the key and what is allowed.
-    """
-    kinds = ("wait_s", "fly_s", "line_m", "speed_mps", "climb_to_m", "turn_deg")
-    speed, height, acceleration, segments = start_speed_mps, start_height_m, 2.5, []
-    take_off = float(PARAMETERS["take_off_speed"].start)
-    for number, leg in enumerate(legs, 1):
-        kind = leg_kind(number, leg, kinds, {"acceleration_mps2", "climb_mps", "bank_deg"})
-        acceleration = positive_value(number, leg, "acceleration_mps2", acceleration)
-        level = {"acceleration": acceleration, "bank": 0.0, "climb_rate": 0.0}
-        least = take_off if kind == "climb_to_m" else 0.0
-        if kind in ("line_m", "turn_deg", "climb_to_m") and speed <= least:
-            raise InputError(
-                f"leg {number}: {kind} = {leg[kind]} at {speed:g} m/s: allowed is above {least:g} m/s; give a speed_mps first"
-            )
-        if kind == "speed_mps":
-            segments.append(level | {"speed": leg[kind], "duration": abs(leg[kind] - speed) / acceleration + 6.0})
-            speed = leg[kind]
-        elif kind == "climb_to_m":
-            rate = positive_value(number, leg, "climb_mps", 5.0)
-            climb = leg[kind] - height
-            duration = max(abs(climb) / rate, 1e-3)
-            segments.append(level | {"speed": speed, "climb_rate": rate if climb > 0 else -rate, "duration": duration})
-            segments.append(level | {"speed": speed, "duration": 12.0})
-            height = leg[kind]
-        elif kind == "turn_deg":
-            bank = radians(positive_value(number, leg, "bank_deg", 20.0))
-            duration, settling = turn_timing(radians(leg[kind]), bank, speed)
-            signed = bank if leg[kind] > 0 else -bank
-            segments.append(level | {"speed": speed, "bank": signed, "duration": duration})
-            segments.append(level | {"speed": speed, "duration": settling})
-        else:
-            segments.append(level | {"speed": speed, "duration": leg[kind] / speed if kind == "line_m" else leg[kind]})
-    return SCRIPT.table(segments)
-
-
 def survey_pattern(lines: int, length_m: float, bank_deg: float = 20.0) -> list[dict[str, float]]:
     """Legs for `flight_plan`: parallel lines joined by half turns, alternately to the right and to the left."""
     if lines < 1:
@@ -275,13 +274,10 @@ def turn_timing(angle: float, bank: float, speed: float) -> tuple[float, float]:
 # The section [vehicle] of an aircraft: engine, gusts, flight.
 
 
-@lru_cache(maxsize=16)
-def _aircraft(engine_components: int) -> Vehicle:
-    return aircraft(engine_components)
-
-
-class AircraftLeg(Section):
+class AircraftLeg(LegSection):
     """One leg of a flight: exactly one of wait_s, fly_s, line_m, speed_mps, climb_to_m, turn_deg, survey_lines."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("wait_s", "fly_s", "line_m", "speed_mps", "climb_to_m", "turn_deg")
 
     wait_s: Number | None = key(None, "keep speed and direction for this time", "s", gt=0, le=86400)
     fly_s: Number | None = key(None, "go straight on for this time", "s", gt=0, le=86400)
@@ -297,17 +293,75 @@ class AircraftLeg(Section):
     bank_deg: Number | None = key(None, "bank angle of the turn; 20 if absent", "deg", gt=0, le=45)
 
 
+def flight_plan(legs: Legs, start_speed_mps: float = 0.0, start_height_m: float = 0.0) -> NDArray[np.float64]:
+    """Segments of `aircraft` from legs, each an `AircraftLeg` or its values, such as::
+
+        [{"wait_s": 300}, {"speed_mps": 8}, {"turn_deg": 90, "bank_deg": 5}, {"speed_mps": 80, "acceleration_mps2": 3},
+         {"climb_to_m": 6000, "climb_mps": 8}, {"line_m": 20000}, {"turn_deg": -180, "bank_deg": 20},
+         {"fly_s": 60}]
+
+    Assumes the default bandwidths and limits of the vehicle; turns are accurate to 0.1 deg, and end with level wings. Raises
+    `InputError` naming the leg, the key and what is allowed.
+    """
+    speed, height, acceleration, segments = start_speed_mps, start_height_m, 2.5, []
+    take_off = float(PARAMETERS["take_off_speed"].start)
+    for where, leg, kind, value in legs_of(AircraftLeg, _without_surveys(legs)):
+        acceleration = leg.acceleration_mps2 or acceleration
+        level = {"acceleration": acceleration, "bank": 0.0, "climb_rate": 0.0}
+        least = take_off if kind == "climb_to_m" else 0.0
+        if kind in ("line_m", "turn_deg", "climb_to_m") and speed <= least:
+            raise InputError(
+                f"{where}: {kind} = {value:g} at {speed:g} m/s: allowed is above {least:g} m/s; give a speed_mps first"
+            )
+        if kind == "speed_mps":
+            segments.append(level | {"speed": value, "duration": abs(value - speed) / acceleration + 6.0})
+            speed = value
+        elif kind == "climb_to_m":
+            rate, climb = leg.climb_mps or 5.0, value - height
+            duration = max(abs(climb) / rate, 1e-3)
+            segments.append(level | {"speed": speed, "climb_rate": rate if climb > 0 else -rate, "duration": duration})
+            segments.append(level | {"speed": speed, "duration": 12.0})
+            height = value
+        elif kind == "turn_deg":
+            bank = radians(leg.bank_deg or 20.0)
+            duration, settling = turn_timing(radians(value), bank, speed)
+            segments.append(level | {"speed": speed, "bank": bank if value > 0 else -bank, "duration": duration})
+            segments.append(level | {"speed": speed, "duration": settling})
+        else:
+            segments.append(level | {"speed": speed, "duration": value / speed if kind == "line_m" else value})
+    return SCRIPT.table(segments)
+
+
+def _without_surveys(legs: Legs) -> list[AircraftLeg]:
+    """The legs, with each survey as its lines and turns."""
+    plan: list[AircraftLeg] = []
+    for number, stated in enumerate(legs, 1):
+        leg = stated if isinstance(stated, AircraftLeg) else validated(AircraftLeg, stated, f"leg {number}")
+        keys = set(leg.model_dump(exclude_none=True)) - {"survey_lines"}
+        if leg.survey_lines is None:
+            plan.append(leg)
+        elif leg.line_m is None or keys - {"line_m", "bank_deg"}:
+            raise InputError(f"leg {number}: survey_lines needs line_m; of the other keys only bank_deg is allowed")
+        else:
+            plan += [AircraftLeg(**each) for each in survey_pattern(leg.survey_lines, leg.line_m, leg.bank_deg or 20.0)]
+    return plan
+
+
 class AircraftSection(GustsSection):
     """An aircraft: parked if its legs only wait, otherwise moving."""
 
     traits: ClassVar[VehicleTraits] = AIRCRAFT_TRAITS
 
     kind: Literal["aircraft"] = key(..., "kind of vehicle")
-    angle_of_attack_deg: Number = key(2.0, "pitch above the flight path in the air", "deg", ge=-15, le=15)
-    take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", ge=1, le=200)
-    start_speed_mps: Number = key(0.0, "speed at time 0; in the air if above the take-off speed", "m/s", ge=0, le=340)
+    angle_of_attack_deg: Number = key(
+        2.0, "pitch above the flight path in the air", "deg", row="angle_of_attack", ge=-15, le=15
+    )
+    take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", row="take_off_speed", ge=1, le=200)
+    start_speed_mps: Number = key(
+        0.0, "speed at time 0; in the air if above the take-off speed", "m/s", row="start_speed", ge=0, le=340
+    )
     legs: tuple[AircraftLeg, ...] = key((), "the flight, leg by leg; a parked aircraft only waits", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -321,27 +375,9 @@ class AircraftSection(GustsSection):
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
-        return _aircraft(max(1, len(self.engine)))
+        return aircraft(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        return {
-            **self.air_rows(),
-            "angle_of_attack": radians(self.angle_of_attack_deg),
-            "take_off_speed": self.take_off_speed_mps,
-            "start_speed": self.start_speed_mps,
-            "segments": in_legs(lambda: flight_plan(self._plan(), self.start_speed_mps, start.height_m)),
-            "segments_repeat": float(self.repeat_legs),
-        }
-
-    def _plan(self) -> list[Mapping[str, float]]:
-        """The legs, with each survey as its lines and turns."""
-        plan: list[Mapping[str, float]] = []
-        for number, leg in enumerate(dumped(self.legs), 1):
-            if "survey_lines" not in leg:
-                plan.append(leg)
-            elif set(leg) - {"survey_lines", "line_m", "bank_deg"} or "line_m" not in leg:
-                raise InputError(f"leg {number}: survey_lines needs line_m; of the other keys only bank_deg is allowed")
-            else:
-                plan += survey_pattern(int(leg["survey_lines"]), leg["line_m"], leg.get("bank_deg", 20.0))
-        return plan
+        segments = in_legs(lambda: flight_plan(self.legs, self.start_speed_mps, start.height_m))
+        return {**self.air_rows(), "segments": segments}

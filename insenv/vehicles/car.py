@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import pi, radians
+from math import radians
 from typing import Any, ClassVar, Literal
 
 import casadi as ca
@@ -17,25 +17,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, Section, key
+from insenv.base.keys import Conversion, rows_of
+from insenv.base.toml import Number, key
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
-from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_all, leg_kind, positive_value
+from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
 from insenv.vehicles.section import (
     MARGIN_MPS,
     MAX_LEGS,
+    Actions,
     Engine,
+    Legs,
+    LegSection,
     StartSection,
     StickCommand,
     VehicleSection,
     VehicleTraits,
-    dumped,
+    action,
     engine_rows,
     fastest,
     in_legs,
+    legs_of,
 )
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
@@ -50,14 +55,43 @@ SCRIPT = Script((
     Row("load_down", "Sinking due to load", "m", lower=-0.2, upper=0.2),
 ))  # fmt: skip
 
+AGENT_ACCELERATION = 3.0
+"""m/s^2, along and across the path, by a full action of an agent."""
+TOP_SPEED = 25.0
+"""Speed up to which an agent accelerates, m/s."""
+SLOW = 2.0
+"""Speed (m/s) below which the yaw rate of an action is that at this speed."""
+
+
+def _commands(x: Any, action: Any) -> dict[str, Any]:
+    """Accelerate to the top speed, brake to a stop, or (at 0) hold the speed."""
+    along, across = clamp(action.accelerate, -1.0, 1.0), clamp(action.steer, -1.0, 1.0)
+    return {
+        "speed": ca.SX(TOP_SPEED),
+        "acceleration": along * AGENT_ACCELERATION,
+        "yaw_rate": across * AGENT_ACCELERATION / maximum(x.speed, SLOW),
+        **{name: getattr(x, f"commanded_{name}") for name in ("slope", "load_roll", "load_pitch", "load_down")},
+    }
+
+
 CAR_TRAITS = VehicleTraits(
     mavlink_type=10,  # MAV_TYPE_GROUND_ROVER
-    airspeed=False,
+    shape="car",
+    parks=True,
+    wheels=True,
     sticks=(
         StickCommand("speed", "SPEED", "Speed", ("z",), 15.0, 340.0, "m/s", one_sided=True),
         StickCommand("yaw_rate", "TURN", "Turn rate", ("r", "y"), 20.0, 90.0, "deg/s"),
     ),
-)
+    actions=Actions(
+        Table((
+            action("accelerate", f"Acceleration along the path, in {AGENT_ACCELERATION:g} m/s^2; negative: brake to a stop"),
+            action("steer", f"Acceleration across the path, positive to the right, in {AGENT_ACCELERATION:g} m/s^2"),
+        )),
+        _commands,
+        (2.0, 12.0),
+    ),
+)  # fmt: skip
 
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Speed over ground", "m/s")
 _CURVATURE = Tracker(("curvature", "curvature_rate", "curvature_second"), "Curvature of the path, positive to the right", "1/m")
@@ -86,6 +120,7 @@ PARAMETERS = Table((
 _STEERING_SPEED = 2.0  # m/s: below this speed a commanded heading rate is not reached
 
 
+@lru_cache(maxsize=16)
 def car(engine_components: int = 1) -> Vehicle:
     """A car.
 
@@ -183,62 +218,13 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     }
 
 
-def car_route(legs: Sequence[Leg], start_speed_mps: float = 0.0, speed_bandwidth: float = 3.0) -> NDArray[np.float64]:
-    """Segments of `car` from legs such as::
-
-        [{"wait_s": 60, "load_roll_deg": 0.5}, {"accelerate_to_mps": 15, "acceleration_mps2": 2}, {"drive_s": 20},
-         {"turn_deg": 90, "duration_s": 6}, {"stop_s": 30}]
-
-    Each leg has one of ``accelerate_to_mps`` (ends when the speed is reached, or after ``duration_s``), ``drive_s``
-    (straight ahead), ``turn_deg`` (positive to the right, at the current speed; with ``duration_s`` or ``radius_m``),
-    ``stop_s`` (brake, then stand for this time), ``wait_s``. Any leg may set ``acceleration_mps2`` (2),
-    ``grade_percent``, ``load_roll_deg``, ``load_pitch_deg``, ``load_down_m``, which remain in effect. Raises
-    `InputError` naming the leg, the key and what is allowed.
-    """
-    allowed = {"acceleration_mps2", "grade_percent", "load_roll_deg", "load_pitch_deg", "load_down_m", "duration_s", "radius_m"}
-    speed, acceleration, segments = start_speed_mps, 2.0, []
-    for number, leg in enumerate(legs, 1):
-        kind = leg_kind(number, leg, ("accelerate_to_mps", "drive_s", "turn_deg", "stop_s", "wait_s"), allowed)
-        acceleration = positive_value(number, leg, "acceleration_mps2", acceleration)
-        segment = {"acceleration": acceleration, "yaw_rate": 0.0}
-        for given, name, factor in (
-            ("grade_percent", "slope", 0.01),
-            ("load_roll_deg", "load_roll", pi / 180.0),
-            ("load_pitch_deg", "load_pitch", pi / 180.0),
-            ("load_down_m", "load_down", 1.0),
-        ):
-            if given in leg:
-                segment[name] = float(leg[given]) * factor
-        if kind in ("accelerate_to_mps", "stop_s"):
-            new = leg[kind] if kind == "accelerate_to_mps" else 0.0
-            reaching = abs(new - speed) / acceleration + 6.0 / speed_bandwidth
-            segment["duration"] = reaching + leg["stop_s"] if kind == "stop_s" else leg.get("duration_s", reaching)
-            speed = new
-        elif kind == "turn_deg":
-            angle = radians(leg["turn_deg"])
-            if speed <= 0.0:
-                raise InputError(f"leg {number}: turn_deg = {leg['turn_deg']}: a stationary car cannot turn")
-            if ("duration_s" in leg) == ("radius_m" in leg):
-                raise InputError(f"leg {number}: turn_deg needs either duration_s or radius_m")
-            radius = positive_value(number, leg, "radius_m", 1.0)
-            duration = positive_value(number, leg, "duration_s", abs(angle) * radius / speed)
-            segment |= {"duration": duration, "yaw_rate": angle / duration}
-        else:
-            segment["duration"] = leg[kind]
-        segments.append(segment | {"speed": speed})
-    return SCRIPT.table(segments)
-
-
 # The section [vehicle] of a car: engine, wind, load, drive.
 
 
-@lru_cache(maxsize=16)
-def _car(engine_components: int) -> Vehicle:
-    return car(engine_components)
-
-
-class CarLeg(Section):
+class CarLeg(LegSection):
     """One leg of a drive: exactly one of accelerate_to_mps, drive_s, turn_deg, stop_s, wait_s."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("accelerate_to_mps", "drive_s", "turn_deg", "stop_s", "wait_s")
 
     accelerate_to_mps: Number | None = key(
         None, "change to this speed; the leg ends when it is reached, or after duration_s", "m/s", ge=0, le=100
@@ -252,10 +238,47 @@ class CarLeg(Section):
     duration_s: Number | None = key(None, "duration of the turn or of the change of speed", "s", gt=0, le=86400)
     radius_m: Number | None = key(None, "radius of the turn", "m", gt=0, le=1e6)
     acceleration_mps2: Number | None = key(None, "largest acceleration, from this leg on (initially 2)", "m/s2", gt=0, le=15)
-    grade_percent: Number | None = key(None, "slope of the road, from this leg on", "%", ge=-40, le=40)
-    load_roll_deg: Number | None = key(None, "roll due to the load, from this leg on", "deg", ge=-10, le=10)
-    load_pitch_deg: Number | None = key(None, "pitch due to the load, from this leg on", "deg", ge=-10, le=10)
-    load_down_m: Number | None = key(None, "displacement down due to the load, from this leg on", "m", ge=-0.2, le=0.2)
+    grade_percent: Number | None = key(
+        None, "slope of the road, from this leg on", "%", row="slope", convert=Conversion("product", 0.01), ge=-40, le=40
+    )
+    load_roll_deg: Number | None = key(None, "roll due to the load, from this leg on", "deg", row="load_roll", ge=-10, le=10)
+    load_pitch_deg: Number | None = key(None, "pitch due to the load, from this leg on", "deg", row="load_pitch", ge=-10, le=10)
+    load_down_m: Number | None = key(
+        None, "displacement down due to the load, from this leg on", "m", row="load_down", ge=-0.2, le=0.2
+    )
+
+
+def car_route(legs: Legs, start_speed_mps: float = 0.0, speed_bandwidth: float = 3.0) -> NDArray[np.float64]:
+    """Segments of `car` from legs, each a `CarLeg` or its values, such as::
+
+        [{"wait_s": 60, "load_roll_deg": 0.5}, {"accelerate_to_mps": 15, "acceleration_mps2": 2}, {"drive_s": 20},
+         {"turn_deg": 90, "duration_s": 6}, {"stop_s": 30}]
+
+    Raises `InputError` naming the leg, the key and what is allowed.
+    """
+    speed, acceleration, segments = start_speed_mps, 2.0, []
+    for where, leg, kind, value in legs_of(CarLeg, legs):
+        acceleration = leg.acceleration_mps2 or acceleration
+        segment = {"acceleration": acceleration, "yaw_rate": 0.0, **rows_of(leg)}
+        if kind in ("accelerate_to_mps", "stop_s"):
+            target = value if kind == "accelerate_to_mps" else 0.0
+            reaching = abs(target - speed) / acceleration + 6.0 / speed_bandwidth
+            segment["duration"] = reaching + value if kind == "stop_s" else leg.duration_s or reaching
+            speed = target
+        elif kind == "turn_deg":
+            angle = radians(value)
+            if speed <= 0.0:
+                raise InputError(f"{where}: turn_deg = {value:g}: a stationary car cannot turn")
+            if (leg.duration_s is None) == (leg.radius_m is None):
+                raise InputError(f"{where}: turn_deg needs either duration_s or radius_m")
+            duration = leg.duration_s or abs(angle) * (leg.radius_m or 1.0) / speed
+            if duration <= 0.0:
+                raise InputError(f"{where}: turn_deg = {value:g} with radius_m: allowed is an angle other than 0")
+            segment |= {"duration": duration, "yaw_rate": angle / duration}
+        else:
+            segment["duration"] = value
+        segments.append(segment | {"speed": speed})
+    return SCRIPT.table(segments)
 
 
 class CarSection(VehicleSection):
@@ -265,12 +288,12 @@ class CarSection(VehicleSection):
 
     kind: Literal["car"] = key(..., "kind of vehicle")
     engine: Engine = key((), "the engine's vibration")
-    wind_roll_sigma_deg: Number = key(0.0, "roll due to wind, standard deviation", "deg", ge=0, le=5)
-    wind_pitch_sigma_deg: Number = key(0.0, "pitch due to wind, standard deviation", "deg", ge=0, le=5)
-    wind_correlation_s: Number = key(3.0, "correlation time of the wind", "s", ge=0.01, le=1e6)
-    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", ge=0, le=100)
+    wind_roll_sigma_deg: Number = key(0.0, "roll due to wind, standard deviation", "deg", row="wind_roll_sigma", ge=0, le=5)
+    wind_pitch_sigma_deg: Number = key(0.0, "pitch due to wind, standard deviation", "deg", row="wind_pitch_sigma", ge=0, le=5)
+    wind_correlation_s: Number = key(3.0, "correlation time of the wind", "s", row="wind_time_constant", ge=0.01, le=1e6)
+    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", row="start_speed", ge=0, le=100)
     legs: tuple[CarLeg, ...] = key((), "the drive, leg by leg; a parked car only waits", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -284,16 +307,9 @@ class CarSection(VehicleSection):
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
-        return _car(max(1, len(self.engine)))
+        return car(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        return {
-            **engine_rows(self.engine),
-            "wind_roll_sigma": radians(self.wind_roll_sigma_deg),
-            "wind_pitch_sigma": radians(self.wind_pitch_sigma_deg),
-            "wind_time_constant": self.wind_correlation_s,
-            "start_speed": self.start_speed_mps,
-            "segments": in_legs(lambda: car_route(dumped(self.legs), self.start_speed_mps)),
-            "segments_repeat": float(self.repeat_legs),
-        }
+        segments = in_legs(lambda: car_route(self.legs, self.start_speed_mps))
+        return {**engine_rows(self.engine), **rows_of(self), "segments": segments}

@@ -15,7 +15,8 @@ from typing import Any, ClassVar, Literal
 import casadi as ca
 
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, Section, key
+from insenv.base.keys import rows_of
+from insenv.base.toml import Number, key
 from insenv.core.elementary import clamp
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
@@ -23,7 +24,19 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
-from insenv.vehicles.section import MAX_LEGS, Engine, GustsSection, StartSection, StickCommand, VehicleTraits, fastest, in_legs
+from insenv.vehicles.section import (
+    MAX_LEGS,
+    Engine,
+    GustsSection,
+    Legs,
+    LegSection,
+    StartSection,
+    StickCommand,
+    VehicleTraits,
+    fastest,
+    in_legs,
+    legs_of,
+)
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
 SCRIPT = Script((
@@ -35,7 +48,9 @@ SCRIPT = Script((
 
 MULTIROTOR_TRAITS = VehicleTraits(
     mavlink_type=2,  # MAV_TYPE_QUADROTOR
-    airspeed=False,
+    shape="multirotor",
+    floats=True,
+    hovers=True,
     sticks=(
         StickCommand("forward", "FORWARD", "Forward speed", ("x",), 5.0, 50.0, "m/s"),
         StickCommand("right", "RIGHT", "Speed to the right", ("y",), 5.0, 50.0, "m/s"),
@@ -71,6 +86,7 @@ PARAMETERS = Table((
 ))  # fmt: skip
 
 
+@lru_cache(maxsize=16)
 def multirotor(rotor_components: int = 1) -> Vehicle:
     """A multirotor.
 
@@ -154,13 +170,10 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
 # The section [vehicle] of a multirotor: rotors, gusts, flight.
 
 
-@lru_cache(maxsize=16)
-def _multirotor(rotor_components: int) -> Vehicle:
-    return multirotor(rotor_components)
-
-
-class MultirotorLeg(Section):
+class MultirotorLeg(LegSection):
     """One leg of a flight: exactly one of hover_s, fly_s, turn_deg."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("hover_s", "fly_s", "turn_deg")
 
     hover_s: Number | None = key(None, "stay for this time", "s", gt=0, le=86400)
     fly_s: Number | None = key(None, "fly for this time with forward_mps, right_mps and climb_mps", "s", gt=0, le=86400)
@@ -172,9 +185,9 @@ class MultirotorLeg(Section):
         le=3600,
     )
     duration_s: Number | None = key(None, "duration of the turn", "s", gt=0, le=86400)
-    forward_mps: Number | None = key(None, "velocity along the heading; 0 if absent", "m/s", ge=-50, le=50)
-    right_mps: Number | None = key(None, "velocity to the right of the heading; 0 if absent", "m/s", ge=-50, le=50)
-    climb_mps: Number | None = key(None, "rate of climb; 0 if absent", "m/s", ge=-20, le=20)
+    forward_mps: Number | None = key(None, "velocity along the heading; 0 if absent", "m/s", row="forward", ge=-50, le=50)
+    right_mps: Number | None = key(None, "velocity to the right of the heading; 0 if absent", "m/s", row="right", ge=-50, le=50)
+    climb_mps: Number | None = key(None, "rate of climb; 0 if absent", "m/s", row="climb_rate", ge=-20, le=20)
 
 
 class MultirotorSection(GustsSection):
@@ -184,9 +197,9 @@ class MultirotorSection(GustsSection):
 
     kind: Literal["multirotor"] = key(..., "kind of vehicle")
     engine: Engine = key((), "the rotors' vibration")
-    gust_correlation_s: Number = key(2.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
+    gust_correlation_s: Number = key(2.0, "correlation time of the gusts", "s", row="gust_time_constant", ge=0.01, le=1e6)
     legs: tuple[MultirotorLeg, ...] = key((), "the flight, leg by leg", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -200,45 +213,36 @@ class MultirotorSection(GustsSection):
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
-        return _multirotor(max(1, len(self.engine)))
+        return multirotor(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        return {
-            **self.air_rows(),
-            "segments": in_legs(lambda: SCRIPT.table(flight(self.legs))),
-            "segments_repeat": float(self.repeat_legs),
-        }
+        return {**self.air_rows(), "segments": in_legs(lambda: SCRIPT.table(flight(self.legs)))}
 
 
-def flight(legs: Sequence[MultirotorLeg]) -> list[dict[str, float]]:
+FITTING = {"hover_s": set[str](), "fly_s": {"forward_mps", "right_mps", "climb_mps"}, "turn_deg": {"duration_s"}}
+"""Keys that go with each kind of leg."""
+
+
+def flight(legs: Legs) -> list[dict[str, float]]:
     """Segments of the script from legs.  Raises `InputError` naming the leg, the key and what is allowed.
 
     The yaw rate follows its command as a linear system with the gain 1: the angle turned is that of the command.
     """
-    velocity = {"forward": 0.0, "right": 0.0, "climb_rate": 0.0}
-    segments = []
-    for number, leg in enumerate(legs, 1):
-        given = {name: value for name, value in leg.model_dump().items() if value is not None}
-        kinds = [name for name in ("hover_s", "fly_s", "turn_deg") if name in given]
-        if len(kinds) != 1:
-            raise InputError(
-                f"leg {number} has {' and '.join(kinds) or 'none'}: allowed is exactly one of hover_s, fly_s, turn_deg"
-            )
-        kind = kinds[0]
-        fitting = {"hover_s": set(), "fly_s": {"forward_mps", "right_mps", "climb_mps"}, "turn_deg": {"duration_s"}}[kind]
-        for name in given:
+    hovering = {"forward": 0.0, "right": 0.0, "climb_rate": 0.0}
+    velocity, segments = hovering, []
+    for where, leg, kind, value in legs_of(MultirotorLeg, legs):
+        fitting = FITTING[kind]
+        for name in leg.model_dump(exclude_none=True):
             if name != kind and name not in fitting:
-                raise InputError(
-                    f"leg {number}: {name} does not go with {kind}: allowed is {', '.join(sorted(fitting)) or 'nothing'}"
-                )
+                allowed = ", ".join(sorted(fitting)) or "nothing"
+                raise InputError(f"{where}: {name} does not go with {kind}: allowed is {allowed}")
+        duration, rate = value, 0.0
         if kind == "turn_deg":
-            if "duration_s" not in given:
-                raise InputError(f"leg {number}: turn_deg needs duration_s")
-            rate = radians(given[kind]) / given["duration_s"]
-            segments.append({"duration": given["duration_s"], **velocity, "yaw_rate": rate})
-            continue
-        names = (("forward", "forward_mps"), ("right", "right_mps"), ("climb_rate", "climb_mps"))
-        velocity = {row: given.get(name, 0.0) for row, name in names}
-        segments.append({"duration": given[kind], **velocity, "yaw_rate": 0.0})
+            if leg.duration_s is None:
+                raise InputError(f"{where}: turn_deg needs duration_s")
+            duration, rate = leg.duration_s, radians(value) / leg.duration_s
+        else:
+            velocity = hovering | rows_of(leg)
+        segments.append({"duration": duration, **velocity, "yaw_rate": rate})
     return segments

@@ -8,7 +8,7 @@ from insenv.base.errors import InputError
 from insenv.base.plugins import Plugins, check_section_name, overrides
 from insenv.base.shipped import VEHICLES
 from insenv.base.toml import shown
-from insenv.vehicles.section import VehicleSection
+from insenv.vehicles.section import VehicleSection, VehicleTraits
 
 
 def kind_of(section: type[VehicleSection]) -> str:
@@ -32,6 +32,11 @@ def names() -> list[str]:
 def get(kind: str) -> type[VehicleSection]:
     """The section of a kind of vehicle.  Raises `InputError` with the nearest name."""
     return _PLUGINS.get(kind)
+
+
+def traits_of(kind: str) -> VehicleTraits:
+    """The traits of a kind of vehicle; those of a generic vehicle if the kind is empty or unknown."""
+    return get(kind).traits if kind in names() else VehicleTraits()
 
 
 def registered() -> dict[str, type[VehicleSection]]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
 from typing import Any
 
 import casadi as ca
@@ -72,14 +71,14 @@ class Script:
     def start(self, p: Values, otherwise: Mapping[str, Any]) -> dict[str, Any]:
         """The first segment, or if there is none the commands `otherwise` (by name; default: their start values)."""
         duration = p.segments[0, 0]
-        given = duration > 0.0
+        scripted = duration > 0.0
         state = {
-            f"commanded_{row.name}": select(given, p.segments[0, 1 + i], otherwise.get(row.name, row.start))
+            f"commanded_{row.name}": select(scripted, p.segments[0, 1 + i], otherwise.get(row.name, row.start))
             for i, row in enumerate(self.commands)
         }
         return state | {
             "segment_number": 1.0,
-            "segment_left": select(given, duration, NEVER),
+            "segment_left": select(scripted, duration, NEVER),
             "segment_due": ca.SX(0),
         }
 
@@ -219,30 +218,3 @@ def along_all(trackers: Sequence[Tracker], x: Values, t: Any) -> dict[str, Any]:
 def derivative_all(trackers: Sequence[Tracker], x: Values) -> dict[str, Any]:
     """`Tracker.derivative` of several trackers."""
     return {name: value for tracker in trackers for name, value in tracker.derivative(x).items()}
-
-
-Leg = Mapping[str, float]
-"""A leg of a script in user units: one key of its kind, and further ones."""
-
-
-def leg_kind(number: int, leg: Leg, kinds: Sequence[str], others: set[str]) -> str:
-    """The one key of `kinds` in a leg; raises `InputError` for keys and values that are not allowed."""
-    for key, value in leg.items():
-        if key not in kinds and key not in others:
-            raise InputError(f"leg {number}: no key {key!r}{nearest(key, [*kinds, *sorted(others)])}")
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
-            raise InputError(f"leg {number}: {key} = {value!r}: allowed is a finite number")
-    found = [key for key in kinds if key in leg]
-    if len(found) != 1:
-        raise InputError(f"leg {number} has {' and '.join(found) or 'none'}: allowed is exactly one of {', '.join(kinds)}")
-    signed = ("turn_deg", "climb_to_m", "accelerate_to_mps", "speed_mps")
-    if (leg[found[0]] <= 0 and found[0] not in signed) or (leg[found[0]] < 0 and found[0].endswith("mps")):
-        raise InputError(f"leg {number}: {found[0]} = {leg[found[0]]}: allowed is a positive number")
-    return found[0]
-
-
-def positive_value(number: int, leg: Leg, key: str, otherwise: float) -> float:
-    value = float(leg.get(key, otherwise))
-    if not value > 0.0:
-        raise InputError(f"leg {number}: {key} = {value:g}: allowed is a positive number")
-    return value

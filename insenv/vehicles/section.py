@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import pi, radians
+from math import radians
 from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, PerAxis, Section, key, within
+from insenv.base.keys import rows_of
+from insenv.base.toml import Number, PerAxis, Section, key, validated, within
+from insenv.core.tables import Row, Table
 from insenv.vehicles.truth import Vehicle
 
-# What interfaces to other tools need to know of a kind of vehicle, apart from its equations of motion.
+# What estimators and interfaces need to know of a kind of vehicle, apart from its equations of motion.
 
 
 @dataclass(frozen=True)
@@ -47,18 +49,51 @@ class StickCommand:
         return deflection * (radians(full_scale) if self.unit.startswith("deg") else full_scale)
 
 
+@dataclass(frozen=True, eq=False)
+class Actions:
+    """How an agent steers a kind of vehicle (`insenv.envs.ManoeuvreEnv`).
+
+    rows: components of the action, from -1 to 1.  start_speeds: range from which an episode draws the start speed, m/s.
+    commands: ``(state, action) -> {command: value}``, in SI: the inputs ``command_NAME`` of the vehicle, or its state rows
+        ``commanded_NAME`` where it has no such inputs.
+    """
+
+    rows: Table
+    commands: Callable[[Any, Any], Mapping[str, Any]]
+    start_speeds: tuple[float, float] | None = None
+
+
+def action(name: str, meaning: str) -> Row:
+    """A component of an action."""
+    return Row(name, meaning, lower=-1.0, upper=1.0)
+
+
 @dataclass(frozen=True)
 class VehicleTraits:
-    """A kind of vehicle as other tools see it.
+    """What a kind of vehicle is to estimators, environments and other tools.
 
     mavlink_type: MAV_TYPE of MAVLink, 0 for a generic vehicle.
     airspeed: whether it flies and so has a sensor of differential pressure.
     sticks: the commands that a joystick sets, in the order of the vehicle's command rows.
+    actions: how an agent steers it; None: no agent does.
+    floats: whether it never stands still, so that no estimator looks for rest.
+    parks: whether it stands still where it stays in place.
+    hovers: whether its turns and accelerations are too small to show a scale factor or a misalignment.
+    wheels: whether it rolls without moving sideways.
+    turns_in_place: whether it turns the unit about a fixed point, as a turntable does.
+    shape: how a page draws it: "car", "ship", "aircraft" or "multirotor"; empty: as a plain body.
     """
 
     mavlink_type: int = 0
     airspeed: bool = False
     sticks: tuple[StickCommand, ...] = ()
+    actions: Actions | None = None
+    floats: bool = False
+    parks: bool = False
+    hovers: bool = False
+    wheels: bool = False
+    turns_in_place: bool = False
+    shape: str = ""
 
 
 MAX_WAVES = 16
@@ -72,17 +107,19 @@ MARGIN_MPS = 5.0
 class PlaceSection(Section):
     """A place."""
 
-    latitude_deg: Number = key(..., "geodetic latitude", "deg", ge=-89.999, le=89.999)
-    longitude_deg: Number = key(..., "longitude, east positive", "deg", ge=-360, le=360)
-    height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", ge=-1e4, le=1e5)
+    latitude_deg: Number = key(..., "geodetic latitude", "deg", row="start_latitude", ge=-89.999, le=89.999)
+    longitude_deg: Number = key(..., "longitude, east positive", "deg", row="start_longitude", ge=-360, le=360)
+    height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", row="start_height", ge=-1e4, le=1e5)
 
 
 class StartSection(PlaceSection):
     """Position of the inertial unit and attitude of the vehicle at time 0."""
 
-    heading_deg: Number = key(0.0, "heading, clockwise from north; the mean for a swaying ship", "deg", ge=-360, le=360)
-    roll_deg: Number = key(0.0, "mean roll, right side down positive", "deg", ge=-28, le=28)
-    pitch_deg: Number = key(0.0, "mean pitch, nose up positive", "deg", ge=-28, le=28)
+    heading_deg: Number = key(
+        0.0, "heading, clockwise from north; the mean for a swaying ship", "deg", row="start_heading", ge=-360, le=360
+    )
+    roll_deg: Number = key(0.0, "mean roll, right side down positive", "deg", row="mean_roll", ge=-28, le=28)
+    pitch_deg: Number = key(0.0, "mean pitch, nose up positive", "deg", row="mean_pitch", ge=-28, le=28)
 
 
 class VehicleSection(Section):
@@ -93,7 +130,10 @@ class VehicleSection(Section):
     """
 
     traits: ClassVar[VehicleTraits] = VehicleTraits()
-    """What other interfaces need to know of the kind."""
+    """What estimators and interfaces need to know of the kind."""
+
+    presets: ClassVar[Mapping[str, Mapping[str, Mapping[str, float]]]] = {}
+    """Sets of values that belong together, by name, of a section in this one, by its key: choices of a page."""
 
     kind: str
 
@@ -145,18 +185,37 @@ class VehicleSection(Section):
         raise NotImplementedError
 
 
+class LegSection(Section):
+    """One leg of a script: exactly one of the keys `kinds`, and further ones."""
+
+    kinds: ClassVar[tuple[str, ...]]
+
+
+AnyLeg = TypeVar("AnyLeg", bound=LegSection)
+Legs = Sequence[Mapping[str, float] | LegSection]
+"""Legs of a script, or their values by key."""
 Made = TypeVar("Made")
+
+
+def legs_of(section: type[AnyLeg], legs: Legs) -> Iterator[tuple[str, AnyLeg, str, float]]:
+    """Of each leg its place for messages ("leg 1"), the leg, the one key of its kind and the value.
+
+    Raises `InputError` for a key or value that is not allowed, and for a leg without a kind or with several.
+    """
+    for number, stated in enumerate(legs, 1):
+        where = f"leg {number}"
+        leg = stated if isinstance(stated, section) else validated(section, stated, where)
+        kinds = [name for name in section.kinds if getattr(leg, name) is not None]
+        if len(kinds) != 1:
+            allowed = ", ".join(section.kinds)
+            raise InputError(f"{where} has {' and '.join(kinds) or 'none'}: allowed is exactly one of {allowed}")
+        yield where, leg, kinds[0], getattr(leg, kinds[0])
 
 
 def fastest(start_mps: float, legs: tuple[Section, ...], *keys: str) -> float:
     """The largest of a start speed and of the speeds that the legs name by `keys`, m/s; of several keys, their sum in a leg."""
     speeds = (sum(abs(getattr(leg, name) or 0.0) for name in keys) for leg in legs)
     return max(start_mps, *speeds, 0.0)
-
-
-def dumped(legs: tuple[Section, ...]) -> list[dict[str, float]]:
-    """The given keys of each leg."""
-    return [leg.model_dump(exclude_none=True) for leg in legs]
 
 
 def in_legs(make: Callable[[], Made]) -> Made:
@@ -170,13 +229,13 @@ def in_legs(make: Callable[[], Made]) -> Made:
 class EngineWave(Section):
     """One frequency of an engine's vibration."""
 
-    frequency_hz: Number = key(..., "frequency, below half the sample rate", "Hz", gt=0, le=5e3)
-    roll_deg: Number = key(0.0, "amplitude of roll", "deg", ge=0, le=5)
-    pitch_deg: Number = key(0.0, "amplitude of pitch", "deg", ge=0, le=5)
-    down_m: Number = key(0.0, "amplitude of the displacement down", "m", ge=0, le=0.1)
-    roll_phase_deg: Number = key(0.0, "phase of roll at time 0", "deg", ge=-360, le=360)
-    pitch_phase_deg: Number = key(0.0, "phase of pitch at time 0", "deg", ge=-360, le=360)
-    down_phase_deg: Number = key(0.0, "phase of the displacement at time 0", "deg", ge=-360, le=360)
+    frequency_hz: Number = key(..., "frequency, below half the sample rate", "Hz", row="engine_angular_frequency", gt=0, le=5e3)
+    roll_deg: Number = key(0.0, "amplitude of roll", "deg", row="engine_roll_amplitude", ge=0, le=5)
+    pitch_deg: Number = key(0.0, "amplitude of pitch", "deg", row="engine_pitch_amplitude", ge=0, le=5)
+    down_m: Number = key(0.0, "amplitude of the displacement down", "m", row="engine_down_amplitude", ge=0, le=0.1)
+    roll_phase_deg: Number = key(0.0, "phase of roll at time 0", "deg", row="engine_roll_phase", ge=-360, le=360)
+    pitch_phase_deg: Number = key(0.0, "phase of pitch at time 0", "deg", row="engine_pitch_phase", ge=-360, le=360)
+    down_phase_deg: Number = key(0.0, "phase of the displacement at time 0", "deg", row="engine_down_phase", ge=-360, le=360)
 
 
 Engine = Annotated[tuple[EngineWave, ...], Field(max_length=MAX_WAVES)]
@@ -184,26 +243,23 @@ Engine = Annotated[tuple[EngineWave, ...], Field(max_length=MAX_WAVES)]
 
 def engine_rows(engine: tuple[EngineWave, ...]) -> dict[str, Any]:
     """Parameter rows (SI) of the vibration; without an engine, one frequency of amplitude 0."""
-    waves = engine or (EngineWave(frequency_hz=1.0),)
-    rows: dict[str, Any] = {"engine_angular_frequency": [2.0 * pi * wave.frequency_hz for wave in waves]}
-    for channel, amplitude in (("roll", "roll_deg"), ("pitch", "pitch_deg"), ("down", "down_m")):
-        scale = 1.0 if channel == "down" else pi / 180.0
-        rows[f"engine_{channel}_amplitude"] = [scale * getattr(wave, amplitude) for wave in waves]
-        rows[f"engine_{channel}_phase"] = [radians(getattr(wave, f"{channel}_phase_deg")) for wave in waves]
-    return rows
+    waves = [rows_of(wave) for wave in engine or (EngineWave(frequency_hz=1.0),)]
+    return {row: [wave[row] for wave in waves] for row in waves[0]}
 
 
 class GustsSection(VehicleSection):
     """The keys of a vehicle in the air: its engine, gusts."""
 
     engine: Engine = key((), "the engine's vibration")
-    gust_roll_sigma_deg: Number = key(0.0, "roll due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_pitch_sigma_deg: Number = key(0.0, "pitch due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_yaw_sigma_deg: Number = key(0.0, "yaw due to gusts, standard deviation", "deg", ge=0, le=10)
+    gust_roll_sigma_deg: Number = key(0.0, "roll due to gusts, standard deviation", "deg", row="gust_roll_sigma", ge=0, le=10)
+    gust_pitch_sigma_deg: Number = key(
+        0.0, "pitch due to gusts, standard deviation", "deg", row="gust_pitch_sigma", ge=0, le=10
+    )
+    gust_yaw_sigma_deg: Number = key(0.0, "yaw due to gusts, standard deviation", "deg", row="gust_yaw_sigma", ge=0, le=10)
     gust_velocity_sigma_mps: Annotated[PerAxis, within(0.0, 10.0)] = key(
         (0.0, 0.0, 0.0), "velocity due to gusts, north, east, down, standard deviations", "m/s"
     )
-    gust_correlation_s: Number = key(3.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
+    gust_correlation_s: Number = key(3.0, "correlation time of the gusts", "s", row="gust_time_constant", ge=0.01, le=1e6)
 
     @property
     def gusting_mps(self) -> float:
@@ -211,15 +267,6 @@ class GustsSection(VehicleSection):
         return MARGIN_MPS + 10.0 * sum(self.gust_velocity_sigma_mps)
 
     def air_rows(self) -> dict[str, Any]:
-        """Parameter rows (SI) of these keys."""
-        north, east, down = self.gust_velocity_sigma_mps
-        return {
-            **engine_rows(self.engine),
-            "gust_roll_sigma": radians(self.gust_roll_sigma_deg),
-            "gust_pitch_sigma": radians(self.gust_pitch_sigma_deg),
-            "gust_yaw_sigma": radians(self.gust_yaw_sigma_deg),
-            "gust_north_sigma": north,
-            "gust_east_sigma": east,
-            "gust_down_sigma": down,
-            "gust_time_constant": self.gust_correlation_s,
-        }
+        """Parameter rows (SI) of the engine, the gusts and all keys that set one."""
+        velocities = zip(("north", "east", "down"), self.gust_velocity_sigma_mps, strict=True)
+        return {**engine_rows(self.engine), **{f"gust_{name}_sigma": value for name, value in velocities}, **rows_of(self)}

@@ -18,24 +18,27 @@ from numpy.typing import NDArray
 from pydantic import Strict, model_validator
 
 from insenv.base.errors import InputError, nearest
-from insenv.base.toml import Number, Section, key
+from insenv.base.keys import Conversion, rows_of
+from insenv.base.toml import Number, Section, key, validated
 from insenv.core.elementary import maximum
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.vehicles import surroundings
 from insenv.vehicles.phasors import Phasors, total, total_rate
-from insenv.vehicles.script import Leg, Script, Tracker, along_all, derivative_all, leg_kind, positive_value
+from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
 from insenv.vehicles.section import (
     MARGIN_MPS,
     MAX_LEGS,
     MAX_WAVES,
+    Legs,
+    LegSection,
     StartSection,
     StickCommand,
     VehicleSection,
     VehicleTraits,
-    dumped,
     fastest,
     in_legs,
+    legs_of,
 )
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 from insenv.vehicles.waves import Hull, irregular_sea
@@ -51,7 +54,8 @@ SCRIPT = Script((
 ))  # fmt: skip
 SHIP_TRAITS = VehicleTraits(
     mavlink_type=11,  # MAV_TYPE_SURFACE_BOAT
-    airspeed=False,
+    shape="ship",
+    floats=True,
     sticks=(
         StickCommand("speed", "SPEED", "Speed", ("z",), 10.0, 340.0, "m/s", one_sided=True),
         StickCommand("turn_rate", "TURN", "Turn rate", ("r", "y"), 3.0, 90.0, "deg/s"),
@@ -106,9 +110,9 @@ def ship(
         rows: dict[str, Any] = {}
         used = 0
         for bank in banks:
-            own = r[used : used + bank.start_uniforms] if bank.seeded else None
+            angles_drawn = r[used : used + bank.start_uniforms] if bank.seeded else None
             used += bank.start_uniforms
-            rows |= bank.start(p, own)
+            rows |= bank.start(p, angles_drawn)
         if under_way:
             rows |= {"way_heading": p.start_heading, "speed": p.start_speed}
             rows |= SCRIPT.start(p, {"speed": p.start_speed})
@@ -186,61 +190,6 @@ _UNDER_WAY_PARAMETERS = Table((
 ))  # fmt: skip
 
 
-def regular_sway(motions: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int], dict[str, list[float]]]:
-    """The argument `regular` of `ship`, and its parameters, from sinusoids A sin(2 pi t / period + phase) such as::
-
-        [{"motion": "roll", "amplitude_deg": 10, "period_s": 8},
-         {"motion": "down", "amplitude_m": 1, "frequency_hz": 0.125, "phase_deg": 90}]
-
-    ``frequency_hz`` may replace ``period_s``. Raises `InputError` naming the sinusoid, the key and what is
-    allowed.
-    """
-    values: dict[str, list[float]] = {}
-    for number, motion in enumerate(motions, 1):
-        name = motion.get("motion")
-        if name not in CHANNELS:
-            raise InputError(f"sway {number}: motion = {name!r}{nearest(str(name), CHANNELS)}")
-        size = "amplitude_deg" if CHANNELS[name] == "rad" else "amplitude_m"
-        keys = {"motion", size, "period_s", "frequency_hz", "phase_deg"}
-        for given in motion:
-            if given not in keys:
-                raise InputError(f"sway {number}: no key {given!r}{nearest(given, sorted(keys))}")
-        if size not in motion or ("period_s" in motion) == ("frequency_hz" in motion):
-            raise InputError(f"sway {number}: needs {size} and either period_s or frequency_hz")
-        frequency = float(motion.get("frequency_hz", 0.0)) or 1.0 / (float(motion.get("period_s", 0.0)) or -1.0)
-        if frequency <= 0.0:
-            raise InputError(f"sway {number}: period_s or frequency_hz: allowed is a number above 0")
-        scale = pi / 180.0 if size == "amplitude_deg" else 1.0
-        for row, value in (
-            ("amplitude", float(motion[size]) * scale),
-            ("angular_frequency", 2.0 * pi * frequency),
-            ("phase", float(motion.get("phase_deg", 0.0)) * pi / 180.0),
-        ):
-            values.setdefault(f"{name}_{row}", []).append(value)
-    counts = {name: len(values[f"{name}_phase"]) for name in CHANNELS if f"{name}_phase" in values}
-    return counts, values
-
-
-def ship_course(legs: Sequence[Leg], start_speed_mps: float = 0.0) -> NDArray[np.float64]:
-    """Segments of ``ship(under_way=True)`` from legs such as ``[{"speed_mps": 8, "duration_s": 300},
-    {"turn_deg": 90, "duration_s": 120}, {"hold_s": 600}]``.
-
-    Each leg has one of ``speed_mps`` (straight ahead, over ``duration_s``), ``turn_deg`` (positive to the right, over
-    ``duration_s``), ``hold_s`` (straight ahead). Raises `InputError` naming the leg, the key and what is
-    allowed.
-    """
-    speed, segments = start_speed_mps, []
-    for number, leg in enumerate(legs, 1):
-        kind = leg_kind(number, leg, ("speed_mps", "turn_deg", "hold_s"), {"duration_s"})
-        if kind != "hold_s" and "duration_s" not in leg:
-            raise InputError(f"leg {number}: {kind} needs duration_s")
-        duration = float(leg["hold_s"]) if kind == "hold_s" else positive_value(number, leg, "duration_s", 0.0)
-        speed = leg.get("speed_mps", speed)
-        rate = radians(leg.get("turn_deg", 0.0)) / duration
-        segments.append({"duration": duration, "speed": speed, "turn_rate": rate})
-    return SCRIPT.table(segments)
-
-
 # The section [vehicle] of a ship: regular sway, irregular sea, course.
 
 
@@ -252,11 +201,15 @@ def _ship(
 
 
 class _Wave(Section):
-    """One sinusoid A sin(2 pi t / period + phase)."""
+    """One sinusoid A sin(2 pi t / period + phase) of the motion ``{}``."""
 
-    period_s: Number | None = key(None, "period", "s", gt=0, le=1e5)
-    frequency_hz: Number | None = key(None, "frequency, instead of the period", "Hz", gt=0, le=5e3)
-    phase_deg: Number = key(0.0, "phase at time 0", "deg", ge=-360, le=360)
+    period_s: Number | None = key(
+        None, "period", "s", row="{}_angular_frequency", convert=Conversion("inverse", 2.0 * pi), gt=0, le=1e5
+    )
+    frequency_hz: Number | None = key(None, "frequency, instead of the period", "Hz", row="{}_angular_frequency", gt=0, le=5e3)
+    phase_deg: Number = key(
+        0.0, "phase at time 0", "deg", row="{}_phase", convert=Conversion("degrees", 180.0), ge=-360, le=360
+    )
 
     @model_validator(mode="after")
     def _one_of_two(self) -> _Wave:
@@ -268,13 +221,43 @@ class _Wave(Section):
 class AngleWave(_Wave):
     """One sinusoid of an angle."""
 
-    amplitude_deg: Number = key(..., "amplitude", "deg", ge=0, le=80)
+    amplitude_deg: Number = key(..., "amplitude", "deg", row="{}_amplitude", ge=0, le=80)
 
 
 class LengthWave(_Wave):
     """One sinusoid of a displacement."""
 
-    amplitude_m: Number = key(..., "amplitude", "m", ge=0, le=100)
+    amplitude_m: Number = key(..., "amplitude", "m", row="{}_amplitude", ge=0, le=100)
+
+
+def regular_sway(motions: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int], dict[str, list[float]]]:
+    """The argument `regular` of `ship`, and its parameters, from sinusoids A sin(2 pi t / period + phase) such as::
+
+        [{"motion": "roll", "amplitude_deg": 10, "period_s": 8},
+         {"motion": "down", "amplitude_m": 1, "frequency_hz": 0.125, "phase_deg": 90}]
+
+    The other keys are those of `AngleWave` and `LengthWave`. Raises `InputError` naming the sinusoid, the key and what is
+    allowed.
+    """
+    waves: dict[str, list[_Wave]] = {}
+    for number, motion in enumerate(motions, 1):
+        name = motion.get("motion")
+        if name not in CHANNELS:
+            raise InputError(f"sway {number}: motion = {name!r}{nearest(str(name), CHANNELS)}")
+        kind: type[_Wave] = AngleWave if name in ANGLES else LengthWave
+        stated = {key: value for key, value in motion.items() if key != "motion"}
+        waves.setdefault(name, []).append(validated(kind, stated, f"sway {number}"))
+    return _sway_rows(waves)
+
+
+def _sway_rows(waves: Mapping[str, Sequence[_Wave]]) -> tuple[dict[str, int], dict[str, list[float]]]:
+    """Number of sinusoids by motion, in the order of `CHANNELS`, and the rows of their parameters."""
+    rows: dict[str, list[float]] = {}
+    for name, several in waves.items():
+        for wave in several:
+            for row, value in rows_of(wave, name).items():
+                rows.setdefault(row, []).append(value)
+    return {name: len(waves[name]) for name in CHANNELS if waves.get(name)}, rows
 
 
 _AngleWaves = tuple[AngleWave, ...]
@@ -313,8 +296,20 @@ class SeaSection(Section):
     hull: HullSection = key(HullSection(), "the ship's hull")
 
 
-class ShipLeg(Section):
+SEA_STATES = {
+    "sea state 2": {"significant_height_m": 0.3, "peak_period_s": 6.3},
+    "sea state 3": {"significant_height_m": 0.88, "peak_period_s": 7.5},
+    "sea state 4": {"significant_height_m": 1.88, "peak_period_s": 8.8},
+    "sea state 5": {"significant_height_m": 3.25, "peak_period_s": 9.7},
+    "sea state 6": {"significant_height_m": 5.0, "peak_period_s": 12.4},
+}
+"""Most probable in the North Atlantic: Bales, "Designing ships to the natural environment", Naval Engineers J. 95 (1983)."""
+
+
+class ShipLeg(LegSection):
     """One leg of a course: exactly one of speed_mps, turn_deg, hold_s."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("speed_mps", "turn_deg", "hold_s")
 
     speed_mps: Number | None = key(None, "go straight on and change to this speed in duration_s", "m/s", ge=0, le=60)
     turn_deg: Number | None = key(None, "turn by this angle in duration_s, right positive", "deg", ge=-3600, le=3600)
@@ -322,10 +317,27 @@ class ShipLeg(Section):
     duration_s: Number | None = key(None, "duration of the leg", "s", gt=0, le=86400)
 
 
+def ship_course(legs: Legs, start_speed_mps: float = 0.0) -> NDArray[np.float64]:
+    """Segments of ``ship(under_way=True)`` from legs, each a `ShipLeg` or its values, such as ``[{"speed_mps": 8,
+    "duration_s": 300}, {"turn_deg": 90, "duration_s": 120}, {"hold_s": 600}]``.
+
+    Raises `InputError` naming the leg, the key and what is allowed.
+    """
+    speed, segments = start_speed_mps, []
+    for where, leg, kind, value in legs_of(ShipLeg, legs):
+        duration = value if kind == "hold_s" else leg.duration_s
+        if duration is None:
+            raise InputError(f"{where}: {kind} needs duration_s")
+        speed = value if kind == "speed_mps" else speed
+        segments.append({"duration": duration, "speed": speed, "turn_rate": radians(leg.turn_deg or 0.0) / duration})
+    return SCRIPT.table(segments)
+
+
 class ShipSection(VehicleSection):
     """A ship: under way if it has legs or a start speed, otherwise moored."""
 
     traits: ClassVar[VehicleTraits] = SHIP_TRAITS
+    presets: ClassVar[Mapping[str, Mapping[str, Mapping[str, float]]]] = {"sea": SEA_STATES}
 
     kind: Literal["ship"] = key(..., "kind of vehicle")
     sway: SwaySection | None = key(None, "regular sway; not together with sea")
@@ -334,9 +346,9 @@ class ShipSection(VehicleSection):
     steered_sea: bool = key(
         False, "whether commands change the size of a moored ship's motion and send a wave past it; pages use it", strict=True
     )
-    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", ge=0, le=60)
+    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", row="start_speed", ge=0, le=60)
     legs: tuple[ShipLeg, ...] = key((), "the course, leg by leg", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @model_validator(mode="after")
     def _one_motion(self) -> ShipSection:
@@ -363,9 +375,7 @@ class ShipSection(VehicleSection):
         return self.model_copy(update={"steered_sea": True}) if self.in_place else self
 
     def _regular(self) -> tuple[dict[str, int], dict[str, list[float]]]:
-        sway = self.sway or SwaySection()
-        waves = ((name, wave) for name in SwaySection.model_fields for wave in getattr(sway, name))
-        return regular_sway([{"motion": name, **wave.model_dump(exclude_none=True)} for name, wave in waves])
+        return _sway_rows(vars(self.sway or SwaySection()))
 
     @property
     def fastest_mps(self) -> float:
@@ -394,6 +404,6 @@ class ShipSection(VehicleSection):
                 enhancement=self.sea.enhancement,
             )
         if not self.in_place:
-            segments = in_legs(lambda: ship_course(dumped(self.legs), self.start_speed_mps))
-            rows |= {"start_speed": self.start_speed_mps, "segments": segments, "segments_repeat": float(self.repeat_legs)}
+            segments = in_legs(lambda: ship_course(self.legs, self.start_speed_mps))
+            rows |= {**rows_of(self), "segments": segments}
         return rows

@@ -57,14 +57,14 @@ values.  Below, a few points or rounding alone decide the control points at the 
 
 
 def _basis() -> Array:
-    found = np.zeros((POINTS, POINTS))
+    coefficients = np.zeros((POINTS, POINTS))
     for j in range(POINTS):
         for m in range(POINTS):  # coefficient of u^m of the polynomial of point j
             total = 0.0
             for s in range(j, POINTS):
                 total += (-1.0) ** (s - j) * comb(POINTS, s - j) * float(DEGREE - s) ** (DEGREE - m)
-            found[m, j] = comb(DEGREE, m) * total / factorial(DEGREE)
-    return found
+            coefficients[m, j] = comb(DEGREE, m) * total / factorial(DEGREE)
+    return coefficients
 
 
 BASIS = _basis()
@@ -131,7 +131,7 @@ def smoothed(
         points = cho_solve_banded((factor, True), right)
         return points, float(np.sqrt(np.mean((values - system.product(points)) ** 2)))
 
-    factors = [found for weight in WEIGHTS if (found := system.factor(weight)) is not None]
+    factors = [factor for weight in WEIGHTS if (factor := system.factor(weight)) is not None]
     if not factors:
         raise InputError(f"a gap of {np.diff(time).max():.6g} s with knots every {interval:g} s: allowed is a shorter gap")
     if sigma is None and rates is None:
@@ -172,10 +172,10 @@ class _System:
 
     def transposed(self, values: Array) -> Array:
         """Rows^T times values."""
-        found = np.zeros((self.count, values.shape[1]))
+        product = np.zeros((self.count, values.shape[1]))
         for j in range(POINTS):
-            np.add.at(found, self.place + j, self.rows[:, j : j + 1] * values)
-        return found
+            np.add.at(product, self.place + j, self.rows[:, j : j + 1] * values)
+        return product
 
     def product(self, points: Array) -> Array:
         """Rows times control points."""
@@ -253,7 +253,7 @@ def track(points: int) -> Vehicle:
     def values(p: Values, x: Values) -> tuple[list[Any], list[Any]]:
         """The channels and their derivatives."""
         u = x.track_time / p.track_interval
-        found, rates = [], []
+        series, rates = [], []
         for channel in range(channels):
             terms = [sum(float(w) * x.track_window[j, channel] for j, w in enumerate(row) if w) for row in BASIS]
             value: Any = 0.0
@@ -261,9 +261,9 @@ def track(points: int) -> Vehicle:
             for power in reversed(range(POINTS)):
                 value = value * u + terms[power]
                 rate = rate * u + power * terms[power] if power else rate
-            found.append(value)
+            series.append(value)
             rates.append(rate / p.track_interval)
-        return found, rates
+        return series, rates
 
     def angles(p: Values, x: Values) -> list[Any]:
         latitude, _, _, roll, pitch, heading = values(p, x)[0]
@@ -271,9 +271,9 @@ def track(points: int) -> Vehicle:
 
     def velocity_n(p: Values, x: Values, pairs: Sequence[SineCosine]) -> Any:
         sine, cosine = pairs[3]
-        found, rates = values(p, x)
+        series, rates = values(p, x)
         R_M, R_N = radii(sine)
-        height = p.track_height + found[2]
+        height = p.track_height + series[2]
         return ca.vertcat((R_M + height) * rates[0], (R_N + height) * cosine * rates[1], -rates[2])
 
     return Vehicle(

@@ -10,18 +10,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import ceil, degrees, log, log1p, pi, radians
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.keys import rows_of
 from insenv.base.toml import Number, Section, key
+from insenv.core.elementary import clamp
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
-from insenv.vehicles.section import MAX_LEGS, StartSection, VehicleSection, in_legs
+from insenv.vehicles.section import MAX_LEGS, Actions, StartSection, VehicleSection, VehicleTraits, action, in_legs
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
 BANDWIDTH = 3.0
@@ -32,6 +34,11 @@ RATE = 10.0 * pi / 180.0
 _INDEX = Tracker(("index_angle", "index_rate", "index_acceleration"), "Angle of the turntable, clockwise from above", "rad")
 COMMANDED = "commanded_index"
 """State row of the commanded angle (rad), set by other parts."""
+INDEXING = Actions(
+    Table((action("index", "Target angle of the turntable, clockwise, in 180 deg"),)),
+    lambda x, action: {"index": clamp(action.index, -1.0, 1.0) * pi},
+)
+"""How an agent turns a vehicle `on_turntable`."""
 
 
 def on_turntable(vehicle: Vehicle) -> Vehicle:
@@ -130,11 +137,11 @@ def three_axis_table() -> Vehicle:
         return ca.SX.zeros(3)
 
     def hold(p: Values, x: Values, u: Values) -> dict[str, Any]:
-        found = SCRIPT.count(p, x)
+        rows = SCRIPT.count(p, x)
         for tracker, name in zip(_TRACKERS, ANGLES, strict=True):
             target = getattr(x, f"commanded_{name}")
-            found |= tracker.hold(x, p.sample_interval, target, p.table_bandwidth, x.commanded_rate)
-        return found
+            rows |= tracker.hold(x, p.sample_interval, target, p.table_bandwidth, x.commanded_rate)
+        return rows
 
     return Vehicle(
         id="three-axis-table",
@@ -168,9 +175,11 @@ class TurntableLeg(Section):
 class TurntableSection(VehicleSection):
     """A three-axis turntable that turns the unit in place, to calibrate it or to average its biases."""
 
+    traits: ClassVar[VehicleTraits] = VehicleTraits(actions=INDEXING, turns_in_place=True)
+
     kind: Literal["turntable"] = key(..., "kind of vehicle")
     legs: tuple[TurntableLeg, ...] = key((), "the plan, orientation by orientation", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -216,7 +225,7 @@ class TurntableSection(VehicleSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI)."""
-        return {"segments": self._table(), "segments_repeat": float(self.repeat_legs)}
+        return {**rows_of(self), "segments": self._table()}
 
 
 LARGEST_TURN = 0.2

@@ -31,12 +31,9 @@ from insenv.scenario.chunks import recording_interval
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.files import named_estimators
-from insenv.scenario.tracks.fmu_section import FmuSection
-from insenv.scenario.tracks.section import RecordedSection
-from insenv.web.controls import Control, Option, with_values
+from insenv.web.controls import Control, Option, Trials, with_values
 from insenv.web.judging import findings, groups_of, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
-from insenv.web.probing import Prober
 from insenv.web.start import known_vector, start_source, told_places
 
 SEEDS = 1024
@@ -50,7 +47,7 @@ class Live:
     plain: the scenario as it stands.  plant: the same to the bit, with every command that the vehicle can take.
     parameters: of the page's model, with what the estimators are told of the start with the scenario's own seed.
     known: see `insenv.web.start.known_vector`.  seeds (n,): those offered; normals (n, 9): behind their start errors.
-    prober: finds `controls`.  settings: of the estimators, as given.
+    trials: find `controls`.  settings: of the estimators, as given.
     """
 
     plain: Plant
@@ -61,18 +58,18 @@ class Live:
     known: Vector
     seeds: tuple[int, ...]
     normals: Vector
-    prober: Prober
+    trials: Trials
     settings: Settings | None
 
     @property
     def values(self) -> Mapping[str, Any]:
         """The values of the scenario's file, with the page's seed, duration, estimators and settings."""
-        return self.prober.values
+        return self.trials.values
 
     @cached_property
     def controls(self) -> tuple[Control, ...]:
         """What the page may change."""
-        return self.prober.controls()
+        return self.trials.controls()
 
     @property
     def every(self) -> int:
@@ -103,7 +100,7 @@ def live(
     page = page_model(plant.model, tuple(chosen))
     parameters = page_parameters(page, plant, chosen, rows)
     starts = [place for place, _ in told_places(page, plant)]
-    prober = Prober(with_run(loaded, plant, chosen, settings), lambda values: numbers(values, page, settings), starts)
+    trials = Trials(with_run(loaded, plant, chosen, settings), lambda values: numbers(values, page, settings), starts)
     known = loaded.knowledge
     seeds = (*range(SEEDS), *((plant.seed,) if plant.seed >= SEEDS else ()))
     return Live(
@@ -115,7 +112,7 @@ def live(
         known=known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed)),
         seeds=seeds,
         normals=start_normals(known, np.array(seeds)),
-        prober=prober,
+        trials=trials,
         settings=settings,
     )
 
@@ -134,9 +131,9 @@ def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | Non
 def _prepared(values: Mapping[str, Any], page: PageModel, settings: Settings | None) -> tuple[Plant, list[Estimator]]:
     """The plant of these values and the estimators as they run on it; errors as of `numbers`."""
     plant = build(validated(scenario_class(), dict(values), "scenario"), driven=True)
-    own = [member.estimator for member in page.members]
-    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in own]
-    if plant.model is not page.plant or any(one.model is not other.model for one, other in zip(chosen, own, strict=True)):
+    compiled = [member.estimator for member in page.members]
+    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in compiled]
+    if plant.model is not page.plant or any(one.model is not other.model for one, other in zip(chosen, compiled, strict=True)):
         raise InputError("these values are run by another model than that of the page")
     return plant, chosen
 
@@ -174,7 +171,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         raise InputError(f"duration_s = {plant.duration_s:g} s: a page runs at most 2^31 samples")
     limit = limit_along(live.plain, progress)
     named = model.parameters.unpack(live.parameters)
-    told = {
+    rows = {
         member.prefix: {row.name: named[member.prefix + row.name] for row in member.estimator.model.parameters}
         for member in live.page.members
     }
@@ -183,6 +180,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "name": scenario.name,
         "title": scenario.title,
         "vehicle": scenario.vehicle.kind,
+        "shape": scenario.vehicle.traits.shape,
         "seed": plant.seed,
         "rate_hz": scenario.rate_hz,
         "duration_s": plant.duration_s,
@@ -202,9 +200,9 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "prefix": member.prefix,
                 "channels": list(member.channels),
                 "stated": list(member.stated),
-                "settled": not member.estimator.too_short(told[member.prefix], plant.duration_s),
-                "health": health_rows(member.estimator, told[member.prefix]),
-                "findings": findings(member.estimator, told[member.prefix]),
+                "settled": not member.estimator.too_short(rows[member.prefix], plant.duration_s),
+                "health": health_rows(member.estimator, rows[member.prefix]),
+                "findings": findings(member.estimator, rows[member.prefix]),
                 **judged(member, plant, live.every, limit),
             }
             for member in live.page.members
@@ -233,8 +231,8 @@ def _downloaded(live: Live) -> dict[str, Any]:
 
 def _track_file(plant: Plant) -> str | None:
     """The name of the file that the vehicle's motion comes from."""
-    vehicle = plant.scenario.vehicle
-    return Path(vehicle.file).name if isinstance(vehicle, (RecordedSection, FmuSection)) else None
+    file = getattr(plant.scenario.vehicle, "file", None)
+    return Path(file).name if file else None
 
 
 def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
@@ -255,11 +253,11 @@ def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
         for stick in plant.scenario.vehicle.sticks
         if stick.command in names
     ]
-    given = [
+    prepared = [
         {"sample": sample, "values": {row["name"]: float(values[row["at"]]) for row in rows}}
         for sample, values in plant.commands
     ]
-    return {"valid": model.inputs.slice(VALID).start, "rows": rows, "sticks": sticks, "given": given}
+    return {"valid": model.inputs.slice(VALID).start, "rows": rows, "sticks": sticks, "given": prepared}
 
 
 def _outages(parameters: Table, id: str) -> dict[str, Any]:
@@ -269,18 +267,18 @@ def _outages(parameters: Table, id: str) -> dict[str, Any]:
 
 
 def _control(control: Control, live: Live) -> dict[str, Any]:
-    shown = {name: getattr(control, name) for name in ("key", "label", "group", "meaning", "value")}
+    common = {name: getattr(control, name) for name in ("key", "label", "group", "meaning", "value")}
     if control.options:
-        return shown | {"options": [_option(option, live) for option in control.options]}
+        return common | {"options": [_option(option, live) for option in control.options]}
     bounds = {name: getattr(control, name) for name in ("unit", "minimum", "maximum", "low", "high")}
-    return shown | bounds | {"targets": [vars(target) for target in control.targets]}
+    return common | bounds | {"targets": [vars(target) | vars(control.conversion) for target in control.targets]}
 
 
 def _option(option: Option, live: Live) -> dict[str, Any]:
     """An option, with the notes of the scenario in which nothing else is changed."""
     plant, chosen = _prepared(with_values(live.values, option.setting), live.page, live.settings)
     notes = _notes(plant, chosen, live.settings)
-    return {"value": option.value, "label": option.label, "set": dict(option.setting), "p": option.p, "notes": notes}
+    return {"value": option.value, "label": option.value, "set": dict(option.setting), "p": option.p, "notes": notes}
 
 
 def _notes(plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> list[str]:
@@ -309,16 +307,16 @@ def compressed(module: bytes) -> bytes:
 
 
 def _rows(table: Table) -> list[dict[str, Any]]:
-    found = []
+    rows = []
     for row in table:
         start = table.slice(row.name).start
         bounds = {k: v for k, v in (("minimum", row.lower), ("maximum", row.upper)) if np.isfinite(v)}
-        found.append(
+        rows.append(
             {"name": row.name, "meaning": row.meaning, "unit": row.unit, "frame": row.frame, "at": start, "size": row.size}
             | bounds
             | ({"flag": True} if row.flag else {})
         )
-    return found
+    return rows
 
 
 def _ranges(seeds: Sequence[int]) -> list[list[int]]:

@@ -61,15 +61,15 @@ def page_model(plant: Model, estimators: tuple[Estimator, ...]) -> PageModel:
         rows += _rows(member)
 
     def output(p: Values, x: Values) -> dict[str, Any]:
-        shown = dict(loop.output(p, x))
-        truth = SimpleNamespace(**shown)
+        outputs = dict(loop.output(p, x))
+        truth = SimpleNamespace(**outputs)
         start = p.start_latitude, p.start_longitude, p.start_height
-        shown |= {"attitude": _euler(truth), "offset_n": _offset(truth, start)}
+        outputs |= {"attitude": _euler(truth), "offset_n": _offset(truth, start)}
         for member in members:
             names = member.estimator.model.outputs.names
-            found = SimpleNamespace(**{name: shown[member.prefix + name] for name in names})
-            shown |= {member.prefix + name: value for name, value in _shown(member, found, truth, start).items()}
-        return shown
+            estimate = SimpleNamespace(**{name: outputs[member.prefix + name] for name in names})
+            outputs |= {member.prefix + name: value for name, value in _shown(member, estimate, truth, start).items()}
+        return outputs
 
     model = replace(loop, id=f"page-{loop.id}", outputs=loop.outputs + Table(tuple(rows)), output=output)
     return PageModel(plant, model, tuple(members))
@@ -86,12 +86,12 @@ def _rows(member: Member) -> Sequence[Row]:
     return [replace(row, name=member.prefix + row.name) for row in rows]
 
 
-def _shown(member: Member, found: Values, truth: Values, start: tuple[Any, Any, Any]) -> dict[str, Any]:
-    rows = {"attitude": _euler(found), "error": error_of(member.channels, found, truth)}
+def _shown(member: Member, estimate: Values, truth: Values, start: tuple[Any, Any, Any]) -> dict[str, Any]:
+    rows = {"attitude": _euler(estimate), "error": error_of(member.channels, estimate, truth)}
     if member.estimator.navigates:
-        rows["offset_n"] = _offset(found, start)
+        rows["offset_n"] = _offset(estimate, start)
     if member.stated:
-        rows["sigma"] = sigma_of(member.stated, found)
+        rows["sigma"] = sigma_of(member.stated, estimate)
     return rows
 
 

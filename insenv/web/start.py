@@ -66,8 +66,8 @@ def told_places(page: PageModel, plant: Plant) -> list[tuple[int, int]]:
     places = []
     for member in page.members:
         first = page.model.parameters.slice(member.prefix + member.estimator.model.parameters.names[0]).start
-        found = _copied(member.estimator, plant)
-        places += [(first + at, source) for at, source in found]
+        copied = _copied(member.estimator, plant)
+        places += [(first + at, source) for at, source in copied]
     return places
 
 
@@ -76,15 +76,15 @@ def _copied(estimator: Estimator, plant: Plant) -> list[tuple[int, int]]:
     base = table.pack(plant.parameters_of(estimator, whole=False))
     trials = []
     for scale in (1.0, -0.7):
-        given = scale * np.array([0.0123, 0.0234, 0.345, 0.456, 0.567, 678.9, 1.1, 2.3, 0.4])
-        values = {**dict(zip(FIELDS[:6], given[:6].tolist(), strict=True)), "velocity_n": given[6:]}
+        numbers = scale * np.array([0.0123, 0.0234, 0.345, 0.456, 0.567, 678.9, 1.1, 2.3, 0.4])
+        values = {**dict(zip(FIELDS[:6], numbers[:6].tolist(), strict=True)), "velocity_n": numbers[6:]}
         known: Knowledge = replace(plant.knowledge, **values)
-        trials.append((given, table.pack(estimator.parameters(known, plant.tunings))))
+        trials.append((numbers, table.pack(estimator.parameters(known, plant.tunings))))
     places = []
     for at in range(table.size):
         if all(trial[at] == base[at] for _, trial in trials):
             continue
-        sources = [i for i in range(KNOWN) if all(trial[at] == given[i] for given, trial in trials)]
+        sources = [i for i in range(KNOWN) if all(trial[at] == numbers[i] for numbers, trial in trials)]
         if len(sources) != 1:
             raise InputError(f"estimator {estimator.id!r} has no page: its start is computed from what is known, not copied")
         places.append((at, sources[0]))
@@ -97,8 +97,8 @@ def _reported(state: Table) -> Any:
     true = state.symbols(x)
     angles = [angle + e[i] for i, angle in enumerate(attitude.to_euler(true.q_nb))]
     place = geodesy.geodetic_from_ned_offset(e[3:6], true.latitude, true.longitude, true.height)
-    told = ca.vertcat(*angles, *place, true.velocity_n + e[6:9])
-    return ca.Function("reported", [x, e], [ca.densify(told)], {"cse": True})
+    numbers = ca.vertcat(*angles, *place, true.velocity_n + e[6:9])
+    return ca.Function("reported", [x, e], [ca.densify(numbers)], {"cse": True})
 
 
 def _others(page: PageModel) -> Any:

@@ -62,7 +62,7 @@ OWN = [
     (ManoeuvreEnv, {"goal_deg": 0}, "goal_deg = 0 deg: allowed is a number above 0 up to 180 deg"),
     (ManoeuvreEnv, {"reward": ["error"]}, "reward = ['error']: allowed is 'error' or 'uncertainty'"),
     (ManoeuvreEnv, {"estimator": "wander-sins"}, "loosely-coupled, aqe-ekf, aqe-sukf"),
-    (ManoeuvreEnv, {"scenario": "ship-underway"}, "needs a car or an aircraft"),
+    (ManoeuvreEnv, {"scenario": "ship-underway"}, "a vehicle that an agent steers (car, aircraft"),
     (TuningEnv, {"estimator": "nothing"}, "no estimator 'nothing'"),
     (TuningEnv, {"scenario": "ship-swaying"}, "has no [gnss]"),
     (TuningEnv, {"mistuning_decades": np.nan}, "mistuning_decades = nan"),

@@ -15,8 +15,9 @@ from places import ROOT
 import insenv
 from insenv import testing
 from insenv.base.errors import InputError
-from insenv.envs import AlignmentEnv, AlignmentVectorEnv, agents
-from insenv.estimators import registered
+from insenv.envs import AlignmentEnv, AlignmentVectorEnv, ManoeuvreEnv, agents
+from insenv.estimators import Drive, registered
+from insenv.estimators.fusion.family import aids_of
 from insenv.sensors.instrument_section import section_of
 
 PACKAGE = ROOT / "tests" / "outside" / "rail"
@@ -139,6 +140,18 @@ def test_its_aid_is_exported_and_its_keys_are_controls(tmp_path):
     assert {"compass_heading", "compass_new", "parameters.compass_noise", "compass_deviation[1]"} <= names
     page = insenv.page(CAR, tmp_path / "compass.html", "fusion")
     assert "compass.noise_deg" in page.read_text()
+
+
+@pytest.mark.usefixtures("registered_rail")
+def test_its_vehicle_is_steered_and_gets_its_aids():
+    steered = CAR | {"vehicle": {"kind": "trolley", "amplitude_m": 50.0, "period_s": 12.0}}
+    env = ManoeuvreEnv({name: value for name, value in steered.items() if name != "compass"}, duration_s=20.0)
+    env.reset(seed=1)
+    paces = [env.step(np.array([each])) and float(env._runner.state["pace"]) for each in (1.0, -1.0, -1.0)]
+    assert paces[0] > 2 * np.pi / 12 > paces[2] > 0
+    drives = [Drive("here", frozenset(sensors), True, vehicle="trolley") for sensors in ((), ("odometer", "gnss"))]
+    assert aids_of(drives[0]) == ("in_place",)
+    assert set(aids_of(drives[1])) == {"gnss", "zero_velocity", "odometer", "non_holonomic"}
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def multirotor(legs):
         (SCRIPT.table, [{"speed": 3.0}], "segment 1: duration is missing"),
         (SCRIPT.table, [{"duration": 1.0}, {"duration": 1.0, "speed": float("nan")}], "segment 2: speed = nan"),
         (SCRIPT.table, [{"duration": 1.0}] * (N_SEGMENTS + 1), "at most 64"),
-        (regular_sway, [{"motion": "roll", "amplitude_deg": 1}], "needs amplitude_deg and either"),
+        (regular_sway, [{"motion": "roll", "amplitude_deg": 1}], "sway 1: needs either period_s .s. or"),
         (lambda size: Hull(length=size), 0, "length = 0"),
         (lambda height: irregular_sea(height, 8.0), -1.0, "significant_height = -1"),
     ],

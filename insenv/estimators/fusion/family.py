@@ -17,7 +17,7 @@ from insenv.base.errors import InputError
 from insenv.base.remarks import declared
 from insenv.core.model import Values
 from insenv.core.tables import Table
-from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
+from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import history, unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, states_by_aid
@@ -42,12 +42,6 @@ from insenv.geodesy import OMEGA_IE
 
 WORTH = 0.1
 MINUTE = 60.0
-FLOATING = ("ship", "multirotor")
-"""Kinds of vehicle that never stand still."""
-PARKED = ("car", "aircraft")
-"""Kinds of vehicle that stand still where they stay in place."""
-HOVERING = ("multirotor",)
-"""Kinds of vehicle whose turns and accelerations are too small to show a scale factor or a misalignment."""
 
 
 def aids_of(drive: Drive) -> tuple[str, ...]:
@@ -56,10 +50,11 @@ def aids_of(drive: Drive) -> tuple[str, ...]:
     Where nothing but rest holds the velocity of a vehicle that is known to stay, rest is not detected: detection asks whether
     the estimate agrees, and one that is 3 standard deviations off takes a parked vehicle for one that accelerates.
     """
-    wheels = drive.vehicle == "car" and "odometer" in drive.sensors
-    parked = bool(drive.in_place and drive.vehicle in PARKED and not held(drive.sensors))
-    stays = drive.vehicle == TURNTABLE or parked
-    own = {"zero_velocity": not stays and drive.vehicle not in FLOATING, "non_holonomic": wheels, "in_place": stays}
+    traits = drive.traits
+    wheels = traits.wheels and "odometer" in drive.sensors
+    parked = bool(drive.in_place and traits.parks and not held(drive.sensors))
+    stays = traits.turns_in_place or parked
+    own = {"zero_velocity": not stays and not traits.floats, "non_holonomic": wheels, "in_place": stays}
     every = all_aids().items()
     return tuple(id for id, aid in every if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
 
@@ -72,7 +67,7 @@ def held(ids: Collection[str]) -> bool:
 def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[str, ...]:
     """The states, beside the biases, of a filter with these aids."""
     rows = known.rows
-    found = told_of_unit(known) if drive.vehicle == TURNTABLE else _shown_by_manoeuvres(known, drive)
+    found = told_of_unit(known) if drive.traits.turns_in_place else _shown_by_manoeuvres(known, drive)
     for aid in aids:
         found += [state.name for state in states_by_aid().get(aid, ()) if _told(rows, all_states()[state.name].sigma)]
     if NON_HOLONOMIC.id in aids and untold_mounting(known):
@@ -94,7 +89,7 @@ def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
     }
     found: list[str] = []
     for triad, effect in manoeuvre.items():
-        if drive.in_place or drive.vehicle in HOVERING:  # no manoeuvre shows them
+        if drive.in_place or drive.traits.hovers:  # no manoeuvre shows them
             continue
         found += [
             f"{triad}_{error}"
@@ -216,7 +211,7 @@ def _suited(make: Callable[..., Estimator], filter: Composition, known: Knowledg
     """The estimator that `make` makes of a filter for a drive."""
     way = unknown_start.way_of(filter, known, drive)
     made = make(filter, _uncounted(filter, known, drive), way)
-    if IN_PLACE in [aid.id for aid in filter.aids] and drive.vehicle != TURNTABLE:
+    if IN_PLACE in [aid.id for aid in filter.aids] and not drive.traits.turns_in_place:
         made = _shaken(made)
     return made if way is None else _seeking(made, filter, way)
 
@@ -345,7 +340,7 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
         found.append(_ERRORS_UNCOUNTED.filled(states=", ".join(dict.fromkeys(left_out))))
     if NON_HOLONOMIC.id in {aid.id for aid in filter.aids} and MOUNTING.name not in states and untold_mounting(known):
         found.append(NO_MOUNTING)
-    if drive.vehicle == TURNTABLE:
+    if drive.traits.turns_in_place:
         of_unit = [name for name in told_of_unit(known) if name not in states]
         if of_unit:
             found.append(_UNIT_UNCOUNTED.filled(states=", ".join(of_unit)))

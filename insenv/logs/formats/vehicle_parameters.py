@@ -15,8 +15,9 @@ import numpy as np
 from insenv.core.tables import Table
 from insenv.estimators import ImuDataSheet, Knowledge, registered
 from insenv.logs.units import Array
-from insenv.sensors.grades import SHOWN, elements
+from insenv.sensors.grades import elements
 from insenv.sensors.imu_tables import IMU_PARAMETERS
+from insenv.sensors.units import SHOWN
 
 _ARMS = (
     ("S_ANT_LEV_ARM_", ""),

@@ -35,10 +35,10 @@ COMPASS = Instrument(
     least_sigma={"compass_heading": 1e-3},
     columns=(Column("heading", "compass_heading", "heading, clockwise from north", units.ANGLE_UNITS, "deg", angle=True),),
     figures={
-        "noise_deg": Figure("compass_noise", "deg", units.deg_to_rad),
-        "deviation_deg": Figure("compass_deviation", "deg", units.deg_to_rad),
-        "deviation_sigma_deg": Figure("compass_deviation_sigma", "deg", units.deg_to_rad),
-        "drift_sigma_deg": Figure("compass_drift_sigma", "deg", units.deg_to_rad),
+        "noise_deg": Figure("compass_noise", "deg"),
+        "deviation_deg": Figure("compass_deviation", "deg"),
+        "deviation_sigma_deg": Figure("compass_deviation_sigma", "deg"),
+        "drift_sigma_deg": Figure("compass_drift_sigma", "deg"),
         "drift_time_s": Figure("compass_drift_time", "s"),
     },
     grades=by_name(

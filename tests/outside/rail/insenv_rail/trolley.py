@@ -1,14 +1,24 @@
-"""A trolley that runs to and fro on a straight, level rail."""
+"""A trolley that runs to and fro on a straight, level rail, faster and slower on command."""
 
 from functools import lru_cache
 from math import pi
-from typing import Literal
+from typing import ClassVar, Literal
 
 import casadi as ca
 
 from insenv import Row, Table, Vehicle, VehicleSection
 from insenv.base.toml import Number, key
+from insenv.vehicles import Actions, VehicleTraits
+from insenv.vehicles.script import Script, Tracker
+from insenv.vehicles.section import action
 from insenv.vehicles.truth import PLACES
+
+SCRIPT = Script((Row("pace", "Angular frequency of the motion", "rad/s", lower=0.0, upper=10.0),))
+PACE = Tracker(("pace", "pace_rate", "pace_second"), "Angular frequency of the motion", "rad/s")
+ACTIONS = Actions(
+    Table((action("pace", "Change of the angular frequency, 1 or -1 for a third of the start value"),)),
+    lambda x, action: {"pace": (1.0 + action.pace / 3.0) * x.commanded_pace},
+)
 
 
 @lru_cache
@@ -25,22 +35,34 @@ def trolley() -> Vehicle:
                 Row("mean_roll", "Roll of the rail", "rad"),
                 Row("mean_pitch", "Pitch of the rail", "rad"),
             )
-        ),
-        state=Table((Row("rail_phase", "Phase of the motion", "rad"),)),
-        along=lambda p, x: [
-            {"rail_phase": x.rail_phase + place * p.sample_interval * p.rail_angular_frequency} for place in PLACES
-        ],
-        derivative=lambda p, x: {"rail_phase": p.rail_angular_frequency},
+        )
+        + SCRIPT.parameters,
+        state=Table((Row("rail_phase", "Phase of the motion", "rad"),)) + PACE.state + SCRIPT.state,
+        along=along,
+        derivative=lambda p, x: {"rail_phase": x.pace, **PACE.derivative(x)},
         angles=lambda p, x: [p.mean_roll, p.mean_pitch, p.start_heading, x.rail_phase],
-        velocity_n=lambda p, x, pairs: (
-            p.rail_amplitude * p.rail_angular_frequency * pairs[3][1] * ca.vertcat(pairs[2][1], pairs[2][0], 0)
-        ),
-        start=lambda p: {"rail_phase": 0},
+        velocity_n=lambda p, x, pairs: p.rail_amplitude * x.pace * pairs[3][1] * ca.vertcat(pairs[2][1], pairs[2][0], 0),
+        start=lambda p: {
+            "rail_phase": 0,
+            "pace": p.rail_angular_frequency,
+            **SCRIPT.start(p, {"pace": p.rail_angular_frequency}),
+        },
+        hold=lambda p, x, u: {**PACE.hold(x, p.sample_interval, x.commanded_pace, 1.0), **SCRIPT.count(p, x)},
+        inputs=SCRIPT.inputs,
+        steps=SCRIPT.steps,
     )
+
+
+def along(p, x) -> list:
+    """The state at the places of a sample."""
+    times = [place * p.sample_interval for place in PLACES]
+    return [{"rail_phase": x.rail_phase + PACE.integral(x, t), **PACE.along(x, t)} for t in times]
 
 
 class TrolleySection(VehicleSection):
     """A trolley on a straight, level rail."""
+
+    traits: ClassVar[VehicleTraits] = VehicleTraits(actions=ACTIONS, wheels=True, parks=True)
 
     kind: Literal["trolley"] = key(..., "what kind of vehicle")
     amplitude_m: Number = key(1.0, "amplitude of the motion along the rail", "m", ge=0, le=100)
@@ -54,4 +76,9 @@ class TrolleySection(VehicleSection):
         return trolley()
 
     def rows(self, start) -> dict:
-        return {"rail_amplitude": self.amplitude_m, "rail_angular_frequency": 2 * pi / self.period_s}
+        return {
+            "rail_amplitude": self.amplitude_m,
+            "rail_angular_frequency": 2 * pi / self.period_s,
+            "segments": SCRIPT.table([]),
+            "segments_repeat": 0.0,
+        }
