@@ -200,9 +200,9 @@ def allan(
 ) -> None:
     """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
     from insenv.cli.output import print_result, working
-    from insenv.report import OutputFolder
+    from insenv.report import OutputFolder, write_document
     from insenv.studies.allan import allan as measure
-    from insenv.studies.allan_result import assumed, check_grade, document, write_files, write_grade
+    from insenv.studies.allan_result import GRADE_FILE, assumed, check_grade, document, write_grade
 
     check_grade(grade)
     folder = None if out is None else OutputFolder(out)
@@ -210,9 +210,10 @@ def allan(
         found = measure(log, from_s=begin, to_s=end, progress=progress)
         if grade is not None:
             write_grade(found, grade)
-        written = None if folder is None else write_files(found, folder, grade, not no_figure)
-    at = grade if grade is not None or written is None else written.paths[1]
+        at = grade if grade is not None or folder is None else folder.path / GRADE_FILE
+        made = document(found, None if at is None else str(at))
+        written = None if folder is None else write_document(made, folder, not no_figure)
     told = [] if grade is None else [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit']
     told += [assumed(found)] if at is not None else []
     unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
-    print_result(document(found, None if at is None else str(at)), written, as_json, unwritten, told)
+    print_result(made, written, as_json, unwritten, told)

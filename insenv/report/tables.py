@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import partial
 from math import isfinite
 
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
 from insenv.evaluation.nis import WRONG
-from insenv.report.document import Block, Document, Grid, Line
+from insenv.report.document import Block, Grid, Line
 from insenv.report.run_data import RunData
 
 _NAMES = {
@@ -26,6 +25,11 @@ def label(channel: str) -> str:
     return _NAMES.get(channel, channel)
 
 
+def error_label(channel: str) -> str:
+    """A channel's error as printed: ``heading error [deg]``."""
+    return label(channel).replace(" [", " error [")
+
+
 def number(value: float | None) -> str:
     """Three significant digits in at most 8 characters; a dash for an unknown value."""
     if value is None or not math.isfinite(value):
@@ -38,15 +42,7 @@ def number(value: float | None) -> str:
     return f"{value:.{digits}f}"
 
 
-def run_document(report: RunData) -> Document:
-    """What is printed of a run or replay, and its JSON form: with `published` if there are results of others."""
-    values = report.as_json()
-    if report.published:
-        values["published"] = [{"name": name, "rms": dict(rms)} for name, rms in report.published]
-    return Document("run", values, partial(comparison, report))
-
-
-def comparison(report: RunData) -> Iterator[Block]:
+def run_blocks(report: RunData) -> Iterator[Block]:
     """The printed lines and tables of a run, top to bottom: heading, one table per estimator, notes.
 
     No line is longer than `WIDTH`, unless a single word is.

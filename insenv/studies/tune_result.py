@@ -5,26 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.style import COLOURS, LIMIT, legend, page, title
-from insenv.base.version import __version__
-from insenv.report.document import Block, Document, Grid, Line
-from insenv.report.files import FilesWritten, OutputFolder, write_document
-from insenv.report.notebook import require_matplotlib
-from insenv.report.page import assembled
-from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, intervals_panel, section, table
+from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.notebook import Shown
+from insenv.report.panels import TRUTH_GROUP, Curve, IntervalsPanel, Picture, Section, TimePanel
 from insenv.report.tables import label, number
 from insenv.studies.campaign.statistics import Estimate
 from insenv.studies.tune_search import Parameter
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 Array = NDArray[np.float64]
 NAME = "tuning"
@@ -48,7 +39,7 @@ class Channel:
 
 
 @dataclass(frozen=True, repr=False)
-class Tuning:
+class Tuning(Shown):
     """The result of tuning.
 
     trained_on, judged_on: which data.  parameters, factors: what was tuned, and by how much.  history (generations, 2): best
@@ -109,22 +100,10 @@ class Tuning:
             "notes": list(self.notes),
         }
 
-    def plot(self) -> Figure:
-        """The figure of the search and of the errors.  Raises `InsenvError` if matplotlib is missing."""
-        require_matplotlib()
-        return draw_tuning(self)
-
-    def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
-        """Write tuning.toml, tuning.json and, if `figure` and matplotlib is installed, the figure.
-
-        Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
-        """
-        return write_document(self.document(), OutputFolder(folder), figure)
-
     def document(self) -> Document:
         """What is printed and kept of it."""
-        texts, page = {f"{NAME}.toml": self.toml()}, partial(tuning_page, self)
-        return Document(NAME, self.as_json(), partial(tuning_blocks, self), texts, page=page, figure=self.plot)
+        texts, page, figure = {f"{NAME}.toml": self.toml()}, partial(tuning_page, self), partial(tuning_picture, self)
+        return Document(NAME, self.as_json(), partial(tuning_blocks, self), texts, page=page, figure=figure)
 
     def __repr__(self) -> str:
         if not self.is_better:
@@ -184,85 +163,54 @@ def _shown(value: float | list[float]) -> str:
     return ", ".join(map(number, value)) if isinstance(value, list) else number(value)
 
 
-def draw_tuning(found: Tuning) -> Figure:
-    """The objective over the generations, the factors, and the ratio of the errors after to those before."""
-    from matplotlib.ticker import MaxNLocator
+# The page and the figure of a tuning: what was changed, the errors before and after, and the search.
 
-    with page(10.5, 4.2) as figure:
-        panels = figure.subplots(1, 3 if found.channels else 2)
-        axes = panels[0]
-        generations = np.arange(1, len(found.history) + 1)
-        axes.axhline(found.start, color=LIMIT, linestyle=":", label="before")
-        for column, text, colour in ((1, "median of a population", COLOURS[5]), (0, "best of a population", COLOURS[0])):
-            axes.plot(generations, found.history[:, column], color=colour, label=text)
-        axes.set_title(f"Objective on {found.trained_on}")
-        axes.set_xlabel("generation")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-        axes = panels[1]
-        places = np.arange(len(found.parameters))[::-1]
-        axes.barh(places, np.log10(found.factors), color=COLOURS[1], height=0.6)
-        axes.set_yticks(places, [parameter.key for parameter in found.parameters])
-        axes.axvline(0.0, color=LIMIT, linewidth=0.8)
-        axes.set_title("Factors, decimal logarithm")
-        if found.channels:
-            axes = panels[2]
-            places = np.arange(len(found.channels))[::-1]
-            ratios = np.array([[c.ratio.value, c.ratio.low, c.ratio.high] for c in found.channels])
-            spread = np.abs(np.nan_to_num(ratios[:, 1:] - ratios[:, :1])).T
-            axes.errorbar(ratios[:, 0], places, xerr=spread, fmt="o", color=COLOURS[2], capsize=3, markersize=4)
-            axes.set_yticks(places, [label(channel.name) for channel in found.channels])
-            axes.axvline(1.0, color=LIMIT, linewidth=0.8)
-            axes.set_title("rms after / before, 95 %")
-            axes.set_xlabel(found.judged_on)
-        title(figure, f"{found.source}: tuning of {found.estimator}")
-        legend(figure, handles, columns=3)
-        return figure
+LEGEND = ("best of a population", "median of a population")
 
 
-# The page of a tuning: what was changed, the errors before and after, and the search, as one document for the front end.
-
-
-def tuning_page(found: Tuning) -> str:
-    """The HTML of a tuning."""
-    return assembled(f"{found.source}: tuning of {found.estimator}", {"report": tuning_page_document(found)})
-
-
-def tuning_page_document(found: Tuning) -> dict[str, Any]:
-    """The document of the page of a tuning (web/README.md)."""
-    pool = Pool()
-    factors = [
-        (parameter.key, float(factor), None, None) for parameter, factor in zip(found.parameters, found.factors, strict=True)
-    ]
-    ratios = [(label(one.name), one.ratio.value, one.ratio.low, one.ratio.high) for one in found.channels]
-    changes = [intervals_panel("Factors on the parameters", factors)]
-    changes += [intervals_panel(f"rms after / before, 95 %, on {found.judged_on}", ratios)] if ratios else []
-    tables = [table("Parameters", PARAMETER_COLUMNS, parameter_rows(found))]
-    tables += [table(f"Errors on {found.judged_on}", CHANNEL_COLUMNS, channel_rows(found))] if ratios else []
-    return {
-        "kind": "report",
-        "version": __version__,
-        "name": f"{found.source}: {found.estimator}",
-        "title": "Tuning" if found.is_better else "Tuning: no better than by chance, keep the present one",
-        "facts": [f"sought on {found.trained_on}", f"judged on {found.judged_on}", f"{number(found.duration_s)} s"],
-        "truth": "before",
-        "axis": {"name": "Generation", "unit": "", "whole": True},
-        "legend": [{"name": "best of a population"}, {"name": "median of a population"}],
-        "tables": tables,
-        "explained": [f"{sentence}." for sentence in sentences(found)],
-        "notes": list(found.notes),
-        "sections": [
-            section("Before and after", changes, columns=2),
-            section("The search", [_history(found, pool)], columns=1),
+def tuning_page(found: Tuning) -> Page:
+    """The page of a tuning."""
+    changes = change_panels(found)
+    tables = [Table("Parameters", PARAMETER_COLUMNS, parameter_rows(found))]
+    tables += [Table(f"Errors on {found.judged_on}", CHANNEL_COLUMNS, channel_rows(found))] if found.channels else []
+    return Page(
+        tab=f"{found.source}: tuning of {found.estimator}",
+        name=f"{found.source}: {found.estimator}",
+        title="Tuning" if found.is_better else "Tuning: no better than by chance, keep the present one",
+        facts=[f"sought on {found.trained_on}", f"judged on {found.judged_on}", f"{number(found.duration_s)} s"],
+        legend=[{"name": name} for name in LEGEND],
+        tables=tables,
+        explained=[f"{sentence}." for sentence in sentences(found)],
+        notes=found.notes,
+        sections=[
+            Section("Before and after", changes, columns=2),
+            Section("The search", [history_panel(found)], columns=1),
         ],
-        "arrays": pool.as_json(),
-    }
+        truth="before",
+        more={"axis": {"name": "Generation", "unit": "", "whole": True}},
+    )
 
 
-def _history(found: Tuning, pool: Pool) -> dict[str, Any]:
+def tuning_picture(found: Tuning) -> Picture:
+    """The objective over the generations, the factors, and the ratio of the errors after to those before."""
+    title = f"{found.source}: tuning of {found.estimator}"
+    return Picture(title, [[history_panel(found), *change_panels(found)]], LEGEND, (10.5, 4.2), truth="before", columns=3)
+
+
+def change_panels(found: Tuning) -> list[IntervalsPanel]:
+    """The factors, and the ratio of the errors after to those before."""
+    factors = [(one.key, float(factor), None, None) for one, factor in zip(found.parameters, found.factors, strict=True)]
+    ratios = [(label(one.name), one.ratio.value, one.ratio.low, one.ratio.high) for one in found.channels]
+    panels = [IntervalsPanel("Factors on the parameters", factors)]
+    heading = "rms after / before, 95 %"
+    rms = IntervalsPanel(f"{heading}, on {found.judged_on}", ratios, heading, found.judged_on)
+    return panels + ([rms] if ratios else [])
+
+
+def history_panel(found: Tuning) -> TimePanel:
+    """The objective over the generations."""
     generations = np.arange(1.0, len(found.history) + 1)
-    panel = TimePanel(pool, f"Objective on {found.trained_on}", "1", generations)
-    panel.curve(TRUTH_GROUP, np.full(len(generations), found.start))
-    for group in (1, 0):
-        panel.curve(group, found.history[:, group])
-    return panel.as_json()
+    panel = TimePanel(f"Objective on {found.trained_on}", "1", generations, x_name="generation")
+    panel.marks = [Curve(TRUTH_GROUP, np.full(len(generations), found.start))]
+    panel.marks += [Curve(group, found.history[:, group]) for group in (1, 0)]
+    return panel

@@ -1,4 +1,4 @@
-"""Output of a campaign: tables for 80 columns, the document, the result files."""
+"""What is printed and kept of a campaign: tables, document, page, figure, the table of its runs."""
 
 from __future__ import annotations
 
@@ -14,19 +14,15 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.output import to_json
-from insenv.base.version import __version__
 from insenv.evaluation import sentences
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
-from insenv.report.document import Block, Document, Grid, Line
-from insenv.report.notebook import data_frame, html_document
-from insenv.report.page import assembled
-from insenv.report.page.of_run import EXPLAINED, NAMES, unit_of
-from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, kept_records, section, table
-from insenv.report.scales import threshold_of
-from insenv.report.tables import label, number, runs_of, since, within
-from insenv.studies.campaign.campaign_figure import draw_campaign
+from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.notebook import data_frame
+from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture, unit_of
+from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
+from insenv.report.tables import error_label, label, number, runs_of, since, within
 from insenv.studies.campaign.sensitivity import Sensitivity
 from insenv.studies.campaign.statistics import Statistics, named
 from insenv.studies.campaign.variation import Variation
@@ -102,12 +98,11 @@ def campaign_blocks(found: Statistics) -> Iterator[Block]:
     yield Line()
     rows: list[Sequence[str | Line]] = []
     for text, (mean, rms, limit, ratio, stated) in campaign_rows(found):
-        far = Line(number(ratio), "yellow" if ratio is not None and ratio > 3 else "")
+        far = Line(number(ratio), "yellow" if ratio is not None and ratio > MARKED else "")
         rows.append((text, number(mean), Line(number(rms), "bold"), number(limit), far, number(stated)))
     yield Grid(CAMPAIGN_COLUMNS, rows)
     yield Line()
-    ends = [(label(name), *map(number, row["percentiles"].values())) for name, row in found.figures().items()]
-    yield Grid(("at the end", *(f"{p:g} %" for p in found.percentile_levels)), ends)
+    yield Grid(("at the end", *level_columns(found)), end_rows(found))
     for told in horizontal_lines(found):
         yield Line()
         yield Line(told)
@@ -125,6 +120,16 @@ def campaign_blocks(found: Statistics) -> Iterator[Block]:
         yield Line(told, "yellow")
     for note in found.notes:
         yield Line(f"note: {note}")
+
+
+def level_columns(found: Statistics) -> list[str]:
+    """Names of the columns of percentiles."""
+    return [f"{level:g} %" for level in found.percentile_levels]
+
+
+def end_rows(found: Statistics) -> list[tuple[str, ...]]:
+    """By error, its label and its percentiles at the end."""
+    return [(label(name), *map(number, row["percentiles"].values())) for name, row in found.figures().items()]
 
 
 def horizontal_lines(found: Statistics) -> Iterator[str]:
@@ -223,16 +228,6 @@ def campaign_rows(found: Statistics) -> list[tuple[str, list[float | None]]]:
     return rows
 
 
-def campaign_html(found: Statistics) -> str:
-    """A table of the errors, with the figure, for a notebook."""
-    rows = [(text, *map(number, values)) for text, values in campaign_rows(found)]
-    tables = [("errors", CAMPAIGN_COLUMNS, rows)]
-    plan = found.plan
-    return html_document(
-        f"{plan.name}: {plan.estimator}", campaign_facts(found), tables, found.notes, lambda: draw_campaign(found)
-    )
-
-
 def campaign_frame(found: Statistics) -> DataFrame:
     """The courses as a DataFrame indexed by time; see `Summary.to_dataframe`."""
     columns: dict[str, NDArray[np.float64]] = {}
@@ -261,7 +256,7 @@ def campaign_document(found: Statistics, table: str = "") -> Document:
         partial(campaign_blocks, found),
         arrays=partial(campaign_arrays, found),
         page=partial(campaign_page, found),
-        figure=partial(draw_campaign, found),
+        figure=partial(campaign_picture, found),
         further=further,
     )
 
@@ -303,39 +298,40 @@ def _health_of(shares: Mapping[str, Any], what: str) -> str:
     return f"{verdicts}; mean NIS {number(shares['nis'])}, {100 * shares['refused']:.2g} % of the {what} refused"
 
 
-# The page of a campaign: its tables and the courses of its errors, as one document for the front end.
-
-GROUPS = (("Attitude error", ATTITUDE), ("Position error", POSITION), ("Velocity error", VELOCITY))
+# The page and the figure of a campaign: its tables, and the courses of its errors.
 
 
-def campaign_page(found: Statistics) -> str:
-    """The HTML of a campaign."""
-    return assembled(f"{found.plan.name}: {found.plan.estimator}", {"report": campaign_page_document(found)})
-
-
-def campaign_page_document(found: Statistics) -> dict[str, Any]:
-    """The document of the page of a campaign (web/README.md)."""
-    pool = Pool()
-    keep = kept_records(len(found.time), 8 * len(found.courses) + 2)
-    sections = course_sections([found], pool, keep)
-    if found.nees is not None:
-        sections.append(section("Consistency", [_nees(found, pool, keep)], columns=1))
+def campaign_page(found: Statistics) -> Page:
+    """The page of a campaign."""
     plan = found.plan
-    return {
-        "kind": "report",
-        "version": __version__,
-        "name": f"{plan.name}: {plan.estimator}",
-        "title": str(plan.scenario.get("title", "")),
-        "facts": campaign_page_facts(found),
-        "truth": "truth",
-        "shares": True,
-        "legend": [{"name": "median of the runs"}],
-        "tables": campaign_page_tables(found),
-        "explained": explained(found),
-        "notes": campaign_page_notes(found),
-        "sections": sections,
-        "arrays": pool.as_json(),
-    }
+    consistency = [Section("Consistency", [nees_panel(found)], columns=1)] if found.nees is not None else []
+    return Page(
+        tab=f"{plan.name}: {plan.estimator}",
+        name=f"{plan.name}: {plan.estimator}",
+        title=str(plan.scenario.get("title", "")),
+        facts=campaign_page_facts(found),
+        legend=[{"name": "median of the runs"}],
+        tables=campaign_page_tables(found),
+        explained=explained(found),
+        notes=campaign_page_notes(found),
+        sections=[*course_sections([found]), *consistency],
+        more={"shares": True},
+    )
+
+
+def campaign_picture(found: Statistics) -> Picture:
+    """Percentiles of the errors over time with plus and minus the limit; the mean NEES with its bounds if there is one."""
+    plan, names = found.plan, ("median", "", "")
+    title = f"{plan.name}: {plan.estimator}\n{runs_of(plan.runs)} of {plan.duration_s:g} s"
+    groups: list[list[TimePanel | None]] = [
+        [course_panel([found], name) for name in group if name in found.courses] for _, group in GROUPS
+    ]
+    groups = [group for group in groups if group]
+    consistency = [] if found.nees is None else [nees_panel(found)]
+    if len(groups) == 1:  # attitude only
+        return angles_picture(title, names, [*filter(None, groups[0]), *consistency], found.from_s, columns=3)
+    rows = [*groups, *([one, None, None] for one in consistency)]
+    return Picture(title, rows, names, (11.0, 1.4 + 2.2 * len(rows)), columns=3)
 
 
 def campaign_page_facts(found: Statistics) -> list[str]:
@@ -343,31 +339,23 @@ def campaign_page_facts(found: Statistics) -> list[str]:
     return [campaign_facts(found), *(f"{one.key} drawn {drawn(one)}" for one in found.plan.variations)]
 
 
-def campaign_page_tables(found: Statistics, name: str = "", group: int | None = None) -> list[dict[str, Any]]:
+def campaign_page_tables(found: Statistics, name: str = "", group: int | None = None) -> list[Table]:
     """The tables that are printed.  name, group: of the estimator, if the page has several."""
-    rows = [(text, *map(number, values)) for text, values in campaign_rows(found)]
-    ratio = CAMPAIGN_COLUMNS.index("rms/limit")
-    above = [(k, ratio) for k, (_, values) in enumerate(campaign_rows(found)) if (values[ratio - 1] or 0.0) > 3.0]
+    rows, ratio = campaign_rows(found), CAMPAIGN_COLUMNS.index("rms/limit")
+    above = [(k, ratio) for k, (_, values) in enumerate(rows) if (values[ratio - 1] or 0.0) > MARKED]
     start = [] if found.from_s <= 0 else [f"Statistics from {found.from_s:g} s on"]
-    levels = [f"{level:g} %" for level in found.percentile_levels]
-    ends = [(label(channel), *map(number, row["percentiles"].values())) for channel, row in found.figures().items()]
     of = f": {name}" if name else ""
-    meaning = [sensitivity_meaning(found)]
-    sensitivities = [
-        table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group=group, below=meaning, wide=True)
-        for columns, cells in sensitivity_tables(found)
-    ]
+    cells = [(text, *map(number, values)) for text, values in rows]
+    below = [*start, *consistency_lines(found)]
+    levels, meaning = ("error", *level_columns(found)), [sensitivity_meaning(found)]
     return [
-        table(
-            f"Errors over the runs{of}", CAMPAIGN_COLUMNS, rows, group=group,
-            below=[*start, *consistency_lines(found)], warnings=above,
+        Table(f"Errors over the runs{of}", CAMPAIGN_COLUMNS, cells, group, below, above),
+        Table(f"Percentiles of the errors at the end{of}", levels, end_rows(found), group, list(horizontal_lines(found))),
+        *(
+            Table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group, meaning, wide=True)
+            for columns, cells in sensitivity_tables(found)
         ),
-        table(
-            f"Percentiles of the errors at the end{of}", ("error", *levels), ends, group=group,
-            below=list(horizontal_lines(found)),
-        ),
-        *sensitivities,
-    ]  # fmt: skip
+    ]
 
 
 def explained(found: Statistics) -> list[str]:
@@ -380,42 +368,37 @@ def campaign_page_notes(found: Statistics) -> list[str]:
     return [*failed_lines(found), *found.notes]
 
 
-def course_sections(campaigns: Sequence[Statistics], pool: Pool, keep: Any) -> list[dict[str, Any]]:
+def course_sections(campaigns: Sequence[Statistics]) -> list[Section]:
     """The errors over time of campaigns of the same runs, by channel; the place of a campaign is its group of curves."""
-    sections = []
-    for title, group in GROUPS:
-        shown = [name for name in group if any(name in one.courses for one in campaigns)]
-        if shown:
-            sections.append(section(title, [_course(campaigns, pool, keep, name) for name in shown]))
-    return sections
+    known = {name for one in campaigns for name in one.courses}
+    return [Section(title, [course_panel(campaigns, name) for name in group if name in known]) for title, group in GROUPS]
 
 
-def _course(campaigns: Sequence[Statistics], pool: Pool, keep: Any, name: str) -> dict[str, Any]:
+def course_panel(campaigns: Sequence[Statistics], name: str) -> TimePanel:
     """Median and bands of one channel, and the limit of the first campaign that has the channel."""
-    own = [(place, one, one.courses[name]) for place, one in enumerate(campaigns) if name in one.courses]
-    _, found, first = own[0]
-    reach = 0.0 if first.limit is None else float(np.nanmax(first.limit[-max(1, len(found.time) // 4) :]))
-    ends = [np.stack([course.percentiles[0], course.percentiles[-1]], 1).ravel() for _, _, course in own]
-    start = min(one.from_s for _, one, _ in own)
+    having = [(place, one, one.courses[name]) for place, one in enumerate(campaigns) if name in one.courses]
+    start = min(one.from_s for _, one, _ in having)
     panel = TimePanel(
-        pool, NAMES[name], unit_of(name), found.time[keep], wraps=name in ATTITUDE,
-        threshold=threshold_of(ends, [reach] * len(ends)), from_s=start if start > 0 else None,
+        NAMES[name], unit_of(name), having[0][1].time, error_label(name), errors=True, wraps=name in ATTITUDE,
+        from_s=start if start > 0 else None,
     )  # fmt: skip
-    for place, _, course in own:
+    for place, _, course in having:
         low, lower, _, upper, high = course.percentiles
-        panel.between(place, low[keep], high[keep])
-        panel.between(place, lower[keep], upper[keep], 1.6)
-    if first.limit is not None:
-        panel.curve(TRUTH_GROUP, first.limit[keep], "limit")
-    for place, _, course in own:
-        panel.curve(place, course.percentiles[2][keep])
-    return panel.as_json()
+        panel.marks += [Range(place, low, high, label="95 % of the runs"), Range(place, lower, upper, 1.6, "68 % of the runs")]
+    limit = having[0][2].limit
+    if limit is not None:
+        panel.marks.append(Curve(TRUTH_GROUP, limit, "limit"))
+    panel.marks += [Curve(place, course.percentiles[2]) for place, _, course in having]
+    return panel
 
 
-def _nees(found: Statistics, pool: Pool, keep: Any) -> dict[str, Any]:
-    assert found.nees is not None
-    times = found.time[keep]
-    panel = TimePanel(pool, f"Mean NEES of {found.nees.degrees:g} states, with its 95 % bounds", "1", times)
-    panel.between(2, np.full(len(times), found.nees.low), np.full(len(times), found.nees.high))
-    panel.curve(0, found.nees.mean[keep])
-    return panel.as_json()
+def nees_panel(found: Statistics) -> TimePanel:
+    """The mean NEES with the bounds of a consistent estimator."""
+    nees = found.nees
+    assert nees is not None
+    panel = TimePanel(
+        f"Mean NEES of {nees.degrees:g} states, with its 95 % bounds", "1", found.time, "mean NEES", level=nees.degrees
+    )
+    low, high = (np.full(len(found.time), end) for end in (nees.low, nees.high))
+    panel.marks += [Range(2, low, high), Curve(0, nees.mean)]
+    return panel
