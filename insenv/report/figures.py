@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from insenv.base import style
-from insenv.base.style import COLOURS, DASHED, LIMIT, PALE, STATISTICS, TRUTH
+from insenv.base.style import COLOURS, LIMIT, PALE, STATISTICS, TRUTH
 from insenv.report.panels import (
+    DASHED,
     OPAQUE,
     TIME,
     TRUTH_GROUP,
@@ -34,6 +35,17 @@ if TYPE_CHECKING:
 PALETTE = (*COLOURS, "#8C6BB1", "#A6761D", "#7A9A01", "#F0E442", "#c8c8c8", "#7f7f7f")
 """Colours of the groups, as on the page."""
 CIRCLE: Any = {"marker": "o", "linestyle": "", "markersize": 6, "markerfacecolor": "white", "markeredgecolor": "black"}
+FORMS: dict[str, dict[str, Any]] = {
+    "line": {"linewidth": 1.1, "zorder": 3},
+    "truth": {"linewidth": 4.0, "zorder": 2},
+    "thin": {"linewidth": 0.7, "zorder": 3},
+    "dotted": {"linewidth": 0.8, "zorder": 3, "linestyle": ":"},
+    "dashed": {"linewidth": 1.1, "zorder": 3, "linestyle": DASHED},
+    "marked": {"linewidth": 1.1, "zorder": 3, "marker": "o", "markersize": 3.0},
+    "circles": {"linestyle": "", "zorder": 4, "marker": "o", "markersize": 6.0, "markeredgecolor": "black"},
+    "points": {"linestyle": "", "zorder": 3, "marker": ".", "markersize": 2.5},
+    "crosses": {"linestyle": "", "zorder": 3, "marker": "x", "markersize": 5.0},
+}
 FAINT = 0.16
 """Opacity of a band of strength 1."""
 POINTS = 600
@@ -101,7 +113,7 @@ class _Drawing:
         return self.handles
 
     def _name(self, group: int) -> str:
-        return self.picture.truth if group == TRUTH_GROUP else self.picture.names[group]
+        return self.picture.truth if group == TRUTH_GROUP else dict(enumerate(self.picture.names)).get(group, "")
 
     def _keep(self, name: str, handle: Any) -> None:
         if name:
@@ -125,7 +137,7 @@ class _Drawing:
                 self._band(mark, panel)
             else:
                 alpha = 1.0 if mark.strength >= OPAQUE else FAINT * mark.strength
-                colour = _colour(mark.group)
+                colour = LIMIT if mark.group == TRUTH_GROUP else _colour(mark.group)
                 area = axes.fill_between(panel.x, mark.low, mark.high, color=colour, alpha=alpha, linewidth=0, zorder=2)
                 self._keep(mark.label or self._name(mark.group), area)
         self._scale(panel)
@@ -136,6 +148,8 @@ class _Drawing:
             axes.set_xlim(0.0 if 0 < begin < 0.02 * end else begin, end)
             if panel.from_s is not None and not panel.positive:
                 axes.axvspan(panel.from_s, end, color=STATISTICS, zorder=0, linewidth=0)
+        if panel.x_span is not None:
+            axes.set_xlim(*panel.x_span)
         self.handles |= style.shade(axes, panel.shade)
 
     def _curve(self, mark: Curve, panel: TimePanel) -> None:
@@ -148,18 +162,16 @@ class _Drawing:
             for sign in (1,) if panel.positive else (-1, 1):
                 (line,) = axes.plot(x, sign * mark.y, color=colour, linestyle=DASHED, linewidth=1.0, zorder=4)
             self._keep("theoretical limit" if panel.positive else "theoretical limit, ±1 sigma", line)
-        elif mark.kind in ("points", "crosses"):
-            marker, size = (".", 2.5) if mark.kind == "points" else ("x", 5.0)
-            (dots,) = axes.plot(x, mark.y, marker, markersize=size, color=colour, zorder=3)
-            if mark.kind == "crosses":
-                self._keep(f"{name}: fix refused", dots)
+        elif mark.kind == "crosses":
+            self._keep(f"{name}: fix refused", axes.plot(x, mark.y, color=colour, **FORMS["crosses"])[0])
         elif mark.kind == "model":
             self._keep(name, axes.plot(x, mark.y, linestyle=mark.dash, color=LIMIT, linewidth=0.9)[0])
         else:
+            form = FORMS["truth" if (mark.group, mark.kind) == (TRUTH_GROUP, "line") else mark.kind]
             y = style.unwrapped(mark.y) if panel.wraps else mark.y
-            more: dict[str, Any] = {"marker": "o", "markersize": 3.0} if mark.kind == "marked" else {}
-            wide, depth = (4.0, 2) if mark.group == TRUTH_GROUP else (1.1, 3)
-            self._keep(name, axes.plot(x, y, color=colour, linewidth=wide, zorder=depth, **more)[0])
+            (line,) = axes.plot(x, y, color=colour, **form)
+            if mark.kind != "points":
+                self._keep(name, line)
 
     def _band(self, mark: Band, panel: TimePanel) -> None:
         x, half, centre = panel.x, mark.half, mark.centre
@@ -176,12 +188,16 @@ class _Drawing:
         centred = [mark for mark in panel.marks if isinstance(mark, Band) and mark.centre is not None]
         if panel.log_x:
             axes.set_xscale("log")
+        if panel.linear_to is not None:
+            style.symlog(axes, panel.linear_to)
         if panel.log:
             values = np.concatenate([curve.y for curve in curves] or [np.ones(1)])
             if panel.level is not None and (values := values[np.isfinite(values)]).size:
                 low, high = float(np.quantile(values, 0.02)), float(values.max())
                 axes.set_ylim(0.7 * min(0.5 * panel.level, low), 1.5 * max(4.0 * panel.level, high))
             style.log(axes)
+        elif panel.span is not None:
+            axes.set_ylim(*panel.span)
         elif panel.most is not None:
             axes.set_ylim(0.0, panel.most)
         elif panel.positive:

@@ -17,14 +17,15 @@ Array = NDArray[np.float64]
 
 TRUTH_GROUP = -1
 TIME = "time [s]"
+DASHED = (0, (4, 2))
 OPAQUE = 4.5
 """Strength of bands that do not overlap."""
 FALL, SPREAD = 10.0, 50.0
 """A scale of errors is logarithmic if they fall by more along the run, or if estimators differ by more."""
 
-Kind = Literal["line", "points", "crosses", "limit", "marked", "model"]
-"""Crosses: of what was refused.  limit: drawn at plus and minus the values.  In figures alone, marked: a line with dots; model:
-a grey line in the pattern `dash` of matplotlib."""
+Kind = Literal["line", "points", "crosses", "limit", "marked", "thin", "dotted", "dashed", "circles", "model"]
+"""Crosses: of what was refused.  limit: drawn at plus and minus the values.  In figures alone, marked: a line with dots; thin:
+one of many lines; circles: published values; model: a grey line in the pattern `dash` of matplotlib."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Curve:
     kind: Kind = "line"
     x: Array | None = None
     label: str = ""
-    dash: object = "-"
+    dash: object = DASHED
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,8 @@ class TimePanel:
     logarithmic where a linear one would hide small errors.  log, log_x: logarithmic scales.  wraps: angles in degrees, drawn
     with a gap where they wrap.  from_s: start of the statistics, s.  positive: the vertical scale begins at 0.  most: where it
     ends; None: beyond the largest value.  level: the expected value, dashed in a figure.  shade: intervals of time without
-    fixes, s.  x_name: what x is.  note: text of an empty panel in a figure.
+    fixes, s.  x_name: what x is.  note: text of an empty panel in a figure.  In figures alone, span and x_span: ends of the
+    scales; linear_to: value from which the vertical one is logarithmic.
     """
 
     title: str
@@ -85,6 +87,9 @@ class TimePanel:
     shade: Sequence[tuple[float, float]] = ()
     x_name: str = TIME
     note: str = ""
+    span: tuple[float, float] | None = None
+    x_span: tuple[float, float] | None = None
+    linear_to: float | None = None
     marks: list[Curve | Band | Range] = field(default_factory=list)
 
     @property
