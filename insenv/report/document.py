@@ -41,7 +41,20 @@ class Grid:
     gap: int = 2
 
 
-Block = Line | Grid
+@dataclass(frozen=True)
+class Listing:
+    """A table of texts as wide as the terminal, whose last column wraps.
+
+    right: places of the columns that are aligned right.  head: whether the names of the columns are shown.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    right: Sequence[int] = ()
+    head: bool = True
+
+
+Block = Line | Grid | Listing
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from insenv.base.errors import InsenvError
 from insenv.base.installing import is_installed, need
 from insenv.base.style import save
-from insenv.report.document import Document, Table
+from insenv.report.document import Document, Page, Table
 from insenv.report.figures import draw
 from insenv.report.files import FilesWritten, OutputFolder, write_document
 
@@ -46,14 +46,13 @@ class Shown:
         """
         return write_document(self.document(), OutputFolder(folder), figure)
 
-    def _repr_html_(self) -> str:
-        return notebook_html(self.document())
+    def _repr_html_(self) -> str | None:
+        document = self.document()
+        return None if document.page is None else notebook_html(document, document.page())
 
 
-def notebook_html(document: Document) -> str:
-    """Title, tables and notes of the page, and the figure as a PNG in a data URI if matplotlib is installed."""
-    assert document.page is not None
-    page = document.page()
+def notebook_html(document: Document, page: Page) -> str:
+    """Title, tables and notes of a page, and the figure as a PNG in a data URI if matplotlib is installed."""
     title = f"{page.name}: {page.title}"
     parts = [f"<p><b>{escape(title)}</b><br>{escape(', '.join(page.facts))}</p>", *map(_table, page.tables)]
     parts += [f"<p>note: {escape(note)}</p>" for note in page.notes]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -21,10 +21,6 @@ from insenv.sensors.grade_file import SUFFIX, toml_text
 from insenv.sensors.grades import ImuGrade
 from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Curve, Figure, Terms
 from insenv.studies.rest import Part
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawn
-
 
 GRADE_FILE = "unit.toml"
 """Name of the grade file in a folder of results."""
@@ -110,13 +106,13 @@ class SensorNoise:
 
     def figures(self) -> dict[str, Figure]:
         """The fitted figures by data-sheet key."""
-        found = {} if self.terms is None else self.terms.figures
-        return {SCALES[self.kind][name][0]: _scaled(each, SCALES[self.kind][name][1]) for name, each in found.items()}
+        figures = {} if self.terms is None else self.terms.figures
+        return {SCALES[self.kind][name][0]: _scaled(each, SCALES[self.kind][name][1]) for name, each in figures.items()}
 
     def upper(self) -> dict[str, float]:
         """Upper bounds (95 %) of the terms that were not seen, by data-sheet key."""
-        found = {} if self.terms is None else self.terms.upper
-        return {SCALES[self.kind][name][0]: bound / SCALES[self.kind][name][1] for name, bound in found.items()}
+        bounds = {} if self.terms is None else self.terms.upper
+        return {SCALES[self.kind][name][0]: bound / SCALES[self.kind][name][1] for name, bound in bounds.items()}
 
     def floor(self) -> Figure | None:
         """The bias instability of a data sheet, the lowest Allan deviation [deg/h or ug]; None while it still falls."""
@@ -193,9 +189,7 @@ class UnitNoise(Shown):
             )
         )
 
-    def figure(self) -> Drawn:
-        """The Allan deviations with the fitted terms.  Raises `InputError` if matplotlib is not installed."""
-        return self.plot()
+    figure = Shown.plot
 
     def document(self) -> Document:
         """What is printed and kept of it."""
@@ -229,17 +223,17 @@ def _document_of(noise: SensorNoise) -> dict[str, Any]:
     }
 
 
-def document(found: UnitNoise, grade_file: str | None = None) -> Document:
+def document(unit: UnitNoise, grade_file: str | None = None) -> Document:
     """What is printed and kept of the noise of a unit; its files are allan.json, unit.toml and the figure.
 
     grade_file: the path of a grade file that was written.
     """
     return Document(
         NAME,
-        {**found.as_json(), "grade_file": grade_file},
-        partial(blocks, found),
-        {GRADE_FILE: grade_text(found)},
-        figure=partial(picture, found),
+        {**unit.as_json(), "grade_file": grade_file},
+        partial(blocks, unit),
+        {GRADE_FILE: grade_text(unit)},
+        figure=partial(picture, unit),
         order=("json", "texts", "png", "svg"),
         located=True,
     )
@@ -248,13 +242,13 @@ def document(found: UnitNoise, grade_file: str | None = None) -> Document:
 # --- tables --------------------------------------------------------------------------------------------
 
 
-def blocks(found: UnitNoise) -> Iterator[Block]:
+def blocks(unit: UnitNoise) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    part = found.part
+    part = unit.part
     lasts = part.end_s - part.begin_s
-    yield Line(found.log, "bold")
+    yield Line(unit.log, "bold")
     yield Line(f"{lasts:.6g} s {_of(part)} from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
-    rows = (*found.axes, *found.triads)
+    rows = (*unit.axes, *unit.triads)
     columns = 4 if any(noise.floor() for noise in rows) else 3
     for kind, head in _HEADS.items():
         yield Line()
@@ -263,9 +257,9 @@ def blocks(found: UnitNoise) -> Iterator[Block]:
         cells = [(name, *_cells(noise))[:columns] for name, noise in zip(names, shown, strict=True)]
         yield Grid(head[:columns], cells, gap=1)
     yield Line()
-    for told in _explained(rows):
-        yield Line(told, "dim")
-    for warning in found.warnings:
+    for sentence in _explained(rows):
+        yield Line(sentence, "dim")
+    for warning in unit.warnings:
         yield Line(f"warning: {warning}", "yellow")
 
 
@@ -304,10 +298,10 @@ def _cells(noise: SensorNoise) -> tuple[str, str, str]:
 def _white(noise: SensorNoise) -> str:
     """The white noise of a row of the table."""
     figure = noise.figures().get(noise.white_key)
-    told = f"not seen: below {_number(noise.upper()[noise.white_key])}" if figure is None else _number(figure.value)
+    text = f"not seen: below {_number(noise.upper()[noise.white_key])}" if figure is None else _number(figure.value)
     if noise.distrust:
-        return "not trusted" if figure is None else f"{told}, not trusted"
-    return told if figure is None else f"{told} ±{50.0 * (figure.high - figure.low) / figure.value:.1g} %"
+        return "not trusted" if figure is None else f"{text}, not trusted"
+    return text if figure is None else f"{text} ±{50.0 * (figure.high - figure.low) / figure.value:.1g} %"
 
 
 def _slow_keys(kind: str) -> tuple[tuple[str, str, str], ...]:
@@ -339,10 +333,10 @@ def _number(value: float) -> str:
 # --- figure --------------------------------------------------------------------------------------------
 
 
-def picture(found: UnitNoise) -> panels.Picture:
+def picture(unit: UnitNoise) -> panels.Picture:
     """The Allan deviations of gyros and accelerometers with their 95 % bounds, and the fitted terms of the triads."""
-    grid = [_panel(triad, [axis for axis in found.axes if axis.kind == triad.kind]) for triad in found.triads]
-    title = f"Allan deviation: {found.log}, {found.part.end_s - found.part.begin_s:.6g} s {_of(found.part)}"
+    grid = [_panel(triad, [axis for axis in unit.axes if axis.kind == triad.kind]) for triad in unit.triads]
+    title = f"Allan deviation: {unit.log}, {unit.part.end_s - unit.part.begin_s:.6g} s {_of(unit.part)}"
     return panels.Picture(title, [grid], ("x", "y", "z", "", "", "", "fit, three axes"), (10.0, 5.2), columns=8)
 
 
@@ -381,24 +375,24 @@ def check_grade(path: Path | None) -> None:
     check_output_file(path)
 
 
-def write_grade(found: UnitNoise, path: Path) -> Path:
+def write_grade(unit: UnitNoise, path: Path) -> Path:
     """Write the grade file.  Raises `InputError` as `check_grade` does."""
     check_grade(path)
     with atomic(path) as stream:
-        stream.write(grade_text(found).encode())
+        stream.write(grade_text(unit).encode())
     return path
 
 
-def grade_text(found: UnitNoise) -> str:
+def grade_text(unit: UnitNoise) -> str:
     """The text of the grade file: bounds of what is measured stand beside it, of what was not seen at the top."""
-    part = found.part
+    part = unit.part
     lines = [
-        f"Written by insenv allan: {part.end_s - part.begin_s:.6g} s {_of(part)} of {found.log}, three axes together.",
+        f"Written by insenv allan: {part.end_s - part.begin_s:.6g} s {_of(part)} of {unit.log}, three axes together.",
         "An Allan deviation shows noise. All the rest should be replaced by the figures of the data sheet; it is",
-        f"{found.assumption}.",
+        f"{unit.assumption}.",
     ]
     remarks: dict[str, str] = {}
-    for triad in found.triads:
+    for triad in unit.triads:
         if triad.distrust:
             lines.append(f"Not trusted, and so the noise of the {_PLURAL[triad.kind]} is assumed too: {triad.distrust}")
             continue
@@ -408,19 +402,19 @@ def grade_text(found: UnitNoise) -> str:
         for key, bound in triad.upper().items():
             if key == triad.white_key or (without_slow and "quantum" not in key):
                 lines.append(f"Not seen: {key} above {bound:.3g} (95 %)")
-    lines += [f"Warning: {warning}" for warning in found.warnings]
-    grade = found.grade()
+    lines += [f"Warning: {warning}" for warning in unit.warnings]
+    grade = unit.grade()
     remarks |= {key: "assumed" for key in grade.figures() if key not in remarks}
     return toml_text(grade, {**remarks, "": "\n".join(lines)})
 
 
-def assumed(found: UnitNoise) -> str:
+def assumed(unit: UnitNoise) -> str:
     """The sentence on what in the grade is not measured."""
-    kinds = [_PLURAL[triad.kind] for triad in found.triads if triad.distrust]
+    kinds = [_PLURAL[triad.kind] for triad in unit.triads if triad.distrust]
     if not kinds:
-        return f"only the noise is measured; all else is {found.assumption}"
-    measured = [_PLURAL[triad.kind] for triad in found.triads if not triad.distrust]
+        return f"only the noise is measured; all else is {unit.assumption}"
+    measured = [_PLURAL[triad.kind] for triad in unit.triads if not triad.distrust]
     if not measured:
-        return f"nothing is written as measured, because no noise is trusted; all is {found.assumption}"
+        return f"nothing is written as measured, because no noise is trusted; all is {unit.assumption}"
     said = f"only the noise of the {measured[0]} is measured, that of the {kinds[0]} is not trusted"
-    return f"{said}; all else is {found.assumption}"
+    return f"{said}; all else is {unit.assumption}"

@@ -149,54 +149,55 @@ SHOWN = 10
 """Largest number of sources that have a colour of their own; the others are one band."""
 
 
-def budget_blocks(found: Budget) -> Iterator[Block]:
+def budget_blocks(budget: Budget) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    yield Line(f"{found.scenario}: {found.estimator}", "bold")
-    yield Line(facts(found))
+    yield Line(f"{budget.scenario}: {budget.estimator}", "bold")
+    yield Line(facts(budget))
     for heading, names in GROUPS:
-        places = [found.channels.index(name) for name in names if name in found.channels]
+        places = [budget.channels.index(name) for name in names if name in budget.channels]
         if places:
             yield Line()
-            yield _group(found, heading, places)
+            yield _group(budget, heading, places)
     yield Line()
-    for sentence in sentences(found):
+    for sentence in sentences(budget):
         yield Line(sentence, "dim")
-    if diverged := left_out(found):
+    if diverged := left_out(budget):
         yield Line(diverged, "yellow")
-    for note in found.notes:
+    for note in budget.notes:
         yield Line(f"note: {note}")
 
 
-def sentences(found: Budget) -> tuple[str, ...]:
+def sentences(budget: Budget) -> tuple[str, ...]:
     """What the lines and columns mean."""
-    count = found.runs - len(found.diverged)
+    count = budget.runs - len(budget.diverged)
     low, high = ratio_bounds(count)
     return (
-        f"rms {since(found.from_s)}: change by a source alone; w/o: error without it",
+        f"rms {since(budget.from_s)}: change by a source alone; w/o: error without it",
         "method: no source at all; interaction: the rest of all sources, run by run",
         f"rms of {runs_of(count)} over that of many runs: {low:.2f} to {high:.2f} (95 %)",
     )
 
 
-def ranked(found: Budget) -> tuple[list[int], list[int]]:
+def ranked(budget: Budget) -> tuple[list[int], list[int]]:
     """The sources with a colour of their own, the largest first, and the others; by place."""
-    shares = np.nan_to_num(found.shares()[:-1])
-    order = sorted(range(len(found.sources)), key=lambda k: -shares[k].max())
+    shares = np.nan_to_num(budget.shares()[:-1])
+    order = sorted(range(len(budget.sources)), key=lambda k: -shares[k].max())
     return order[:SHOWN], order[SHOWN:]
 
 
-def left_out(found: Budget) -> str:
+def left_out(budget: Budget) -> str:
     """The sentence on runs that diverged; empty if none did."""
-    if not found.diverged:
+    if not budget.diverged:
         return ""
-    named = ", ".join(map(str, found.diverged[:NAMED])) + (", ..." if len(found.diverged) > NAMED else "")
-    return f"{len(found.diverged)} of {found.runs} runs diverged and are left out: seed {named}"
+    named = ", ".join(map(str, budget.diverged[:NAMED])) + (", ..." if len(budget.diverged) > NAMED else "")
+    return f"{len(budget.diverged)} of {budget.runs} runs diverged and are left out: seed {named}"
 
 
-def facts(found: Budget) -> str:
+def facts(budget: Budget) -> str:
     """Runs, duration, seeds and sources in one line."""
-    seeds = f"seeds {found.first_seed} to {found.first_seed + found.runs - 1}" if found.runs > 1 else f"seed {found.first_seed}"
-    return f"{runs_of(found.runs)} of {found.duration_s:g} s, {seeds}; {len(found.sources)} sources of error"
+    first, last = budget.first_seed, budget.first_seed + budget.runs - 1
+    seeds = f"seeds {first} to {last}" if budget.runs > 1 else f"seed {first}"
+    return f"{runs_of(budget.runs)} of {budget.duration_s:g} s, {seeds}; {len(budget.sources)} sources of error"
 
 
 @dataclass(frozen=True)
@@ -210,53 +211,59 @@ class BudgetRow:
     values: tuple[float | None, ...]
     large: tuple[bool, ...] = ()
 
+    @property
+    def texts(self) -> list[str]:
+        """The values as printed."""
+        return ["" if value is None else number(value) for value in self.values]
 
-def budget_rows(found: Budget, places: list[int]) -> list[BudgetRow]:
+
+def budget_rows(budget: Budget, places: list[int]) -> list[BudgetRow]:
     """The lines for some channels, by their places: the sources by their share, then what they make together."""
-    shares = found.shares()[:, places]
-    alone, without = found.rms(found.alone)[:, places], found.rms(found.without)[:, places]
+    shares = budget.shares()[:, places]
+    alone, without = budget.rms(budget.alone)[:, places], budget.rms(budget.without)[:, places]
     largest = np.nan_to_num(shares[:-1], nan=np.inf).max(axis=1)
-    order = sorted(range(len(found.sources)), key=lambda k: -largest[k])
+    order = sorted(range(len(budget.sources)), key=lambda k: -largest[k])
     small = [k for k in order if largest[k] < SMALL]
     if len(small) < 2:
         small = []
     rows = [
-        BudgetRow(found.sources[k], tuple(np.stack([alone[k], without[k]], 1).ravel().tolist()), tuple(shares[k] >= 0.25))
+        BudgetRow(budget.sources[k], tuple(np.stack([alone[k], without[k]], 1).ravel().tolist()), tuple(shares[k] >= 0.25))
         for k in order
         if k not in small
     ]
     if small:
         rows.append(_together(f"{len(small)} smaller ones", np.sqrt(np.sum(alone[small] ** 2, axis=0))))
-    lines = [("method", found.none), ("root sum of squares", found.sum), ("all sources", found.whole)]
-    lines += [("interaction", found.interaction)]
-    lines += [] if found.limit is None else [("limit", found.limit)]
-    return rows + [_together(name, found.rms(squares)[places]) for name, squares in lines]
+    lines = [("method", budget.none), ("root sum of squares", budget.sum), ("all sources", budget.whole)]
+    lines += [("interaction", budget.interaction)]
+    lines += [] if budget.limit is None else [("limit", budget.limit)]
+    return rows + [_together(name, budget.rms(squares)[places]) for name, squares in lines]
 
 
 def _together(name: str, values: Array) -> BudgetRow:
     return BudgetRow(name, tuple(each for value in values.tolist() for each in (value, None)))
 
 
-def _group(found: Budget, heading: str, places: list[int]) -> Grid:
+def _group(budget: Budget, heading: str, places: list[int]) -> Grid:
     """One table of `budget_rows`."""
-    columns = [text for place in places for text in (found.channels[place].rpartition("_")[0], "w/o")]
-    lines = budget_rows(found, places)
+    columns = [text for place in places for text in (budget.channels[place].rpartition("_")[0], "w/o")]
+    lines = budget_rows(budget, places)
     rows: list[Sequence[str | Line]] = []
     for row in lines:
         large = row.large or [row.name == "all sources"] * len(places)
-        texts = ["" if value is None else number(value) for value in row.values]
-        rows.append((row.name, *(Line(text, "bold" if k % 2 == 0 and large[k // 2] else "") for k, text in enumerate(texts))))
+        styles = ["bold" if each else "" for place in large for each in (place, False)]
+        cells = [Line(text, style) for text, style in zip(row.texts, styles, strict=True)]  # type: ignore[arg-type]
+        rows.append((row.name, *cells))
     return Grid((heading, *columns), rows, rule=[row.name for row in lines].index("method"), gap=1)
 
 
-def budget_arrays(found: Budget) -> dict[str, Any]:
+def budget_arrays(budget: Budget) -> dict[str, Any]:
     """All arrays of a budget by key (docs/budget.md): root mean squares over the runs at each time."""
-    arrays: dict[str, Any] = {"time": found.time, "channels": np.array(found.channels), "sources": np.array(found.sources)}
+    arrays: dict[str, Any] = {"time": budget.time, "channels": np.array(budget.channels), "sources": np.array(budget.sources)}
     for name in ("whole", "none", "interaction", "sum", "alone", "without", "limit"):
-        squares = getattr(found, name)
+        squares = getattr(budget, name)
         if squares is not None:
             arrays[{"none": "method", "sum": "root_sum_square"}.get(name, name)] = np.sqrt(squares)
-    arrays["meta"] = np.array(to_json({"format": "insenv-budget", "version": 1, **found.as_json()}, indent=None))
+    arrays["meta"] = np.array(to_json({"format": "insenv-budget", "version": 1, **budget.as_json()}, indent=None))
     return arrays
 
 
@@ -266,35 +273,35 @@ SOURCES, ALL, OTHERS, METHOD = (0, 1, 2, 3, 4, 5, 7, 8, 9, 10), 6, 11, 12
 """Groups of curves: of the sources with a colour of their own, the error with all sources, the other sources, the method."""
 
 
-def budget_page(found: Budget) -> Page:
+def budget_page(budget: Budget) -> Page:
     """The page of a budget."""
-    drawn = _Panels(found)
+    drawn = _Panels(budget)
     sections = []
     for heading, names in (("Attitude", ATTITUDE), ("Position", POSITION), ("Velocity", VELOCITY)):
-        channels = [name for name in names if name in found.channels]
+        channels = [name for name in names if name in budget.channels]
         sections.append(Section(f"{heading}: root of the sum of squares", [drawn.stack(name) for name in channels]))
         sections.append(Section(f"{heading}: shares in the variance", [drawn.shares(name) for name in channels]))
     return Page(
-        tab=f"{found.scenario}: error budget of {found.estimator}",
-        name=f"{found.scenario}: {found.estimator}",
+        tab=f"{budget.scenario}: error budget of {budget.estimator}",
+        name=f"{budget.scenario}: {budget.estimator}",
         title="Error budget: which source of error dominates",
-        facts=[facts(found)],
+        facts=[facts(budget)],
         legend=[{"name": name, "first": group == ALL} for group, name in enumerate(drawn.names("other sources"))],
-        tables=[_table(found, title, names) for title, names in GROUPS if any(name in found.channels for name in names)],
-        explained=[f"{sentence}." for sentence in sentences(found)],
-        notes=[*filter(None, [left_out(found)]), *found.notes],
+        tables=[_table(budget, title, names) for title, names in GROUPS if any(name in budget.channels for name in names)],
+        explained=[f"{sentence}." for sentence in sentences(budget)],
+        notes=[*filter(None, [left_out(budget)]), *budget.notes],
         sections=sections,
     )
 
 
-def budget_picture(found: Budget) -> Picture:
+def budget_picture(budget: Budget) -> Picture:
     """By channel: root of the sum of squares, band by band, with the error with all sources and the limit; their shares.
 
     The largest source is the lowest band; the thickness of a band higher up therefore shows less than its rms.
     """
-    drawn = _Panels(found)
-    title = f"{found.scenario}: error budget of {found.estimator}\n{runs_of(found.runs)} of {found.duration_s:g} s"
-    names = [name for name in CHANNELS if name in found.channels]
+    drawn = _Panels(budget)
+    title = f"{budget.scenario}: error budget of {budget.estimator}\n{runs_of(budget.runs)} of {budget.duration_s:g} s"
+    names = [name for name in CHANNELS if name in budget.channels]
     if len(names) == 3:
         grid = [[drawn.stack(name), drawn.shares(name)] for name in names]
         heads = ("Contributions: root of the sum of squares", "Shares in the variance, %")
@@ -303,44 +310,44 @@ def budget_picture(found: Budget) -> Picture:
     return Picture(title, grid, drawn.names("others"), (11.0, 1.8 + 2.3 * len(grid)))
 
 
-def _table(found: Budget, title: str, names: tuple[str, ...]) -> Table:
-    places = [found.channels.index(name) for name in names if name in found.channels]
-    columns = ["rms", *(text for place in places for text in (label(found.channels[place]), "w/o"))]
-    rows = [(row.name, *("" if value is None else number(value) for value in row.values)) for row in budget_rows(found, places)]
+def _table(budget: Budget, title: str, names: tuple[str, ...]) -> Table:
+    places = [budget.channels.index(name) for name in names if name in budget.channels]
+    columns = ["rms", *(text for place in places for text in (label(budget.channels[place]), "w/o"))]
+    rows = [(row.name, *row.texts) for row in budget_rows(budget, places)]
     return Table(title.partition(",")[0].capitalize(), columns, rows)
 
 
 class _Panels:
     """The panels of a budget.  places: of the sources with a colour, by group; others: of the other sources."""
 
-    def __init__(self, found: Budget) -> None:
-        largest, self.others = ranked(found)
-        self.found, self.places = found, dict(zip(SOURCES, largest, strict=False))
+    def __init__(self, budget: Budget) -> None:
+        largest, self.others = ranked(budget)
+        self.budget, self.places = budget, dict(zip(SOURCES, largest, strict=False))
 
     def names(self, others: str) -> list[str]:
         """The legend; others: what the sources without a colour are called."""
         named = {ALL: "all sources", OTHERS: f"{len(self.others)} {others}" if self.others else "", METHOD: "method"}
-        named |= {group: self.found.sources[place] for group, place in self.places.items()}
+        named |= {group: self.budget.sources[place] for group, place in self.places.items()}
         return [named.get(group, "") for group in range(METHOD + 1)]
 
     def stack(self, name: str) -> TimePanel:
         """Mean squares add up: a band ends at the root of the sum of those below it and its own."""
-        found, place = self.found, self.found.channels.index(name)
+        budget, place = self.budget, self.budget.channels.index(name)
         panel = self._panel(name, unit_of(name), errors=True, label=label(name))
-        below = np.zeros(len(found.time))
+        below = np.zeros(len(budget.time))
         for group, square in self._bands(name):
             panel.marks.append(Range(group, np.sqrt(below), np.sqrt(below + square), OPAQUE))
             below = below + square
-        if found.limit is not None:
-            panel.marks.append(Curve(TRUTH_GROUP, np.sqrt(found.limit[:, place]), "limit"))
-        panel.marks.append(Curve(ALL, np.sqrt(found.whole[:, place])))
+        if budget.limit is not None:
+            panel.marks.append(Curve(TRUTH_GROUP, np.sqrt(budget.limit[:, place]), "limit"))
+        panel.marks.append(Curve(ALL, np.sqrt(budget.whole[:, place])))
         return panel
 
     def shares(self, name: str) -> TimePanel:
         """What each band has of their sum."""
         panel, bands = self._panel(name, "%", most=100.0), self._bands(name)
         total = np.sum([square for _, square in bands], axis=0)
-        below = np.zeros(len(self.found.time))
+        below = np.zeros(len(self.budget.time))
         for group, square in bands:
             above = below + 100.0 * np.divide(square, total, out=np.zeros_like(total), where=total > 0.0)
             panel.marks.append(Range(group, below, above, OPAQUE))
@@ -349,12 +356,12 @@ class _Panels:
 
     def _bands(self, name: str) -> list[tuple[int, Array]]:
         """Group and mean square (records,) of each band, the lowest first."""
-        found, place = self.found, self.found.channels.index(name)
-        squares = np.nan_to_num(found.alone[..., place])
+        budget, place = self.budget, self.budget.channels.index(name)
+        squares = np.nan_to_num(budget.alone[..., place])
         bands = [(group, squares[k]) for group, k in self.places.items()]
         bands += [(OTHERS, squares[self.others].sum(axis=0))] if self.others else []
-        return [*bands, (METHOD, found.none[:, place])]
+        return [*bands, (METHOD, budget.none[:, place])]
 
     def _panel(self, name: str, unit: str, **more: Any) -> TimePanel:
-        from_s = self.found.from_s if self.found.from_s > 0 else None
-        return TimePanel(NAMES[name], unit, self.found.time, from_s=from_s, positive=True, **more)
+        from_s = self.budget.from_s if self.budget.from_s > 0 else None
+        return TimePanel(NAMES[name], unit, self.budget.time, from_s=from_s, positive=True, **more)

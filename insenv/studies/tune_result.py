@@ -111,52 +111,52 @@ class Tuning(Shown):
         return f"Tuning of {self.estimator} on {self.source}: better on {self.judged_on}\n{self.toml()}"
 
 
-def tuning_blocks(found: Tuning) -> Iterator[Block]:
+def tuning_blocks(tuning: Tuning) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    yield Line(f"{found.source}: {found.estimator}", "bold")
-    yield Line(f"sought on {found.trained_on}, judged on {found.judged_on}")
+    yield Line(f"{tuning.source}: {tuning.estimator}", "bold")
+    yield Line(f"sought on {tuning.trained_on}, judged on {tuning.judged_on}")
     yield Line()
-    yield Grid(PARAMETER_COLUMNS, parameter_rows(found))
+    yield Grid(PARAMETER_COLUMNS, parameter_rows(tuning))
     yield Line()
-    if found.channels:
+    if tuning.channels:
         rows: list[Sequence[str | Line]] = []
-        for channel, (name, before, after, ratio, *others) in zip(found.channels, channel_rows(found), strict=True):
+        for channel, (name, before, after, ratio, *others) in zip(tuning.channels, channel_rows(tuning), strict=True):
             real = channel.ratio.low > 1.0 or channel.ratio.high < 1.0
             rows.append((name, before, after, Line(ratio, "bold" if real else ""), *others))
         yield Grid(CHANNEL_COLUMNS, rows)
-    for sentence in sentences(found):
+    for sentence in sentences(tuning):
         yield Line(sentence)
-    if not found.is_better:
+    if not tuning.is_better:
         yield Line("no better than by chance on data not seen before: keep the present tuning", "yellow")
-    for note in found.notes:
+    for note in tuning.notes:
         yield Line(f"note: {note}")
 
 
-def parameter_rows(found: Tuning) -> list[tuple[str, ...]]:
+def parameter_rows(tuning: Tuning) -> list[tuple[str, ...]]:
     """By parameter: key, value before and after, factor."""
     return [
         (one.key, _shown(one.setting(1.0)), _shown(one.setting(float(factor))), number(float(factor)))
-        for one, factor in zip(found.parameters, found.factors, strict=True)
+        for one, factor in zip(tuning.parameters, tuning.factors, strict=True)
     ]
 
 
-def channel_rows(found: Tuning) -> list[tuple[str, ...]]:
+def channel_rows(tuning: Tuning) -> list[tuple[str, ...]]:
     """By channel: label, rms before and after, their ratio with its interval, limit."""
     return [
         (label(one.name), *map(number, (one.before, one.after, one.ratio.value, one.ratio.low, one.ratio.high, one.limit)))
-        for one in found.channels
+        for one in tuning.channels
     ]
 
 
-def sentences(found: Tuning) -> tuple[str, ...]:
+def sentences(tuning: Tuning) -> tuple[str, ...]:
     """The consistency and the objective on the data for judging."""
-    consistent, change = found.consistency, found.change
-    told = []
+    consistent, change = tuning.consistency, tuning.change
+    texts = []
     if consistent is not None:
         before, after = (number(consistent[name]) for name in ("before", "after"))
-        told.append(f"consistency, 1 if the stated sigmas are right: {before} before, {after} after")
+        texts.append(f"consistency, 1 if the stated sigmas are right: {before} before, {after} after")
     ends = f", 95 %: {change.low:+.3f} to {change.high:+.3f}" if np.isfinite([change.low, change.high]).all() else ""
-    return (*told, f"objective on {found.judged_on}: {found.before:.3f}, changed by {change.value:+.3f}{ends}")
+    return (*texts, f"objective on {tuning.judged_on}: {tuning.before:.3f}, changed by {change.value:+.3f}{ends}")
 
 
 def _shown(value: float | list[float]) -> str:
@@ -168,49 +168,49 @@ def _shown(value: float | list[float]) -> str:
 LEGEND = ("best of a population", "median of a population")
 
 
-def tuning_page(found: Tuning) -> Page:
+def tuning_page(tuning: Tuning) -> Page:
     """The page of a tuning."""
-    changes = change_panels(found)
-    tables = [Table("Parameters", PARAMETER_COLUMNS, parameter_rows(found))]
-    tables += [Table(f"Errors on {found.judged_on}", CHANNEL_COLUMNS, channel_rows(found))] if found.channels else []
+    changes = change_panels(tuning)
+    tables = [Table("Parameters", PARAMETER_COLUMNS, parameter_rows(tuning))]
+    tables += [Table(f"Errors on {tuning.judged_on}", CHANNEL_COLUMNS, channel_rows(tuning))] if tuning.channels else []
     return Page(
-        tab=f"{found.source}: tuning of {found.estimator}",
-        name=f"{found.source}: {found.estimator}",
-        title="Tuning" if found.is_better else "Tuning: no better than by chance, keep the present one",
-        facts=[f"sought on {found.trained_on}", f"judged on {found.judged_on}", f"{number(found.duration_s)} s"],
+        tab=f"{tuning.source}: tuning of {tuning.estimator}",
+        name=f"{tuning.source}: {tuning.estimator}",
+        title="Tuning" if tuning.is_better else "Tuning: no better than by chance, keep the present one",
+        facts=[f"sought on {tuning.trained_on}", f"judged on {tuning.judged_on}", f"{number(tuning.duration_s)} s"],
         legend=[{"name": name} for name in LEGEND],
         tables=tables,
-        explained=[f"{sentence}." for sentence in sentences(found)],
-        notes=found.notes,
+        explained=[f"{sentence}." for sentence in sentences(tuning)],
+        notes=tuning.notes,
         sections=[
             Section("Before and after", changes, columns=2),
-            Section("The search", [history_panel(found)], columns=1),
+            Section("The search", [history_panel(tuning)], columns=1),
         ],
         truth="before",
         more={"axis": {"name": "Generation", "unit": "", "whole": True}},
     )
 
 
-def tuning_picture(found: Tuning) -> Picture:
+def tuning_picture(tuning: Tuning) -> Picture:
     """The objective over the generations, the factors, and the ratio of the errors after to those before."""
-    title = f"{found.source}: tuning of {found.estimator}"
-    return Picture(title, [[history_panel(found), *change_panels(found)]], LEGEND, (10.5, 4.2), truth="before", columns=3)
+    title = f"{tuning.source}: tuning of {tuning.estimator}"
+    return Picture(title, [[history_panel(tuning), *change_panels(tuning)]], LEGEND, (10.5, 4.2), truth="before", columns=3)
 
 
-def change_panels(found: Tuning) -> list[IntervalsPanel]:
+def change_panels(tuning: Tuning) -> list[IntervalsPanel]:
     """The factors, and the ratio of the errors after to those before."""
-    factors = [(one.key, float(factor), None, None) for one, factor in zip(found.parameters, found.factors, strict=True)]
-    ratios = [(label(one.name), one.ratio.value, one.ratio.low, one.ratio.high) for one in found.channels]
+    factors = [(one.key, float(factor), None, None) for one, factor in zip(tuning.parameters, tuning.factors, strict=True)]
+    ratios = [(label(one.name), one.ratio.value, one.ratio.low, one.ratio.high) for one in tuning.channels]
     panels = [IntervalsPanel("Factors on the parameters", factors)]
     heading = "rms after / before, 95 %"
-    rms = IntervalsPanel(f"{heading}, on {found.judged_on}", ratios, heading, found.judged_on)
+    rms = IntervalsPanel(f"{heading}, on {tuning.judged_on}", ratios, heading, tuning.judged_on)
     return panels + ([rms] if ratios else [])
 
 
-def history_panel(found: Tuning) -> TimePanel:
+def history_panel(tuning: Tuning) -> TimePanel:
     """The objective over the generations."""
-    generations = np.arange(1.0, len(found.history) + 1)
-    panel = TimePanel(f"Objective on {found.trained_on}", "1", generations, x_name="generation")
-    panel.marks = [Curve(TRUTH_GROUP, np.full(len(generations), found.start))]
-    panel.marks += [Curve(group, found.history[:, group]) for group in (1, 0)]
+    generations = np.arange(1.0, len(tuning.history) + 1)
+    panel = TimePanel(f"Objective on {tuning.trained_on}", "1", generations, x_name="generation")
+    panel.marks = [Curve(TRUTH_GROUP, np.full(len(generations), tuning.start))]
+    panel.marks += [Curve(group, tuning.history[:, group]) for group in (1, 0)]
     return panel

@@ -163,13 +163,13 @@ def compare(summaries: Sequence[Summary]) -> Comparison:
     return Comparison({summary.plan.estimator: summary for summary in summaries}, pairs)
 
 
-def comparison_blocks(found: Comparison) -> Iterator[Block]:
+def comparison_blocks(comparison: Comparison) -> Iterator[Block]:
     """The printed lines and tables: those of each campaign, then the paired differences."""
-    for summary in found.summaries.values():
+    for summary in comparison.summaries.values():
         yield from campaign_blocks(summary)
         yield Line()
-    for id, pairs in found.pairs.items():
-        yield Line(f"{id} compared with {found.first}, run by run", "bold")
+    for id, pairs in comparison.pairs.items():
+        yield Line(f"{id} compared with {comparison.first}, run by run", "bold")
         rows: list[Sequence[str | Line]] = []
         for pair, (name, ratio, *others) in zip(pairs.values(), pair_rows(pairs), strict=True):
             rows.append((name, Line(ratio, "bold" if pair.is_real else ""), *others))
@@ -177,7 +177,7 @@ def comparison_blocks(found: Comparison) -> Iterator[Block]:
         yield Line()
     yield Line(f"{PAIR_MEANINGS[0]}; bold: not 1", "dim")
     yield Line(PAIR_MEANINGS[1], "dim")
-    for note in found.notes:
+    for note in comparison.notes:
         yield Line(f"note: {note}")
 
 
@@ -193,32 +193,34 @@ def pair_rows(pairs: Mapping[str, Paired]) -> list[tuple[str, ...]]:
     ]
 
 
-def write_comparison(found: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
+def write_comparison(comparison: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
     """Write the files of each campaign to DIR/ID and comparison.json to DIR; if `figure`, the page comparison.html too."""
-    parts = [write_document(one.document(table), OutputFolder(folder.path / id), figure) for id, one in found.summaries.items()]
-    own = write_document(found.document(), folder, figure)
+    parts = [
+        write_document(one.document(table), OutputFolder(folder.path / id), figure) for id, one in comparison.summaries.items()
+    ]
+    own = write_document(comparison.document(), folder, figure)
     return FilesWritten((*own.paths, *(path for part in parts for path in part.paths)), parts[0].note)
 
 
 # The page of a comparison of estimators on the same runs: their tables, paired differences and errors over time.
 
 
-def comparison_page(found: Comparison) -> Page:
+def comparison_page(comparison: Comparison) -> Page:
     """The page of a comparison."""
-    ids, campaigns = list(found.summaries), list(found.summaries.values())
+    ids, campaigns = list(comparison.summaries), list(comparison.summaries.values())
     plan, name = campaigns[0].plan, f"{campaigns[0].plan.name}: {' and '.join(ids)}"
     tables = [
-        Table(f"{id} compared with {found.first}, run by run", PAIR_COLUMNS, pair_rows(pairs), ids.index(id))
-        for id, pairs in found.pairs.items()
+        Table(f"{id} compared with {comparison.first}, run by run", PAIR_COLUMNS, pair_rows(pairs), ids.index(id))
+        for id, pairs in comparison.pairs.items()
     ]
-    for place, (id, one) in enumerate(found.summaries.items()):
+    for place, (id, one) in enumerate(comparison.summaries.items()):
         tables += campaign_page_tables(one, id, place)
     ratios = [
         IntervalsPanel(
-            f"{id}: rms over that of {found.first}, 95 %",
+            f"{id}: rms over that of {comparison.first}, 95 %",
             [(label(name), pair.ratio.value, pair.ratio.low, pair.ratio.high) for name, pair in pairs.items()],
         )
-        for id, pairs in found.pairs.items()
+        for id, pairs in comparison.pairs.items()
     ]
     return Page(
         tab=name,
@@ -228,7 +230,10 @@ def comparison_page(found: Comparison) -> Page:
         legend=[{"name": f"{id}, median of the runs"} for id in ids],
         tables=tables,
         explained=list(dict.fromkeys([*(f"{m}." for m in PAIR_MEANINGS), *(t for one in campaigns for t in explained(one))])),
-        notes=[*found.notes, *(f"{id}: {note}" for id, one in found.summaries.items() for note in campaign_page_notes(one))],
+        notes=[
+            *comparison.notes,
+            *(f"{id}: {note}" for id, one in comparison.summaries.items() for note in campaign_page_notes(one)),
+        ],
         sections=[Section("The difference", ratios, columns=2), *course_sections(campaigns)],
         more={"shares": True},
     )

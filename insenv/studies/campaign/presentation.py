@@ -36,21 +36,21 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "parquet")
 
 
-def run_columns(found: Statistics) -> dict[str, NDArray[Any]]:
+def run_columns(campaign: Statistics) -> dict[str, NDArray[Any]]:
     """By name: number and seed of the run, its varied keys, then final error, rms, limit and stated of each channel, health.
 
     Values of choices are the chosen ones.  Numbers that do not exist are NaN.
     """
-    columns: dict[str, NDArray[Any]] = {"run": np.arange(len(found.seeds)), "seed": found.seeds.astype(np.int64)}
-    for place, variation in enumerate(found.plan.variations):
-        numbers = found.values[:, place]
+    columns: dict[str, NDArray[Any]] = {"run": np.arange(len(campaign.seeds)), "seed": campaign.seeds.astype(np.int64)}
+    for place, variation in enumerate(campaign.plan.variations):
+        numbers = campaign.values[:, place]
         given = variation.distribution
         columns[variation.key] = numbers if given.kind != "choice" else np.array([given.value(number) for number in numbers])
     for kind in ("final", "rms", "limit", "stated"):
-        columns |= {f"{kind}_{name}": getattr(found, kind)[:, place] for place, name in enumerate(found.channels)}
-    if found.health:
-        columns["health"] = np.array(["" if one is None else one.verdict for one in found.health])
-    columns["diverged"] = ~found.whole
+        columns |= {f"{kind}_{name}": getattr(campaign, kind)[:, place] for place, name in enumerate(campaign.channels)}
+    if campaign.health:
+        columns["health"] = np.array(["" if one is None else one.verdict for one in campaign.health])
+    columns["diverged"] = ~campaign.whole
     return columns
 
 
@@ -62,10 +62,10 @@ def check_format(name: str) -> None:
         need("table 'parquet'", "pyarrow", extra="workbench")
 
 
-def write_runs(found: Statistics, path: Path, name: str) -> None:
+def write_runs(campaign: Statistics, path: Path, name: str) -> None:
     """Write the table of the runs in a format (`FORMATS`); numbers keep all their digits."""
     check_format(name)
-    columns = run_columns(found)
+    columns = run_columns(campaign)
     if name == "parquet":
         import pyarrow
         import pyarrow.parquet
@@ -88,68 +88,68 @@ def _texts(values: NDArray[Any]) -> list[Any]:
 NAME = "campaign"
 
 
-def campaign_blocks(found: Statistics) -> Iterator[Block]:
+def campaign_blocks(campaign: Statistics) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    plan = found.plan
+    plan = campaign.plan
     yield Line(f"{plan.name}: {plan.estimator}", "bold")
-    yield Line(campaign_facts(found))
+    yield Line(campaign_facts(campaign))
     for variation in plan.variations:
         yield Line(f"{variation.key} drawn {drawn(variation)}")
     yield Line()
     rows: list[Sequence[str | Line]] = []
-    for text, (mean, rms, limit, ratio, stated) in campaign_rows(found):
+    for text, (mean, rms, limit, ratio, stated) in campaign_rows(campaign):
         far = Line(number(ratio), "yellow" if ratio is not None and ratio > MARKED else "")
         rows.append((text, number(mean), Line(number(rms), "bold"), number(limit), far, number(stated)))
     yield Grid(CAMPAIGN_COLUMNS, rows)
     yield Line()
-    yield Grid(("at the end", *level_columns(found)), end_rows(found))
-    for told in horizontal_lines(found):
+    yield Grid(("at the end", *level_columns(campaign)), end_rows(campaign))
+    for sentence in horizontal_lines(campaign):
         yield Line()
-        yield Line(told)
+        yield Line(sentence)
     yield Line()
-    for columns, cells in sensitivity_tables(found):
+    for columns, cells in sensitivity_tables(campaign):
         yield Grid(columns, cells, least=5, gap=1)
-    if found.sensitivity:
-        yield Line(sensitivity_meaning(found), "dim")
+    if campaign.sensitivity:
+        yield Line(sensitivity_meaning(campaign), "dim")
         yield Line()
-    for meaning in meanings(found):
+    for meaning in meanings(campaign):
         yield Line(meaning, "dim")
-    for told in consistency_lines(found):
-        yield Line(told)
-    for told in failed_lines(found):
-        yield Line(told, "yellow")
-    for note in found.notes:
+    for sentence in consistency_lines(campaign):
+        yield Line(sentence)
+    for sentence in failed_lines(campaign):
+        yield Line(sentence, "yellow")
+    for note in campaign.notes:
         yield Line(f"note: {note}")
 
 
-def level_columns(found: Statistics) -> list[str]:
+def level_columns(campaign: Statistics) -> list[str]:
     """Names of the columns of percentiles."""
-    return [f"{level:g} %" for level in found.percentile_levels]
+    return [f"{level:g} %" for level in campaign.percentile_levels]
 
 
-def end_rows(found: Statistics) -> list[tuple[str, ...]]:
+def end_rows(campaign: Statistics) -> list[tuple[str, ...]]:
     """By error, its label and its percentiles at the end."""
-    return [(label(name), *map(number, row["percentiles"].values())) for name, row in found.figures().items()]
+    return [(label(name), *map(number, row["percentiles"].values())) for name, row in campaign.figures().items()]
 
 
-def horizontal_lines(found: Statistics) -> Iterator[str]:
+def horizontal_lines(campaign: Statistics) -> Iterator[str]:
     """CEP, R95 and 2DRMS with their intervals, of a navigation."""
-    if (horizontal := found.horizontal()) is not None:
+    if (horizontal := campaign.horizontal()) is not None:
         said = [f"{name.upper()} {number(e.value)} m ({number(e.low)} to {number(e.high)})" for name, e in horizontal.items()]
         yield f"horizontal at the end, 95 %: {', '.join(said)}"
 
 
-def sensitivity_tables(found: Statistics) -> Iterator[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
+def sensitivity_tables(campaign: Statistics) -> Iterator[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
     """Columns and rows, for attitude, position and velocity: the keys by channel, with rank correlation and Sobol index."""
-    names = dict.fromkeys(one.channel for one in found.sensitivity)
+    names = dict.fromkeys(one.channel for one in campaign.sensitivity)
     for group in (ATTITUDE, POSITION, VELOCITY):
         shown = [name for name in group if name in names]
         if not shown:
             continue
         columns = ("rank correlation", *(text for name in shown for text in (name.rpartition("_")[0], "index")))
         rows = []
-        for variation in found.plan.variations:
-            own = {one.channel: one for one in found.sensitivity if one.key == variation.key}
+        for variation in campaign.plan.variations:
+            own = {one.channel: one for one in campaign.sensitivity if one.key == variation.key}
             rows.append((variation.key, *(cell for name in shown for cell in _sensitivity(own[name]))))
         yield columns, rows
 
@@ -163,38 +163,41 @@ def _sensitivity(one: Sensitivity) -> tuple[str, str]:
     )
 
 
-def sensitivity_meaning(found: Statistics) -> str:
+def sensitivity_meaning(campaign: Statistics) -> str:
     """What the columns of `sensitivity_tables` mean."""
-    kind = "total" if any(one.total is not None for one in found.sensitivity) else "alone"
+    kind = "total" if any(one.total is not None for one in campaign.sensitivity) else "alone"
     return (
         f"rank correlation with the rms of a run; index: share of its variance by the key ({kind}), "
         "±: half the width of its 95 % interval"
     )
 
 
-def meanings(found: Statistics) -> Iterator[str]:
+def meanings(campaign: Statistics) -> Iterator[str]:
     """What the columns mean, and how far rms/limit varies by chance."""
-    yield f"mean, percentiles: errors at the end; rms, limit, stated: {since(found.from_s)}"
-    count = found.plan.runs - len(found.diverged)
-    if count and any(row["limit"] for row in found.figures().values()):
+    yield f"mean, percentiles: errors at the end; rms, limit, stated: {since(campaign.from_s)}"
+    count = campaign.plan.runs - len(campaign.diverged)
+    if count and any(row["limit"] for row in campaign.figures().values()):
         yield within(count)
 
 
-def failed_lines(found: Statistics) -> Iterator[str]:
+def failed_lines(campaign: Statistics) -> Iterator[str]:
     """The runs that diverged, and those that ended far off, by their seeds."""
-    for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
+    for seeds_of, what in (
+        (campaign.diverged, "diverged and are left out"),
+        (campaign.far, "ended 10 times worse than the median"),
+    ):
         if seeds_of:
-            yield f"{len(seeds_of)} of {found.plan.runs} runs {what}: {named(seeds_of)}"
+            yield f"{len(seeds_of)} of {campaign.plan.runs} runs {what}: {named(seeds_of)}"
 
 
-def consistency_lines(found: Statistics) -> Iterator[str]:
+def consistency_lines(campaign: Statistics) -> Iterator[str]:
     """NEES with its bounds, and the health of the runs, if there are any."""
-    if (nees := found.as_json()["nees"]) is not None:
+    if (nees := campaign.as_json()["nees"]) is not None:
         yield (
             f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
-    if (of_runs := found.verdicts()) is not None:
+    if (of_runs := campaign.verdicts()) is not None:
         yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes')}"
         for id, of_aid in of_runs["aids"].items():
             yield f"  {id}: {_health_of(of_aid, 'measurements')}"
@@ -208,9 +211,9 @@ def drawn(variation: Variation) -> str:
     return f"from {distribution.parameters[0]:g} to {distribution.parameters[1]:g}"
 
 
-def campaign_facts(found: Statistics) -> str:
+def campaign_facts(campaign: Statistics) -> str:
     """Runs, duration, seeds and samples in one line."""
-    plan = found.plan
+    plan = campaign.plan
     last = plan.seed_of(plan.runs - 1)
     seeds = f"seeds {plan.first_seed} to {last}" if last > plan.first_seed else f"seed {plan.first_seed}"
     return f"{runs_of(plan.runs)} of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
@@ -219,71 +222,71 @@ def campaign_facts(found: Statistics) -> str:
 CAMPAIGN_COLUMNS = ("error", "mean", "rms", "limit", "rms/limit", "stated")
 
 
-def campaign_rows(found: Statistics) -> list[tuple[str, list[float | None]]]:
+def campaign_rows(campaign: Statistics) -> list[tuple[str, list[float | None]]]:
     """By error, its label and the values of `CAMPAIGN_COLUMNS`; no ratio for runs that are too short for the estimator."""
-    rows, comparable = [], not found.plan.too_short
-    for name, row in found.figures().items():
+    rows, comparable = [], not campaign.plan.too_short
+    for name, row in campaign.figures().items():
         ratio = limit_ratio(row["rms"], row["limit"], name) if comparable else None
         rows.append((label(name), [row["mean"], row["rms"], row["limit"], ratio, row["stated"]]))
     return rows
 
 
-def campaign_frame(found: Statistics) -> DataFrame:
+def campaign_frame(campaign: Statistics) -> DataFrame:
     """The courses as a DataFrame indexed by time; see `Summary.to_dataframe`."""
     columns: dict[str, NDArray[np.float64]] = {}
-    for name, course in found.courses.items():
-        levels = zip(found.percentile_levels, course.percentiles, strict=True)
+    for name, course in campaign.courses.items():
+        levels = zip(campaign.percentile_levels, course.percentiles, strict=True)
         columns |= {f"mean_{name}": course.mean, f"rms_{name}": course.rms}
         columns |= {f"p{level:g}_{name}": values for level, values in levels}
         optional = {f"limit_{name}": course.limit, f"stated_{name}": course.stated}
         columns |= {key: values for key, values in optional.items() if values is not None}
-    if found.nees is not None:
-        columns["nees"] = found.nees.mean
-    return data_frame(found.time, columns)
+    if campaign.nees is not None:
+        columns["nees"] = campaign.nees.mean
+    return data_frame(campaign.time, columns)
 
 
-def campaign_document(found: Statistics, table: str = "") -> Document:
+def campaign_document(campaign: Statistics, table: str = "") -> Document:
     """What is printed and kept of a campaign.
 
     table: format of a table of the runs, `runs.csv` or `runs.parquet`; empty: none.  Raises `InputError` for another format.
     """
     if table:
         check_format(table)
-    further = {f"runs.{table}": partial(write_runs, found, name=table)} if table else {}
+    further = {f"runs.{table}": partial(write_runs, campaign, name=table)} if table else {}
     return Document(
         NAME,
-        found.as_json(),
-        partial(campaign_blocks, found),
-        arrays=partial(campaign_arrays, found),
-        page=partial(campaign_page, found),
-        figure=partial(campaign_picture, found),
+        campaign.as_json(),
+        partial(campaign_blocks, campaign),
+        arrays=partial(campaign_arrays, campaign),
+        page=partial(campaign_page, campaign),
+        figure=partial(campaign_picture, campaign),
         further=further,
     )
 
 
-def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
+def campaign_arrays(campaign: Statistics) -> dict[str, NDArray[Any]]:
     """All arrays of a campaign by key (docs/campaigns.md)."""
-    arrays: dict[str, NDArray[Any]] = {"time": found.time, "percentiles": np.array(found.percentile_levels)}
-    for name, course in found.courses.items():
+    arrays: dict[str, NDArray[Any]] = {"time": campaign.time, "percentiles": np.array(campaign.percentile_levels)}
+    for name, course in campaign.courses.items():
         for kind, values in vars(course).items():
             if values is not None:
                 arrays[f"{name}/{kind}"] = values
-    if found.nees is not None:
-        arrays["nees/mean"] = found.nees.mean
-        arrays["nees/bounds"] = np.array([found.nees.low, found.nees.high])
-    arrays["runs/seed"] = found.seeds
-    for place, variation in enumerate(found.plan.variations):
-        arrays[f"runs/{variation.key}"] = found.values[:, place]
-    for place, name in enumerate(found.channels):
+    if campaign.nees is not None:
+        arrays["nees/mean"] = campaign.nees.mean
+        arrays["nees/bounds"] = np.array([campaign.nees.low, campaign.nees.high])
+    arrays["runs/seed"] = campaign.seeds
+    for place, variation in enumerate(campaign.plan.variations):
+        arrays[f"runs/{variation.key}"] = campaign.values[:, place]
+    for place, name in enumerate(campaign.channels):
         for kind in ("final", "rms", "limit", "stated"):
-            arrays[f"runs/{name}/{kind}"] = getattr(found, kind)[:, place]
-    for kind in ("fixes", "refused", "factor") if found.health else ():
-        values = [np.nan if one is None else getattr(one, kind) for one in found.health]
+            arrays[f"runs/{name}/{kind}"] = getattr(campaign, kind)[:, place]
+    for kind in ("fixes", "refused", "factor") if campaign.health else ():
+        values = [np.nan if one is None else getattr(one, kind) for one in campaign.health]
         arrays[f"runs/health/{kind}"] = np.array(values, dtype=np.float64)
-    if found.health:
-        arrays["runs/health/nis"] = np.array([np.nan if one is None else one.nis.mean for one in found.health])
-    arrays["runs/diverged"] = np.isin(found.seeds, found.diverged)
-    arrays["meta"] = np.array(to_json({"format": "insenv-campaign-summary", "version": 1, **found.as_json()}, indent=None))
+    if campaign.health:
+        arrays["runs/health/nis"] = np.array([np.nan if one is None else one.nis.mean for one in campaign.health])
+    arrays["runs/diverged"] = np.isin(campaign.seeds, campaign.diverged)
+    arrays["meta"] = np.array(to_json({"format": "insenv-campaign-summary", "version": 1, **campaign.as_json()}, indent=None))
     return arrays
 
 
@@ -301,71 +304,71 @@ def _health_of(shares: Mapping[str, Any], what: str) -> str:
 # The page and the figure of a campaign: its tables, and the courses of its errors.
 
 
-def campaign_page(found: Statistics) -> Page:
+def campaign_page(campaign: Statistics) -> Page:
     """The page of a campaign."""
-    plan = found.plan
-    consistency = [Section("Consistency", [nees_panel(found)], columns=1)] if found.nees is not None else []
+    plan = campaign.plan
+    consistency = [Section("Consistency", [nees_panel(campaign)], columns=1)] if campaign.nees is not None else []
     return Page(
         tab=f"{plan.name}: {plan.estimator}",
         name=f"{plan.name}: {plan.estimator}",
         title=str(plan.scenario.get("title", "")),
-        facts=campaign_page_facts(found),
+        facts=campaign_page_facts(campaign),
         legend=[{"name": "median of the runs"}],
-        tables=campaign_page_tables(found),
-        explained=explained(found),
-        notes=campaign_page_notes(found),
-        sections=[*course_sections([found]), *consistency],
+        tables=campaign_page_tables(campaign),
+        explained=explained(campaign),
+        notes=campaign_page_notes(campaign),
+        sections=[*course_sections([campaign]), *consistency],
         more={"shares": True},
     )
 
 
-def campaign_picture(found: Statistics) -> Picture:
+def campaign_picture(campaign: Statistics) -> Picture:
     """Percentiles of the errors over time with plus and minus the limit; the mean NEES with its bounds if there is one."""
-    plan, names = found.plan, ("median", "", "")
+    plan, names = campaign.plan, ("median", "", "")
     title = f"{plan.name}: {plan.estimator}\n{runs_of(plan.runs)} of {plan.duration_s:g} s"
     groups: list[list[TimePanel | None]] = [
-        [course_panel([found], name) for name in group if name in found.courses] for _, group in GROUPS
+        [course_panel([campaign], name) for name in group if name in campaign.courses] for _, group in GROUPS
     ]
     groups = [group for group in groups if group]
-    consistency = [] if found.nees is None else [nees_panel(found)]
+    consistency = [] if campaign.nees is None else [nees_panel(campaign)]
     if len(groups) == 1:  # attitude only
-        return angles_picture(title, names, [*filter(None, groups[0]), *consistency], found.from_s, columns=3)
+        return angles_picture(title, names, [*filter(None, groups[0]), *consistency], campaign.from_s, columns=3)
     rows = [*groups, *([one, None, None] for one in consistency)]
     return Picture(title, rows, names, (11.0, 1.4 + 2.2 * len(rows)), columns=3)
 
 
-def campaign_page_facts(found: Statistics) -> list[str]:
+def campaign_page_facts(campaign: Statistics) -> list[str]:
     """Runs, seeds and varied keys."""
-    return [campaign_facts(found), *(f"{one.key} drawn {drawn(one)}" for one in found.plan.variations)]
+    return [campaign_facts(campaign), *(f"{one.key} drawn {drawn(one)}" for one in campaign.plan.variations)]
 
 
-def campaign_page_tables(found: Statistics, name: str = "", group: int | None = None) -> list[Table]:
+def campaign_page_tables(campaign: Statistics, name: str = "", group: int | None = None) -> list[Table]:
     """The tables that are printed.  name, group: of the estimator, if the page has several."""
-    rows, ratio = campaign_rows(found), CAMPAIGN_COLUMNS.index("rms/limit")
+    rows, ratio = campaign_rows(campaign), CAMPAIGN_COLUMNS.index("rms/limit")
     above = [(k, ratio) for k, (_, values) in enumerate(rows) if (values[ratio - 1] or 0.0) > MARKED]
-    start = [] if found.from_s <= 0 else [f"Statistics from {found.from_s:g} s on"]
+    start = [] if campaign.from_s <= 0 else [f"Statistics from {campaign.from_s:g} s on"]
     of = f": {name}" if name else ""
     cells = [(text, *map(number, values)) for text, values in rows]
-    below = [*start, *consistency_lines(found)]
-    levels, meaning = ("error", *level_columns(found)), [sensitivity_meaning(found)]
+    below = [*start, *consistency_lines(campaign)]
+    levels, meaning = ("error", *level_columns(campaign)), [sensitivity_meaning(campaign)]
     return [
         Table(f"Errors over the runs{of}", CAMPAIGN_COLUMNS, cells, group, below, above),
-        Table(f"Percentiles of the errors at the end{of}", levels, end_rows(found), group, list(horizontal_lines(found))),
+        Table(f"Percentiles of the errors at the end{of}", levels, end_rows(campaign), group, list(horizontal_lines(campaign))),
         *(
             Table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group, meaning, wide=True)
-            for columns, cells in sensitivity_tables(found)
+            for columns, cells in sensitivity_tables(campaign)
         ),
     ]
 
 
-def explained(found: Statistics) -> list[str]:
+def explained(campaign: Statistics) -> list[str]:
     """What the columns of the tables mean."""
-    return [*(f"{meaning}." for meaning in meanings(found)), EXPLAINED["limit"]]
+    return [*(f"{meaning}." for meaning in meanings(campaign)), EXPLAINED["limit"]]
 
 
-def campaign_page_notes(found: Statistics) -> list[str]:
+def campaign_page_notes(campaign: Statistics) -> list[str]:
     """The runs that failed, and what must be said of the campaign."""
-    return [*failed_lines(found), *found.notes]
+    return [*failed_lines(campaign), *campaign.notes]
 
 
 def course_sections(campaigns: Sequence[Statistics]) -> list[Section]:
@@ -392,13 +395,13 @@ def course_panel(campaigns: Sequence[Statistics], name: str) -> TimePanel:
     return panel
 
 
-def nees_panel(found: Statistics) -> TimePanel:
+def nees_panel(campaign: Statistics) -> TimePanel:
     """The mean NEES with the bounds of a consistent estimator."""
-    nees = found.nees
+    nees = campaign.nees
     assert nees is not None
     panel = TimePanel(
-        f"Mean NEES of {nees.degrees:g} states, with its 95 % bounds", "1", found.time, "mean NEES", level=nees.degrees
+        f"Mean NEES of {nees.degrees:g} states, with its 95 % bounds", "1", campaign.time, "mean NEES", level=nees.degrees
     )
-    low, high = (np.full(len(found.time), end) for end in (nees.low, nees.high))
+    low, high = (np.full(len(campaign.time), end) for end in (nees.low, nees.high))
     panel.marks += [Range(2, low, high), Curve(0, nees.mean)]
     return panel
