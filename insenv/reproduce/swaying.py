@@ -280,12 +280,12 @@ def _parked(what: str) -> Ensemble:
     vehicle: Any = scenario.vehicle
     calm: dict[str, Any] = {"engine": (), "wind_roll_sigma_deg": 0.0, "wind_pitch_sigma_deg": 0.0}
     calm["legs"] = (vehicle.legs[0].model_copy(update={"wait_s": 900.0}),)
-    kept = {
+    keys = {
         "engine alone": ("engine",),
         "wind alone": ("wind_roll_sigma_deg", "wind_pitch_sigma_deg"),
         "people get in, nothing else": ("legs",),
     }
-    update = {key: value for key, value in calm.items() if key not in kept.get(what, ())}
+    update = {key: value for key, value in calm.items() if key not in keys.get(what, ())}
     scenario = scenario.model_copy(update={"vehicle": vehicle.model_copy(update=update)})
     return _run(scenario, FIR_END, FEWER, METHODS)
 

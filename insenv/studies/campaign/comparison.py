@@ -140,7 +140,7 @@ class Comparison(Shown):
         return write_comparison(self, OutputFolder(folder), figure, table)
 
     def document(self) -> Document:
-        """What is printed and kept of it, beside the documents of the campaigns."""
+        """What is printed and finite of it, beside the documents of the campaigns."""
         page, undrawn = partial(comparison_page, self), "no figure of a comparison: each of its campaigns has one"
         return Document(NAME, self.as_json(), partial(comparison_blocks, self), page=page, undrawn=undrawn)
 
@@ -156,10 +156,12 @@ def compare(summaries: Sequence[Summary]) -> Comparison:
     """Compare campaigns that have the same runs; the first is what the others are compared with."""
     first, pairs = summaries[0], {}
     for other in summaries[1:]:
-        kept = first.whole & other.whole
+        finite = first.whole & other.whole
         common = [name for name in first.channels if name in other.channels]
         places = [(name, first.channels.index(name), other.channels.index(name)) for name in common]
-        pairs[other.plan.estimator] = {name: paired(first.rms[kept, a] ** 2, other.rms[kept, b] ** 2) for name, a, b in places}
+        pairs[other.plan.estimator] = {
+            name: paired(first.rms[finite, a] ** 2, other.rms[finite, b] ** 2) for name, a, b in places
+        }
     return Comparison({summary.plan.estimator: summary for summary in summaries}, pairs)
 
 

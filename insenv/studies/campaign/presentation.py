@@ -44,8 +44,9 @@ def run_columns(campaign: Statistics) -> dict[str, NDArray[Any]]:
     columns: dict[str, NDArray[Any]] = {"run": np.arange(len(campaign.seeds)), "seed": campaign.seeds.astype(np.int64)}
     for place, variation in enumerate(campaign.plan.variations):
         numbers = campaign.values[:, place]
-        given = variation.distribution
-        columns[variation.key] = numbers if given.kind != "choice" else np.array([given.value(number) for number in numbers])
+        drawn_from = variation.distribution
+        choice = drawn_from.kind == "choice"
+        columns[variation.key] = np.array([drawn_from.value(number) for number in numbers]) if choice else numbers
     for kind in ("final", "rms", "limit", "stated"):
         columns |= {f"{kind}_{name}": getattr(campaign, kind)[:, place] for place, name in enumerate(campaign.channels)}
     if campaign.health:
