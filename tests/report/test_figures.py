@@ -11,14 +11,10 @@ from insenv.base import style
 from insenv.base.style import save
 from insenv.evaluation.errors import ATTITUDE, Track
 from insenv.evaluation.health import course
-from insenv.report import OutputFolder, write_files
-from insenv.report.figures import draw as drawn
-from insenv.report.of_run import run_picture
+from insenv.report import OutputFolder, Report, write_files
 from insenv.report.run_data import outages
 
-
-def draw(made):
-    return drawn(run_picture(made))
+draw = Report.plot
 
 
 def test_it_shows_every_channel_and_leaves_matplotlib_as_it_was():

@@ -11,8 +11,7 @@ from selenium.webdriver.common.by import By
 
 import insenv
 from insenv.report.of_run import in_a_turn, run_page
-from insenv.report.page import html, page_json
-from insenv.report.page.report import BYTES, Pool, kept_records
+from insenv.report.page.report import BYTES, Pool, html, kept_records, page_json
 from insenv.report.tables import error_rows, number
 
 DURATION = 60.0

@@ -12,7 +12,6 @@ from insenv.core.model import Values
 from insenv.estimators.fusion.available import AIDS
 from insenv.evaluation.limits.bound import bound_of_unit
 from insenv.report.of_run import run_page
-from insenv.report.page import page_json
 from insenv.report.tables import unit_columns, unit_rows
 from insenv.scenario import build, load
 from insenv.scenario.limits import prior_of
@@ -75,8 +74,8 @@ def test_a_run_and_a_replay_show_the_errors_of_the_unit():
     scale = next(error for error in result.unit if error.name == "accel_scale" and error.component == "z")
     assert abs(scale.true) > 1.0 and scale.sigma < 300.0  # ppm, of 300 told
     assert report.as_json()["results"][0]["unit"] == [error.as_json() for error in result.unit]
-    _, shown = page_json(run_page(report))["tables"]
-    assert shown["columns"][1:] == ["estimate", "stated", "true", "error"] and len(shown["rows"]) == 27
+    _, shown = run_page(report).tables
+    assert shown.columns[1:] == ("estimate", "stated", "true", "error") and len(shown.rows) == 27
     assert "accel_misalignment zy [urad]" in report._repr_html_()
 
     replayed = insenv.replay(insenv.record(table("tactical")), "fusion", start="stated").results[0]
