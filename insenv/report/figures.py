@@ -80,8 +80,8 @@ def draw(picture: Picture) -> Figure:
 
 
 def _name_x(axes: Axes, panel: TimePanel, below: Panel | None) -> None:
-    """Say what x is, unless the panel below says it."""
-    if isinstance(below, TimePanel) and panel.x_name == below.x_name:
+    """Say what x is, unless the panel below has the same scale."""
+    if isinstance(below, TimePanel) and panel.x_span == below.x_span and np.array_equal(panel.x, below.x):
         axes.tick_params(labelbottom=False)
     else:
         axes.set_xlabel(panel.x_name)

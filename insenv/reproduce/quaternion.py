@@ -190,7 +190,7 @@ def _printed() -> Picture:
     ):
         span = 1.0 if begin else 45.0
         panel = TimePanel(
-            f"{title}: heading error", "deg", _turntable(50).time, x_span=(begin, 200.0), span=(-span, span),
+            title, "deg", _turntable(50).time, x_span=(begin, 200.0), span=(-span, span),
             linear_to=0.02 if begin else 0.1,
         )  # fmt: skip
         for k, noise in enumerate(noises):
@@ -199,7 +199,9 @@ def _printed() -> Picture:
                 panel.marks.append(Curve(group, _heading(_turntable(noise), PRINTED[id])[0], label=label))
         panels.append(panel)
     names = [PRINTED[id] for id in IDS]
-    return Picture("The paper's filters as printed, seed 1", [panels[:2], panels[2:]], names, (9.0, 6.5), columns=6)
+    return Picture(
+        "Heading error of the paper's filters as printed, seed 1", [panels[:2], panels[2:]], names, (9.0, 6.5), columns=6
+    )
 
 
 def _own() -> Picture:
