@@ -6,6 +6,6 @@ Shared machines are noisy: compare ratios.
 """
 
 from insenv.bench.figure import Figure
-from insenv.bench.figures import figures, machine, machine_line
+from insenv.bench.figures import document, figures, machine, machine_line
 
-__all__ = ["Figure", "figures", "machine", "machine_line"]
+__all__ = ["Figure", "document", "figures", "machine", "machine_line"]

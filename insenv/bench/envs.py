@@ -57,7 +57,7 @@ def single() -> Figure:
     floor = gymnasium.wrappers.OrderEnforcing(Constant(env))
     value, least, peer = _step_time(env, LEVEL, 4000), _step_time(floor, LEVEL, 4000), _classic("CartPole-v1", 0)
     note = "gym.make, 1 sample per step; floor: an empty environment"
-    return Figure("env.single", 1 / value, "steps/s", 1 / least, REPETITIONS, note, ("CartPole-v1", 1 / peer))
+    return Figure(1 / value, 1 / least, REPETITIONS, note, ("CartPole-v1", 1 / peer))
 
 
 def hundred() -> Figure:
@@ -66,7 +66,7 @@ def hundred() -> Figure:
     floor = gymnasium.wrappers.OrderEnforcing(Constant(env))
     value, least = (_step_time(e, LEVEL, 300) * 1e6 for e in (env, floor))
     peer = _classic("Pendulum-v1", np.zeros(1, dtype=np.float32)) * 1e6
-    return Figure("env.hundred", value, "us", least, REPETITIONS, "gym.make, 100 samples per step", ("Pendulum-v1", peer))
+    return Figure(value, least, REPETITIONS, "gym.make, 100 samples per step", ("Pendulum-v1", peer))
 
 
 def _classic(id: str, action: Any) -> float:
@@ -93,10 +93,10 @@ def small() -> Figure:
         median_time(call, REPETITIONS, 1000) * 1e6 for call in (lambda: venv.step(actions), lambda: cart.step(push), empty)
     )
     note = f"make_vec, {FEW} rows, 1 sample per step; floor: the batch of an empty model"
-    return Figure("vector.small", value, "us", least, REPETITIONS, note, ("CartPole-v1 of Gymnasium", peer))
+    return Figure(value, least, REPETITIONS, note, ("CartPole-v1 of Gymnasium", peer))
 
 
-def resetting(name: str, id: str) -> Figure:
+def resetting(id: str) -> Figure:
     """The start of a row of a batch; the floor is what its own random generator takes."""
     venv = gymnasium.make_vec(id, STARTED)
     venv.reset(seed=1)
@@ -104,7 +104,7 @@ def resetting(name: str, id: str) -> Figure:
     value = median_time(venv.reset, REPETITIONS, 3) / STARTED * 1e6
     least = median_time(lambda: [(g.integers(0, 2**53), g.random(3)) for g in generators], REPETITIONS) / STARTED * 1e6
     note = f"reset of {STARTED} rows of {id}, a row; floor: a whole number and three uniforms of its generator"
-    return Figure(f"vector.reset.{name}", value, "us", least, REPETITIONS, note)
+    return Figure(value, least, REPETITIONS, note)
 
 
 def _vector(samples: int, rows: int = ROWS) -> Any:
@@ -127,7 +127,7 @@ def plant() -> Figure:
         ROWS / median_time(lambda: cart.step(push), REPETITIONS, 30),
     )
     note = f"make_vec, {ROWS} rows, {SAMPLES} samples per step, one core" + _envpool()
-    return Figure("vector.plant", value, "samples/s", least, REPETITIONS, note, peer)
+    return Figure(value, least, REPETITIONS, note, peer)
 
 
 def _envpool() -> str:
@@ -155,9 +155,7 @@ def q_method() -> Figure:
 
     value = ROWS * SAMPLES / median_time(step, REPETITIONS)
     least = plant().value
-    return Figure(
-        "vector.q-method", value, "samples/s", least, REPETITIONS, f"{ROWS} rows, {SAMPLES} samples per step; floor: no agent"
-    )
+    return Figure(value, least, REPETITIONS, f"{ROWS} rows, {SAMPLES} samples per step; floor: no agent")
 
 
 def making() -> Figure:
@@ -165,4 +163,4 @@ def making() -> Figure:
     value = median_time(lambda: gymnasium.make_vec(ID, ROWS), REPETITIONS)
     least = median_time(lambda: AlignmentEnv("ship-swaying"), REPETITIONS)
     note = f"make_vec of {ROWS} rows, warm; floor: one single environment"
-    return Figure("vector.make", value, "s", least, REPETITIONS, note)
+    return Figure(value, least, REPETITIONS, note)

@@ -8,10 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from insenv.bench import peers
 from insenv.bench.figure import EMPTY, Figure, empty_loop, median_time
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, get
+from insenv.estimators.fusion import fusion
+from insenv.geodesy import NOMINAL_GRAVITY
 from insenv.reproduce import update_time
 from insenv.runs.simulated import run
 from insenv.runs.smoothed import Smoother
@@ -41,28 +44,23 @@ def step(id: str) -> Figure:
     reports = [run(load(name), [id], duration_s=DURATION_S) for _ in range(REPETITIONS)]
     samples = reports[0].imu_samples
     value = statistics.median(report.results[0].us_per_sample for report in reports)
-    return Figure(f"step.{id}", value, "us", empty_loop(samples, REPETITIONS), REPETITIONS, f"{name}, {samples} samples")
+    return Figure(value, empty_loop(samples, REPETITIONS), REPETITIONS, f"{name}, {samples} samples")
 
 
-def sukf() -> Figure:
-    """Time update and fix of `aqe-sukf`."""
-    return _update("step.aqe-sukf.update", "aqe-sukf", update_time.SUKF, "time update and fix")
+UPDATES = {
+    "step.aqe-sukf.update": ("aqe-sukf", update_time.SUKF, "time update and fix"),
+    "step.lssvm.update": ("lssvm", update_time.LSSVM, "differences, inputs and answer"),
+    "step.lssvm.infer": ("lssvm", update_time.INFER, "answer of the machine, fed back"),
+}
+"""By name of a figure, an estimator, its steps that run with a fix, and what they do."""
 
 
-def lssvm() -> Figure:
-    """Everything that `lssvm` does with a fix: differences, inputs and answer of its machine."""
-    return _update("step.lssvm.update", "lssvm", update_time.LSSVM, "differences, inputs and answer")
-
-
-def lssvm_infer() -> Figure:
-    """The answer of the machine of `lssvm`, fed back."""
-    return _update("step.lssvm.infer", "lssvm", update_time.INFER, "answer of the machine, fed back")
-
-
-def _update(name: str, id: str, steps: tuple[str, ...], note: str) -> Figure:
-    value = update_time.microseconds(id, steps)
+def update(name: str) -> Figure:
+    """One update of `UPDATES`."""
+    id, steps, note = UPDATES[name]
     floor = empty_loop(update_time.UPDATES, update_time.REPETITIONS)
-    return Figure(name, value, "us", floor, update_time.REPETITIONS, f"{note}; {update_time.UPDATES} times")
+    value = update_time.microseconds(id, steps)
+    return Figure(value, floor, update_time.REPETITIONS, f"{note}; {update_time.UPDATES} times")
 
 
 def flight() -> Figure:
@@ -85,7 +83,7 @@ def flight() -> Figure:
     smoother.smoothed()
     taken += time.perf_counter() - begin
     note = f"2 h at 200 Hz, covariance every 0.05 s, one fix per second; record of {smoother.record.size / 1e6:.0f} MB"
-    return Figure("smoother.flight", taken, "s", floor, 1, note)
+    return Figure(taken, floor, 1, note)
 
 
 def campaign() -> Figure:
@@ -107,4 +105,38 @@ def campaign() -> Figure:
     )
     value, alone, floor = (samples / median_time(work, CAMPAIGNS) for work in works)
     note = f"{runs} runs of 600 s at 200 Hz, {threads} cores; plant alone {alone:.3g}"
-    return Figure("campaign.q-method", value, "samples/s", floor, CAMPAIGNS, note)
+    return Figure(value, floor, CAMPAIGNS, note)
+
+
+# Composed filters: a sample along a drive with fixes, and a row of a batch without.
+
+DRIVE = "car-survey"
+ROWS, SAMPLES = 1024, 100
+STATES = {15: (), 21: ("gyro_scale", "accel_scale")}
+"""Error states beside the biases, by the number of all states."""
+
+
+def filter_of(size: int) -> Estimator:
+    """The filter with `size` states, GNSS and zero velocity."""
+    return fusion(STATES[size], ("gnss", "zero_velocity"), f"fusion-{size}")
+
+
+def composed_step(size: int) -> Figure:
+    """One inertial sample on the survey drive, in the native loop, outputs at the recorded times; peer: pyins without fixes."""
+    reports = [run(DRIVE, filter_of(size), duration_s=DURATION_S) for _ in range(REPETITIONS)]
+    samples = reports[0].imu_samples
+    value = statistics.median(report.results[0].us_per_sample for report in reports)
+    peer = peers.feedback_filter(0.05, scales=size == 21)
+    note = f"{DRIVE}, {samples} samples with fixes, covariance every 0.05 s"
+    return Figure(value, empty_loop(samples, REPETITIONS), REPETITIONS, note, peer)
+
+
+def composed_batch(size: int) -> Figure:
+    """One inertial sample of a row of a batch at rest without fixes, on one core."""
+    model = filter_of(size).model
+    rows, empty = make_batch(model, ROWS, threads=1), make_batch(EMPTY, ROWS, threads=1)
+    inputs: np.ndarray = model.inputs.pack({"delta_velocity": (0.0, 0.0, -NOMINAL_GRAVITY * 0.005), "dt": 0.005})
+    value = median_time(lambda: rows.run(SAMPLES, inputs), REPETITIONS) / (ROWS * SAMPLES) * 1e9
+    floor = median_time(lambda: empty.run(SAMPLES), REPETITIONS) / (ROWS * SAMPLES) * 1e9
+    note = f"{ROWS} rows, one core, {getattr(rows, 'lanes', 1)} lanes; 200 Hz, covariance every 0.05 s"
+    return Figure(value, floor, REPETITIONS, note)

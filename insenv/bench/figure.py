@@ -6,6 +6,7 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from insenv.core.model import Model, Step
 from insenv.core.runner import make_runner
@@ -16,17 +17,23 @@ from insenv.core.tables import Row, Table
 class Figure:
     """One measured figure.
 
-    name.  value: in `unit`.  floor: the same without the work itself, in `unit`.  n: number of repetitions or samples.
+    value: in `unit`.  floor: the same without the work itself, in `unit`.  n: number of repetitions or samples.
     note: what was measured.  peer: name and value of another package measured in the same run, if it is installed.
+    name, unit: those of the table of figures, which `figures` fills in.
     """
 
-    name: str
     value: float
-    unit: str
     floor: float
     n: int
     note: str = ""
     peer: tuple[str, float] | None = None
+    name: str = ""
+    unit: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        row = {name: getattr(self, name) for name in ("name", "value", "unit", "floor", "n", "note")}
+        return row if self.peer is None else {**row, "peer": dict(zip(("name", "value"), self.peer, strict=True))}
 
 
 EMPTY = Model(

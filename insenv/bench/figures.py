@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterator, Mapping
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from insenv.base.errors import InputError
 from insenv.base.installing import is_installed
+from insenv.base.output import WIDTH
 from insenv.bench.figure import Figure
+from insenv.report.document import Block, Document, Line, Listing
+from insenv.report.tables import number
 
 
 def figures(only: str | None = None) -> Iterator[Figure]:
@@ -19,11 +24,11 @@ def figures(only: str | None = None) -> Iterator[Figure]:
     Raises `InputError` if there is no such figure.
     """
     known = _measurements()
-    chosen = {name: measure for name, measure in known.items() if only is None or name.startswith(only)}
+    chosen = {name: entry for name, entry in known.items() if only is None or name.startswith(only)}
     if not chosen:
         raise InputError(f"no figure starts with {only!r} (allowed: {', '.join(known)})")
-    for measure in chosen.values():
-        yield measure()
+    for name, (unit, measure) in chosen.items():
+        yield replace(measure(), name=name, unit=unit)
 
 
 def machine() -> dict[str, str | int]:
@@ -46,6 +51,25 @@ def machine_line(found: Mapping[str, str | int]) -> str:
     return ", ".join(words.get(name, "{}").format(value) for name, value in found.items())
 
 
+def document(measured: Sequence[Figure]) -> Document:
+    """What is printed of figures."""
+    rows = [figure.as_json() for figure in measured]
+    return Document("bench", {"machine": machine(), "figures": rows}, partial(_blocks, measured))
+
+
+def _blocks(measured: Sequence[Figure]) -> Iterator[Block]:
+    rows = [(f.name, number(f.value), number(f.floor), f.unit, str(f.n), _what(f)) for f in measured]
+    yield Listing(("figure", "value", "floor", "unit", "n", "what"), rows, right=(1, 2, 4))
+    yield Line()
+    yield Line("floor: the same without the work itself (an empty model, a warm start)")
+    for line in textwrap.wrap(f"machine: {machine_line(machine())}", WIDTH, subsequent_indent="  "):
+        yield Line(line)
+
+
+def _what(figure: Figure) -> str:
+    return figure.note + ("" if figure.peer is None else f"; {figure.peer[0]}: {number(figure.peer[1])} {figure.unit}")
+
+
 def _processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -54,63 +78,58 @@ def _processor() -> str:
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.processor())
 
 
-def _measurements() -> dict[str, Callable[[], Figure]]:
+def _measurements() -> dict[str, tuple[str, Callable[[], Figure]]]:
+    """By name of a figure, its unit and how it is measured."""
     # here, so that `python -m insenv.bench.lockstep` starts without loading every measurement
-    from insenv.bench import composed, envs, estimators, fmu, lockstep, mavlink, numeric, page_machine, speed, truth
+    from insenv.bench import envs, estimators, fmu, lockstep, mavlink, page_machine, speed, truth
     from insenv.estimators import registered
 
     stepped = [e.id for e in registered().values() if not e.smooths]
-    return {
-        "native.propagate15": lambda: speed.single("native", 0.05),
-        "native.propagate15-each": lambda: speed.single("native", 0.0),
-        "interpreter.propagate15": lambda: speed.single("interpreter", 0.05),
-        "interpreter.propagate15-each": lambda: speed.single("interpreter", 0.0),
-        "batch.propagate15": lambda: speed.batch(0.05),
-        "batch.propagate15-each": lambda: speed.batch(0.0),
-        "batch.fusion-21": lambda: composed.batch(21),
-        "numeric.one": numeric.one,
-        "numeric.many": numeric.many,
-        "truth.drift.ship": lambda: truth.drift("ship"),
-        "truth.drift.car": lambda: truth.drift("car"),
-        "truth.drift.aircraft": lambda: truth.drift("aircraft"),
-        "smoother.flight": estimators.flight,
-        "env.single": envs.single,
-        "env.hundred": envs.hundred,
-        "vector.plant": envs.plant,
-        "vector.small": envs.small,
-        "vector.reset.ship": lambda: envs.resetting("ship", envs.ID),
-        "vector.reset.tuning": lambda: envs.resetting("tuning", "insenv/Tuning-v0"),
-        "vector.reset.manoeuvre": lambda: envs.resetting("manoeuvre", "insenv/Manoeuvre-v0"),
-        "vector.q-method": envs.q_method,
-        "vector.make": envs.making,
-        "campaign.q-method": estimators.campaign,
-        "fmu.c-host": fmu.c_host,
-        "fmu.loop": fmu.loop,
-        "fmu.fmpy": fmu.fmpy,
-        "fmu.pythonfmu": fmu.pythonfmu,
-        "fmu.ssp": fmu.ssp,
-        "fmu.export": fmu.export_time,
-        "fmu.size": fmu.size,
-        "mavlink.message": mavlink.message,
-        "mavlink.rate": mavlink.rate,
-        "mavlink.lateness.p99": mavlink.lateness,
-        "mavlink.cpu": mavlink.cpu,
-        "mavlink.lockstep": lockstep.px4,
-        "import.insenv": speed.import_time,
-        "start.help": lambda: speed.start("help", "--help"),
-        "start.list": lambda: speed.start("list", "list"),
-        "start.run": lambda: speed.start("run", "run", "ship-swaying"),
-        "first.run.ship": lambda: speed.first_run("ship", "ship-swaying"),
-        "first.run.car": lambda: speed.first_run("car", "car-city-drive", "-e", "loosely-coupled"),
-        **{f"step.{id}": partial(estimators.step, id) for id in stepped},
-        "step.fusion-15": lambda: composed.step(15),
-        "step.fusion-21": lambda: composed.step(21),
-        "step.aqe-sukf.update": estimators.sukf,
-        "step.lssvm.update": estimators.lssvm,
-        "step.lssvm.infer": estimators.lssvm_infer,
-        **(
-            {"web.samples": page_machine.samples, "web.size": page_machine.size}
-            if all(map(is_installed, ("wasmtime", "ziglang")))
-            else {}
-        ),
+    table: dict[str, tuple[str, Callable[[], Figure]]] = {
+        "native.propagate15": ("us", lambda: speed.single("native", 0.05)),
+        "native.propagate15-each": ("us", lambda: speed.single("native", 0.0)),
+        "interpreter.propagate15": ("us", lambda: speed.single("interpreter", 0.05)),
+        "interpreter.propagate15-each": ("us", lambda: speed.single("interpreter", 0.0)),
+        "batch.propagate15": ("ns", lambda: speed.batch(0.05)),
+        "batch.propagate15-each": ("ns", lambda: speed.batch(0.0)),
+        "batch.fusion-21": ("ns", lambda: estimators.composed_batch(21)),
+        "numeric.one": ("us", speed.one_row),
+        "numeric.many": ("ns", speed.many_rows),
+        **{f"truth.drift.{vehicle}": ("mm", partial(truth.drift, vehicle)) for vehicle in truth.SCENARIOS},
+        "smoother.flight": ("s", estimators.flight),
+        "env.single": ("steps/s", envs.single),
+        "env.hundred": ("us", envs.hundred),
+        "vector.plant": ("samples/s", envs.plant),
+        "vector.small": ("us", envs.small),
+        "vector.reset.ship": ("us", lambda: envs.resetting(envs.ID)),
+        "vector.reset.tuning": ("us", lambda: envs.resetting("insenv/Tuning-v0")),
+        "vector.reset.manoeuvre": ("us", lambda: envs.resetting("insenv/Manoeuvre-v0")),
+        "vector.q-method": ("samples/s", envs.q_method),
+        "vector.make": ("s", envs.making),
+        "campaign.q-method": ("samples/s", estimators.campaign),
+        "fmu.c-host": ("us", fmu.c_host),
+        "fmu.loop": ("us", fmu.loop),
+        "fmu.fmpy": ("us", fmu.fmpy),
+        "fmu.pythonfmu": ("us", fmu.pythonfmu),
+        "fmu.ssp": ("us", fmu.ssp),
+        "fmu.export": ("s", fmu.export_time),
+        "fmu.size": ("MB", fmu.size),
+        "mavlink.message": ("us", mavlink.message),
+        "mavlink.rate": ("Hz", mavlink.rate),
+        "mavlink.lateness.p99": ("ms", mavlink.lateness),
+        "mavlink.cpu": ("%", mavlink.cpu),
+        "mavlink.lockstep": ("x", lockstep.px4),
+        "import.insenv": ("s", speed.import_time),
+        "start.help": ("x", lambda: speed.start("--help")),
+        "start.list": ("x", lambda: speed.start("list")),
+        "start.run": ("x", lambda: speed.start("run", "ship-swaying")),
+        "first.run.ship": ("s", lambda: speed.first_run("ship-swaying")),
+        "first.run.car": ("s", lambda: speed.first_run("car-city-drive", "-e", "loosely-coupled")),
+        **{f"step.{id}": ("us", partial(estimators.step, id)) for id in stepped},
+        "step.fusion-15": ("us", lambda: estimators.composed_step(15)),
+        "step.fusion-21": ("us", lambda: estimators.composed_step(21)),
+        **{name: ("us", partial(estimators.update, name)) for name in estimators.UPDATES},
     }
+    if all(map(is_installed, ("wasmtime", "ziglang"))):
+        table |= {"web.samples": ("ns", page_machine.samples), "web.size": ("kB", page_machine.size)}
+    return table

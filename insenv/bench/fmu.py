@@ -56,7 +56,7 @@ def c_host() -> Figure:
         hosted, bare = _hosted(folder, _exported(folder), columns, interval, estimator, rows)
     value, floor = statistics.median(hosted), statistics.median(bare)
     note = f"{ESTIMATOR}, C host, FMI 2, {value / floor:.2f} x the floor: the bare model in a C loop"
-    return Figure("fmu.c-host", value, "us", floor, len(hosted), note)
+    return Figure(value, floor, len(hosted), note)
 
 
 def loop() -> Figure:
@@ -69,7 +69,7 @@ def loop() -> Figure:
         hosted, bare = _hosted(folder, fmu, {}, both.sample_interval, both, rows)
     value, floor = statistics.median(hosted), statistics.median(bare)
     note = f"{ESTIMATOR} and {SCENARIO} in one FMU, C host, {value / floor:.2f} x the floor: the bare model of both in a C loop"
-    return Figure("fmu.loop", value, "us", floor, len(hosted), note)
+    return Figure(value, floor, len(hosted), note)
 
 
 def fmpy() -> Figure:
@@ -80,7 +80,7 @@ def fmpy() -> Figure:
     other = _pythonfmu()
     peer = None if other is None else (f"PythonFMU {version('pythonfmu')}", other)
     note = f"{ESTIMATOR}, insenv.fmu.run over FMPy, FMI 2; floor: the bare model in a C loop"
-    return Figure("fmu.fmpy", value, "us", _floor(), REPETITIONS, note, peer)
+    return Figure(value, _floor(), REPETITIONS, note, peer)
 
 
 def pythonfmu() -> Figure:
@@ -88,7 +88,7 @@ def pythonfmu() -> Figure:
     value = _pythonfmu()
     missing = "" if value is not None else f"; not installed: {install_extra('bench')}"
     note = f"{ESTIMATOR} in Python, by the same loop{missing}"
-    return Figure("fmu.pythonfmu", float("nan") if value is None else value, "us", _floor(), REPETITIONS, note)
+    return Figure(float("nan") if value is None else value, _floor(), REPETITIONS, note)
 
 
 def _floor() -> float:
@@ -111,14 +111,12 @@ def ssp() -> Figure:
             floors += _bare(both, np.zeros((round(DURATION_S / both.sample_interval), both.model.inputs.size)))
     note = f"{ESTIMATOR} and {SCENARIO}, insenv.fmu.run_ssp, FMI 2, all outputs; floor: the bare model of both in a C loop"
     value, python = (statistics.median(times) for times in taken.values())
-    return Figure("fmu.ssp", value, "us", statistics.median(floors), REPETITIONS, note, ("the same in Python", python))
+    return Figure(value, statistics.median(floors), REPETITIONS, note, ("the same in Python", python))
 
 
 def export_time() -> Figure:
     """Export for this machine with the library in the cache; the floor is the C compiler on an empty file."""
-    compiler = find_compiler()
-    if compiler is None:
-        raise InsenvError("fmu.export: no C compiler found")
+    compiler = _compiler("fmu.export")
     with _folder() as folder:
         taken = []
         for _ in range(4):
@@ -130,14 +128,8 @@ def export_time() -> Figure:
         command = [*compiler.command, "-shared", "-fPIC", str(folder / "empty.c"), "-o", str(folder / "empty.so")]
         subprocess.run(command, check=True, capture_output=True)
         floor = time.perf_counter() - begin
-    return Figure(
-        "fmu.export",
-        statistics.median(taken[1:]),
-        "s",
-        floor,
-        3,
-        f"{ESTIMATOR}, this platform, warm; floor: compiling an empty file",
-    )
+    note = f"{ESTIMATOR}, this platform, warm; floor: compiling an empty file"
+    return Figure(statistics.median(taken[1:]), floor, 3, note)
 
 
 def size() -> Figure:
@@ -147,7 +139,14 @@ def size() -> Figure:
         value = export_fmu(ESTIMATOR, folder / "all.fmu", platforms=platforms).stat().st_size
         floor = _exported(folder).stat().st_size
     what = "five platforms" if platforms == ("all",) else "one platform: ziglang is not installed"
-    return Figure("fmu.size", value / 1e6, "MB", floor / 1e6, 1, f"{ESTIMATOR}, {what}; floor: this platform alone")
+    return Figure(value / 1e6, floor / 1e6, 1, f"{ESTIMATOR}, {what}; floor: this platform alone")
+
+
+def _compiler(name: str) -> Compiler:
+    compiler = find_compiler()
+    if compiler is None:
+        raise InsenvError(f"{name}: no C compiler found")
+    return compiler
 
 
 @contextmanager
@@ -174,9 +173,7 @@ def _bare(of: Subject, rows: Array) -> list[float]:
 
     rows: (samples, inputs).
     """
-    model, count, compiler = of.model, len(rows), find_compiler()
-    if compiler is None:
-        raise InsenvError("fmu.c-host: no C compiler found")
+    model, count, compiler = of.model, len(rows), _compiler("fmu.c-host")
     portable = Compiler(compiler.command, (*FLAGS, *host().further))
     library = load_library(str(compile_library(native_source(model), portable)))
     rows, taken = np.ascontiguousarray(rows), []
@@ -228,9 +225,7 @@ def _processor_time(steps: Callable[..., object]) -> float:
 
 def _host(folder: Path) -> Path:
     """The compiled C host."""
-    compiler = find_compiler()
-    if compiler is None:
-        raise InsenvError("fmu.c-host: no C compiler found")
+    compiler = _compiler("fmu.c-host")
     source, binary = fmu_folder() / "examples" / "host.c", folder / "host"
     libraries = () if sys.platform == "win32" else ("-ldl", "-lm")
     command = [*compiler.command, "-std=c99", "-O2", str(source), "-o", str(binary), *libraries]

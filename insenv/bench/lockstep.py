@@ -32,7 +32,7 @@ def px4() -> Figure:
     values = [_speed(vehicle.step, interval) for _ in range(ROUNDS)]
     floors = [_speed(_constant(interval), interval) for _ in range(ROUNDS)]
     note = f"{SCENARIO} in lockstep with a stand-in for PX4 over TCP, multiple of real time; floor: no vehicle"
-    return Figure("mavlink.lockstep", statistics.median(values), "x", statistics.median(floors), ROUNDS * STEPS, note)
+    return Figure(statistics.median(values), statistics.median(floors), ROUNDS * STEPS, note)
 
 
 def _constant(interval: float) -> Callable[[], list[Any]]:

@@ -42,10 +42,8 @@ def message() -> Figure:
             costs.append((taken - simulated) / sent * 1e6)
             floors.append(_sending(sink, sizes // sent))
             total += sent
-    return Figure(
-        "mavlink.message", statistics.median(costs), "us", statistics.median(floors), total,
-        "processor time to make, convert, pack and send one message, without the simulation",
-    )  # fmt: skip
+    note = "processor time to make, convert, pack and send one message, without the simulation"
+    return Figure(statistics.median(costs), statistics.median(floors), total, note)
 
 
 def _sending(sink: socket.socket, size: int, count: int = 2000) -> float:
@@ -94,21 +92,20 @@ def _empty() -> tuple[float, float, float, float]:
     return rate, pacer.lateness(0.5) * 1e3, pacer.lateness(0.99) * 1e3, share * 100.0
 
 
-def _figure(name: str, place: int, unit: str, note: str) -> Figure:
-    return Figure(name, _streamed()[place], unit, _empty()[place], round(STREAMED_S * 200), note)
+def _of_stream(place: int, note: str) -> Figure:
+    return Figure(_streamed()[place], _empty()[place], round(STREAMED_S * 200), note)
 
 
 def rate() -> Figure:
     """Achieved rate of HIL_SENSOR at 200 Hz, with the default telemetry; the floor is an empty loop with the same deadlines."""
-    return _figure("mavlink.rate", 0, "Hz", "HIL_SENSOR, requested at 200 Hz, with the default telemetry")
+    return _of_stream(0, "HIL_SENSOR, requested at 200 Hz, with the default telemetry")
 
 
 def lateness() -> Figure:
     """99th percentile of the lateness of samples; the note gives the median."""
-    note = f"99 % of samples are no later than this; median {_streamed()[1]:.2g} ms"
-    return _figure("mavlink.lateness.p99", 2, "ms", note)
+    return _of_stream(2, f"99 % of samples are no later than this; median {_streamed()[1]:.2g} ms")
 
 
 def cpu() -> Figure:
     """Processor share of the default stream in real time."""
-    return _figure("mavlink.cpu", 3, "%", f"share of a core of the default stream of {SCENARIO} in real time")
+    return _of_stream(3, f"share of a core of the default stream of {SCENARIO} in real time")

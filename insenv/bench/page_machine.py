@@ -113,7 +113,7 @@ def samples() -> Figure:
     note = f"{SCENARIO} with {ESTIMATOR}, one core, in wasmtime; floor: the native loop of an empty model"
     per_sample = 1e9 / SAMPLES
     peer = ("the same natively", beside * per_sample)
-    return Figure("web.samples", value * per_sample, "ns", empty_loop(SAMPLES, REPETITIONS) * 1e3, REPETITIONS, note, peer)
+    return Figure(value * per_sample, empty_loop(SAMPLES, REPETITIONS) * 1e3, REPETITIONS, note, peer)
 
 
 def size() -> Figure:
@@ -122,6 +122,4 @@ def size() -> Figure:
         path = page(SCENARIO, Path(folder) / "page.html", ESTIMATOR)
         text = path.stat().st_size
     floor = len(compressed(live(SCENARIO, ESTIMATOR).wasm))
-    return Figure(
-        "web.size", text / 1e3, "kB", floor / 1e3, 1, f"page of {SCENARIO} with {ESTIMATOR}; floor: its code, compressed"
-    )
+    return Figure(text / 1e3, floor / 1e3, 1, f"page of {SCENARIO} with {ESTIMATOR}; floor: its code, compressed")

@@ -1,4 +1,4 @@
-"""Speed of one inertial sample of the 15-state filter, sample by sample and in a batch; the import; a first run."""
+"""Speed of a sample of the 15-state filter, one by one and in a batch; of functions on arrays; of starts."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ import tempfile
 import time
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from insenv.attitude import numeric
 from insenv.bench import peers
 from insenv.bench.figure import EMPTY, Figure, median_time
 from insenv.core.batch import make_batch
 from insenv.core.model import Model
+from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.geodesy import NOMINAL_GRAVITY
@@ -36,7 +39,7 @@ def single(backend: str, covariance_interval: float) -> Figure:
     # pyins is designed for steps of several samples: with a covariance at each sample the comparison would be unfair
     peer = peers.feedback_filter(covariance_interval) if backend == "native" and covariance_interval else None
     note = _covariance_note(covariance_interval)
-    return Figure(_name(backend, covariance_interval), value, "us", floor, REPETITIONS, note, peer)
+    return Figure(value, floor, REPETITIONS, note, peer)
 
 
 def batch(covariance_interval: float) -> Figure:
@@ -49,10 +52,10 @@ def batch(covariance_interval: float) -> Figure:
     floor = median_time(lambda: empty.run(samples), REPETITIONS) / (ROWS * samples) * 1e9
     lanes = getattr(rows, "lanes", 1)
     note = f"{ROWS} rows, one core, {lanes} lanes; {_covariance_note(covariance_interval)}"
-    return Figure(_name("batch", covariance_interval), value, "ns", floor, REPETITIONS, note)
+    return Figure(value, floor, REPETITIONS, note)
 
 
-def first_run(name: str, *arguments: str) -> Figure:
+def first_run(*arguments: str) -> Figure:
     """`insenv run` of a new user: nothing is compiled; the floor is the same run once more."""
     command = [sys.executable, "-m", "insenv", "run", *arguments, "--no-figure"]
 
@@ -67,7 +70,7 @@ def first_run(name: str, *arguments: str) -> Figure:
             cold.append(taken(folder))
             warm.append(taken(folder))
     note = f"insenv run {' '.join(arguments)} with an empty cache, whole process; floor: the same with a full one"
-    return Figure(f"first.run.{name}", statistics.median(cold), "s", statistics.median(warm), FIRST_RUNS, note)
+    return Figure(statistics.median(cold), statistics.median(warm), FIRST_RUNS, note)
 
 
 def import_time() -> Figure:
@@ -76,10 +79,10 @@ def import_time() -> Figure:
     def started(statement: str) -> float:
         return median_time(lambda: subprocess.run([sys.executable, "-c", statement], check=True), STARTS)
 
-    return Figure("import.insenv", started("import insenv"), "s", started("pass"), STARTS, "whole process")
+    return Figure(started("import insenv"), started("pass"), STARTS, "whole process")
 
 
-def start(name: str, *arguments: str) -> Figure:
+def start(*arguments: str) -> Figure:
     """A command with everything compiled, in units of a new interpreter's import of NumPy: processor times."""
     command = [sys.executable, "-m", "insenv", *arguments]
     subprocess.run(command, check=True, capture_output=True)
@@ -89,7 +92,7 @@ def start(name: str, *arguments: str) -> Figure:
         floor.append(_processor_time([sys.executable, "-c", "import numpy"]))
     unit = statistics.median(floor)
     note = f"insenv {' '.join(arguments)}, processor time; floor: python -c 'import numpy', here {unit:.2f} s"
-    return Figure(f"start.{name}", statistics.median(taken) / unit, "x", 1.0, STARTS, note)
+    return Figure(statistics.median(taken) / unit, 1.0, STARTS, note)
 
 
 def _processor_time(command: list[str]) -> float:
@@ -100,13 +103,45 @@ def _processor_time(command: list[str]) -> float:
     return after.children_user + after.children_system - before.children_user - before.children_system
 
 
-def _name(prefix: str, covariance_interval: float) -> str:
-    return f"{prefix}.propagate15" + ("" if covariance_interval else "-each")
-
-
 def _covariance_note(interval: float) -> str:
     return f"200 Hz, covariance every {interval:g} s" if interval else "200 Hz, covariance at each sample"
 
 
 def _at_rest(model: Model) -> np.ndarray:
     return model.inputs.pack({"delta_velocity": (0.0, 0.0, -NOMINAL_GRAVITY * 0.005), "dt": 0.005})
+
+
+# Functions for NumPy arrays: on one row, and on many.
+
+NUMERIC_REPETITIONS = 9
+NUMERIC_CALLS = 2000  # on one row, in a repetition
+NUMERIC_ROWS = 10_000
+_IDENTITY = vectorized(lambda q, v: v, 4, 3)
+
+
+def one_row() -> Figure:
+    """A vector rotated by a quaternion, as agents of one's own do at each sample."""
+    value, floor, peer = (1e6 * taken for taken in _rotation_times((), NUMERIC_CALLS))
+    return Figure(value, floor, NUMERIC_REPETITIONS, _rotation_note("one row"), ("SciPy's Rotation", peer))
+
+
+def many_rows() -> Figure:
+    """The same of many rows: time of a row."""
+    value, floor, peer = (1e9 * taken / NUMERIC_ROWS for taken in _rotation_times((NUMERIC_ROWS,), 1))
+    return Figure(value, floor, NUMERIC_REPETITIONS, _rotation_note(f"a row of {NUMERIC_ROWS}"), ("SciPy's Rotation", peer))
+
+
+def _rotation_note(rows: str) -> str:
+    return f"attitude.numeric.rotate, {rows}; floor: a function that returns its argument"
+
+
+def _rotation_times(leading: tuple[int, ...], calls: int) -> tuple[float, ...]:
+    """Of a call of the function, of an empty one, and of the peer, s."""
+    draw = np.random.default_rng(1)
+    q, v = draw.normal(size=(*leading, 4)), draw.normal(size=(*leading, 3))
+    q /= np.linalg.norm(q, axis=-1, keepdims=True)
+    last = np.roll(q, -1, axis=-1)  # SciPy has the scalar last
+    return tuple(
+        median_time(call, NUMERIC_REPETITIONS, calls)
+        for call in (lambda: numeric.rotate(q, v), lambda: _IDENTITY(q, v), lambda: Rotation.from_quat(last).apply(v))
+    )

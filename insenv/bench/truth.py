@@ -26,7 +26,7 @@ def drift(vehicle: str, rate_hz: float = 200.0) -> Figure:
     note = f"{SCENARIOS[vehicle]}, 600 s at {rate_hz:g} Hz; floor: spacing of doubles in longitude"
     poses = {name: np.concatenate([[start[name]], truth[name]]) for name in ("q_nb", "latitude", "longitude", "height")}
     peer = peers.drift(plant.sample_interval, **poses)
-    return Figure(f"truth.drift.{vehicle}", float(largest), "mm", spacing, int(DURATION_S * rate_hz), note, peer)
+    return Figure(float(largest), spacing, int(DURATION_S * rate_hz), note, peer)
 
 
 def drift_ned(vehicle: str, rate_hz: float, disturbed: bool = True, id: str = "wander-sins") -> np.ndarray:

@@ -21,10 +21,6 @@ if TYPE_CHECKING:
 
 COMPILER = "insenv.core.compile"
 """Name of the logger that tells of compilations."""
-NARROWEST = 24
-"""Columns that the text beside a list's names has at least."""
-WIDEST = 1000
-"""More columns than any table needs."""
 
 
 def _console(stderr: bool = False) -> Console:
@@ -61,16 +57,10 @@ def print_answer(as_json: bool, values: Any, lines: Iterable[str]) -> None:
 
 def print_blocks(blocks: Iterable[Block]) -> None:
     """Print tables and lines on stdout."""
-    from rich.table import Table
-
-    from insenv.report.console import rendered
+    from insenv.report.console import fitted
 
     console = _console()
-    width = console.width
-    for part in rendered(blocks):
-        # a table is not cut in a narrow terminal, which breaks the lines itself
-        needed = console.measure(part, options=console.options.update(width=WIDEST))
-        console.width = max(width, needed.maximum if isinstance(part, Table) else needed.minimum)
+    for part in fitted(console, blocks):
         _show(console, part)
 
 
@@ -116,25 +106,11 @@ def print_result(
         print_line(unwritten)
 
 
-def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = (), *, head: bool = True) -> None:
-    """Print a table on stdout as wide as the terminal; the last column wraps.
+def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, head: bool = True) -> None:
+    """Print a table on stdout as wide as the terminal; the last column wraps.  head: whether the columns are named."""
+    from insenv.report.document import Listing
 
-    right: places of the columns that are aligned right. head: whether the names of the columns are shown.
-    """
-    from rich import box
-    from rich.cells import cell_len
-    from rich.table import Table
-
-    gap = 2
-    table = Table(box=box.SIMPLE_HEAD, show_header=head, show_edge=False, pad_edge=False, padding=(0, gap, 0, 0))
-    for place, name in enumerate(columns):
-        table.add_column(name, no_wrap=place < len(columns) - 1, justify="right" if place in right else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    fixed = sum(max(map(cell_len, column)) + gap for column in list(zip(columns, *rows, strict=True))[:-1])
-    console = _console()
-    console.width = max(console.width, fixed + NARROWEST)
-    _show(console, table)
+    print_blocks([Listing(columns, rows, head=head)])
 
 
 class Bar:

@@ -173,17 +173,17 @@ def allan(
 ) -> None:
     """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
     from insenv.studies.allan import allan as measure
-    from insenv.studies.allan_result import assumed, check_grade, document, write_files, write_grade
+    from insenv.studies.allan_result import GRADE_FILE, assumed, check_grade, document, write_grade
 
     check_grade(grade)
     with output.working(log.name) as progress:
         deviation = measure(log, from_s=begin, to_s=end, progress=progress)
         if grade is not None:
             write_grade(deviation, grade)
-        if output.folder is not None:
-            output.written = write_files(deviation, output.folder, grade, output.figure)
-    at = output.written.paths[1] if grade is None and output.written else grade
+        at = grade if grade is not None or output.folder is None else output.folder.path / GRADE_FILE
+        made = document(deviation, None if at is None else str(at))
+        output.keep(made)
     lines = [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit'] if grade else []
     lines += [assumed(deviation)] if at is not None else []
     unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
-    output.show(document(deviation, None if at is None else str(at)), unwritten, lines)
+    output.show(made, unwritten, lines)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from insenv.report.document import Block, Grid, Line
+from insenv.report.document import Block, Grid, Line, Listing
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from rich.console import Console, RenderableType
     from rich.table import Table
     from rich.text import Text
 
@@ -16,10 +16,31 @@ LABEL = 13
 """Characters that the column of labels has at least."""
 
 
+NARROWEST = 24
+"""Columns that the last column of a listing has at least."""
+MOST = 1000
+"""More columns than any table needs."""
+GAP = 2
+"""Columns between those of a listing."""
+
+
+def fitted(console: Console, blocks: Iterable[Block]) -> Iterator[RenderableType]:
+    """What a console prints for blocks, top to bottom; as wide as it must be: a terminal breaks the lines itself."""
+    width = console.width
+    for block, part in zip(blocks := list(blocks), rendered(blocks), strict=True):
+        if isinstance(block, Listing):
+            needed = _fixed_width(block) + NARROWEST
+        else:
+            measured = console.measure(part, options=console.options.update(width=MOST))
+            needed = measured.maximum if isinstance(block, Grid) else measured.minimum
+        console.width = max(width, needed)
+        yield part
+
+
 def rendered(blocks: Iterable[Block]) -> Iterator[RenderableType]:
     """What Rich prints for blocks, top to bottom."""
     for block in blocks:
-        yield _table(block) if isinstance(block, Grid) else _text(block)
+        yield _table(block) if isinstance(block, Grid) else _listing(block) if isinstance(block, Listing) else _text(block)
 
 
 def _text(line: Line) -> Text:
@@ -45,3 +66,24 @@ def _table(grid: Grid) -> Table:
             table.add_section()
         table.add_row(*(_text(cell) if isinstance(cell, Line) else cell for cell in row))
     return table
+
+
+def _listing(listing: Listing) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, show_header=listing.head, show_edge=False, pad_edge=False, padding=(0, GAP, 0, 0))
+    for place, name in enumerate(listing.columns):
+        last, justify = place == len(listing.columns) - 1, "right" if place in listing.right else "left"
+        table.add_column(name, no_wrap=not last, justify=justify, overflow="fold")  # type: ignore[arg-type]
+    for row in listing.rows:
+        table.add_row(*row)
+    return table
+
+
+def _fixed_width(listing: Listing) -> int:
+    """Width of the columns that do not wrap."""
+    from rich.cells import cell_len
+
+    *fixed, _ = zip(listing.columns, *listing.rows, strict=True)
+    return sum(max(map(cell_len, column)) + GAP for column in fixed)

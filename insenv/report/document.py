@@ -1,7 +1,8 @@
 """What a command shows and keeps of its result, before anything renders it.
 
-A result gives its `Document`: lines and tables, the documented JSON values, arrays, a page, a figure.  The terminal
-(`insenv.report.console`) and the files (`insenv.report.files`) are made from it.
+A result gives its `Document`: lines and tables, the documented JSON values, arrays, a page, a figure, all of them data.  The
+terminal (`insenv.report.console`), the files (`insenv.report.files`), the page (`insenv.report.page`) and the figure
+(`insenv.report.figures`) are made from it.
 """
 
 from __future__ import annotations
@@ -9,12 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from insenv.base.output import finite
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from insenv.report.panels import Picture, Section
 
 Style = Literal["", "bold", "dim", "yellow"]
 
@@ -42,7 +41,64 @@ class Grid:
     gap: int = 2
 
 
-Block = Line | Grid
+@dataclass(frozen=True)
+class Listing:
+    """A table of texts as wide as the terminal, whose last column wraps.
+
+    right: places of the columns that are aligned right.  head: whether the names of the columns are shown.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    right: Sequence[int] = ()
+    head: bool = True
+
+
+Block = Line | Grid | Listing
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts on a page; the first column names the row.
+
+    group: entry in the legend.  below: sentences.  warnings: row and column of marked cells.  state: a word on the health of
+    what the table shows (`insenv.evaluation.nis.VERDICTS`).  wide: no table stands beside it.
+    """
+
+    caption: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    group: int | None = None
+    below: Sequence[str] = ()
+    warnings: Sequence[tuple[int, int]] = ()
+    state: str = ""
+    wide: bool = False
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page: what the front end calls a report (web/README.md).
+
+    tab: title of the file.  truth: how `TRUTH_GROUP` is called.  legend: entries by group, of which those without a name are
+    not listed.  explained: what the columns of the tables mean.  more: as the axis that is not time.  further: other
+    documents of the page by kind, as "live".
+    """
+
+    tab: str
+    name: str
+    title: str
+    facts: Sequence[str]
+    legend: Sequence[Mapping[str, Any]]
+    tables: Sequence[Table]
+    sections: Sequence[Section]
+    explained: Sequence[str] = ()
+    notes: Sequence[str] = ()
+    truth: str = "truth"
+    more: Mapping[str, Any] = field(default_factory=dict)
+    further: Mapping[str, Any] = field(default_factory=dict)
+
+
+Part = Literal["texts", "npz", "json", "html", "png", "svg", "further"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +106,9 @@ class Document:
     """The parts of a result; those that take time are made when they are asked for.
 
     name: stem of its files.  values: the documented JSON form.  blocks: what is printed, top to bottom.  texts: contents of
-    files by name, which come first.  arrays: of the file NAME.npz.  page: the HTML.  further: files that come last, by name,
-    each written by a function of its path.
+    files by name.  arrays: of the file NAME.npz.  further: files by name, each written by a function of its path.  undrawn: why
+    there is no figure.  order: of the files.  located: whether the JSON names them with their folder; without it equal results
+    are equal files.
     """
 
     name: str
@@ -59,9 +116,12 @@ class Document:
     blocks: Callable[[], Iterable[Block]]
     texts: Mapping[str, str] = field(default_factory=dict)
     arrays: Callable[[], Mapping[str, Any]] | None = None
-    page: Callable[[], str] | None = None
-    figure: Callable[[], Figure] | None = None
+    page: Callable[[], Page] | None = None
+    figure: Callable[[], Picture] | None = None
     further: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
+    undrawn: str = ""
+    order: Sequence[Part] = ("texts", "npz", "json", "html", "png", "svg", "further")
+    located: bool = False
 
     def as_json(self, files: Sequence[str] = ()) -> dict[str, Any]:
         """The JSON document; with `files` (paths written) if there are any."""

@@ -1,52 +1,76 @@
-"""Results in a notebook: HTML with the figure inside, and pandas DataFrames."""
+"""Results in the hand of a user: figures, files, HTML for notebooks, pandas DataFrames."""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.errors import InsenvError
 from insenv.base.installing import is_installed, need
 from insenv.base.style import save
+from insenv.report.document import Document, Page, Table
+from insenv.report.figures import draw
+from insenv.report.files import FilesWritten, OutputFolder, write_document
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-HtmlTable = tuple[str, Sequence[str], Iterable[Sequence[str]]]
-"""Caption, names of the columns, rows."""
+
+class Shown:
+    """A result with a `Document`: how it is drawn, saved and shown in a notebook."""
+
+    def document(self) -> Document:
+        """What is printed and kept of it."""
+        raise NotImplementedError
+
+    def plot(self) -> Figure:
+        """The figure.  Raises `InsenvError` if matplotlib is missing or there is nothing to draw."""
+        need("a figure", "matplotlib", extra="plot")
+        document = self.document()
+        if document.figure is None:
+            raise InsenvError(document.undrawn)
+        return draw(document.figure())
+
+    def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
+        """Write the files, as ``--out`` does: JSON, arrays and, if `figure`, the page and (with matplotlib) the figure.
+
+        Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
+        """
+        return write_document(self.document(), OutputFolder(folder), figure)
+
+    def _repr_html_(self) -> str | None:
+        document = self.document()
+        return None if document.page is None else notebook_html(document, document.page())
 
 
-def require_matplotlib() -> None:
-    """Raise `InputError` if matplotlib is not installed."""
-    need("a figure", "matplotlib", extra="plot")
-
-
-def html_document(
-    title: str, facts: str, tables: Iterable[HtmlTable], notes: Sequence[str] = (), plot: Callable[[], Figure] | None = None
-) -> str:
-    """A title, tables, notes and, if `plot` is given and matplotlib is installed, the figure as a PNG in a data URI."""
-    parts = [f"<p><b>{escape(title)}</b><br>{escape(facts)}</p>", *(_table(*table) for table in tables)]
-    parts += [f"<p>note: {escape(note)}</p>" for note in notes]
-    if plot is not None and is_installed("matplotlib"):
+def notebook_html(document: Document, page: Page) -> str:
+    """Title, tables and notes of a page, and the figure as a PNG in a data URI if matplotlib is installed."""
+    title = f"{page.name}: {page.title}"
+    parts = [f"<p><b>{escape(title)}</b><br>{escape(', '.join(page.facts))}</p>", *map(_table, page.tables)]
+    parts += [f"<p>note: {escape(note)}</p>" for note in page.notes]
+    if document.figure is not None and is_installed("matplotlib"):
         stream = io.BytesIO()
-        save(plot(), {"png": stream})
+        save(draw(document.figure()), {"png": stream})
         image = base64.b64encode(stream.getvalue()).decode("ascii")
         parts.append(f'<img src="data:image/png;base64,{image}" style="max-width: 100%" alt="{escape(title)}">')
     return "\n".join(parts)
 
 
-def _table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def _table(table: Table) -> str:
     def line(tag: str, cells: Sequence[str]) -> str:
         return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
-    lines = [line("th", columns), *(line("td", row) for row in rows)]
-    return f"<table><caption>{escape(caption)}</caption>{''.join(lines)}</table>"
+    lines = [line("th", table.columns), *(line("td", row) for row in table.rows)]
+    below = "".join(f"<p>{escape(sentence)}</p>" for sentence in table.below)
+    return f"<table><caption>{escape(table.caption)}</caption>{''.join(lines)}</table>{below}"
 
 
 def data_frame(index: NDArray[Any], columns: Mapping[str, NDArray[Any]], name: str = "time") -> DataFrame:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import partial
 from math import isfinite
 
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
 from insenv.evaluation.nis import WRONG
-from insenv.report.document import Block, Document, Grid, Line
+from insenv.report.document import Block, Grid, Line
 from insenv.report.run_data import RunData
 
 _NAMES = {
@@ -26,6 +25,11 @@ def label(channel: str) -> str:
     return _NAMES.get(channel, channel)
 
 
+def error_label(channel: str) -> str:
+    """A channel's error as printed: ``heading error [deg]``."""
+    return label(channel).replace(" [", " error [")
+
+
 def number(value: float | None) -> str:
     """Three significant digits in at most 8 characters; a dash for an unknown value."""
     if value is None or not math.isfinite(value):
@@ -38,15 +42,7 @@ def number(value: float | None) -> str:
     return f"{value:.{digits}f}"
 
 
-def run_document(report: RunData) -> Document:
-    """What is printed of a run or replay, and its JSON form: with `published` if there are results of others."""
-    values = report.as_json()
-    if report.published:
-        values["published"] = [{"name": name, "rms": dict(rms)} for name, rms in report.published]
-    return Document("run", values, partial(comparison, report))
-
-
-def comparison(report: RunData) -> Iterator[Block]:
+def run_blocks(report: RunData) -> Iterator[Block]:
     """The printed lines and tables of a run, top to bottom: heading, one table per estimator, notes.
 
     No line is longer than `WIDTH`, unless a single word is.
@@ -62,8 +58,8 @@ def comparison(report: RunData) -> Iterator[Block]:
         shown = {name for result in report.results if result.errors for name in error_columns(result)}
         yield Line("final: at the end; all others: over the statistics' time", "dim")
         meanings = {"stated": "stated: the estimator's own 1 sigma", "limit": "limit: theory's 1 sigma"}
-        if told := [meaning for name, meaning in meanings.items() if name in shown]:
-            yield Line("; ".join(told), "dim")
+        if explained := [meaning for name, meaning in meanings.items() if name in shown]:
+            yield Line("; ".join(explained), "dim")
         if "limit" in shown:
             yield Line(within(1), "dim")
     for note in report.notes:
@@ -164,8 +160,8 @@ def _of_result(result: Result, report: RunData) -> Iterator[Block]:
         listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
         yield Line(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
     if result.health is not None:
-        for place, told in enumerate(result.health.lines):
-            yield Line(f"{'  ' if place else 'health: '}{told}", "yellow" if result.health.verdict in WRONG else "")
+        for place, sentence in enumerate(result.health.lines):
+            yield Line(f"{'  ' if place else 'health: '}{sentence}", "yellow" if result.health.verdict in WRONG else "")
     for note in result.notes:
         yield Line(f"note: {note}")
     if result.unit:
@@ -176,17 +172,17 @@ def _of_result(result: Result, report: RunData) -> Iterator[Block]:
 def estimate_rows(result: Result) -> list[tuple[str, str, str]]:
     """Without a reference: label, estimate at the end and the standard deviation that the estimator states."""
     last = {name: value[-1:] for name, value in result.outputs.items()} if len(result.time) else {}
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     if "q_nb" in last:
         angles = Track(result.time[-1:], last["q_nb"]).euler_deg()[0]
-        found |= {name: f"{angle:.4f}" for name, angle in zip(ATTITUDE, angles, strict=True)}
-    found |= {f"{n}_deg": f"{math.degrees(last[n][0]):.7f}" for n in ("latitude", "longitude") if n in last}
-    found |= {"height_m": f"{last['height'][0]:.3f}"} if "height" in last else {}
+        texts |= {name: f"{angle:.4f}" for name, angle in zip(ATTITUDE, angles, strict=True)}
+    texts |= {f"{n}_deg": f"{math.degrees(last[n][0]):.7f}" for n in ("latitude", "longitude") if n in last}
+    texts |= {"height_m": f"{last['height'][0]:.3f}"} if "height" in last else {}
     if "velocity_n" in last:
-        found |= {name: f"{speed:.4f}" for name, speed in zip(VELOCITY, last["velocity_n"][0], strict=True)}
+        texts |= {name: f"{speed:.4f}" for name, speed in zip(VELOCITY, last["velocity_n"][0], strict=True)}
     rows = []
     sigmas = {"latitude_deg": "north_m", "longitude_deg": "east_m", "height_m": "down_m"}
-    for name, text in found.items():
+    for name, text in texts.items():
         channel = sigmas.get(name, name)
         stated = number(result.sigma[channel][-1]) if channel in result.sigma else "-"
         rows.append((label(name), text, f"{stated} m" if channel != name else stated))

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.style import save_both
+from insenv.report.document import Block, Document, Line
+from insenv.report.figures import draw
+from insenv.report.panels import TRUTH_GROUP, Range
+from insenv.report.tables import number
+
+Form = TypeVar("Form")
 
 PAPERS = {
     "ecef": "ECEF fine alignment, 12-state Kalman filter",
@@ -19,32 +28,32 @@ PAPERS = {
     "quaternion": "quaternion adaptive Kalman alignment",
     "large-misalignment": "large misalignment: additive quaternion error, EKF and simplified UKF",
 }
-"""Titles of the papers by short name; each paper is a module of this package with `quantities`, `figure` and `CONDITIONS`."""
+"""Titles of the papers by short name; each is a module of this package with `quantities`, `pictures` and `CONDITIONS`."""
 
 
 @dataclass(frozen=True)
 class Quantity:
     """A row of a paper's table.
 
-    paper: short name of the paper.
     quantity, unit: the quantity and its conditions; its unit.
     published: the number in the paper, None if it gives none.
     ours: the number measured here with insenv's own form of the method, None if the row is about the printed form alone.
+    printed_form: that of the method as the paper prints it, None if the row is about insenv's form alone.
     limit: the theoretical limit, None if there is none.
     seeds: number of seeds (1 where nothing is random).
     note: how this row was judged, and further conditions; those of all rows of the paper are its `conditions`.
-    printed_form: the number measured here with the method as the paper prints it; None if the row is about insenv's form alone.
+    paper: short name of the paper, which `reproduce` fills in.
     """
 
-    paper: str
     quantity: str
     unit: str
-    published: float | None
-    ours: float | None
-    limit: float | None
-    seeds: int
-    note: str = ""
+    published: float | None = None
+    ours: float | None = None
     printed_form: float | None = None
+    limit: float | None = None
+    seeds: int = 1
+    note: str = ""
+    paper: str = ""
 
     @property
     def ratio(self) -> float | None:
@@ -61,7 +70,7 @@ class Quantity:
 def reproduce(paper: str | None = None) -> Iterator[tuple[str, list[Quantity]]]:
     """Yield (paper, its quantities) for one paper, or for all if None.  Raises `InputError` for an unknown paper."""
     for name in chosen(paper):
-        yield name, _module(name).quantities()
+        yield name, [replace(row, paper=name) for row in _module(name).quantities()]
 
 
 def conditions(paper: str) -> str:
@@ -78,12 +87,49 @@ def footnotes(notes: Iterable[str]) -> tuple[list[str], list[str]]:
 
 def figure(paper: str, folder: Path) -> list[Path]:
     """Draw the figures of a paper into `folder`; returns the paths of the files, PNG and SVG of each figure."""
-    return _module(paper).figure(folder / f"reproduce-{paper}")
+    paths: list[Path] = []
+    for ending, picture in _module(paper).pictures().items():
+        paths += save_both(draw(picture), folder / f"reproduce-{paper}{ending}")
+    return paths
+
+
+def document(measured: Mapping[str, Sequence[Quantity]]) -> Document:
+    """What is printed of the rows of papers."""
+    rows = [quantity.as_json() for quantities in measured.values() for quantity in quantities]
+    return Document("reproduce", {"rows": rows}, partial(_blocks, measured))
+
+
+def _blocks(measured: Mapping[str, Sequence[Quantity]]) -> Iterator[Block]:
+    """By paper: its conditions and notes, and its rows; what a row is about stands on the line above its numbers."""
+    for name, quantities in measured.items():
+        marks, notes = footnotes(q.note for q in quantities)
+        yield Line()
+        yield from map(Line, (f"{name}: {PAPERS[name]}", f"conditions: {conditions(name)}", *notes))
+        yield Line()
+        yield _columns(("published", "as printed", "ours", "limit", "ours/limit", "seeds"))
+        for q, mark in zip(quantities, marks, strict=True):
+            yield Line(f"{q.quantity}{mark}" + (f", {q.unit}" if q.unit else ""))
+            yield _columns((*map(number, (q.published, q.printed_form, q.ours, q.limit, q.ratio)), str(q.seeds)))
+
+
+def _columns(cells: Sequence[str]) -> Line:
+    return Line("".join(f"{cell:>12}" for cell in cells))
 
 
 def rms(values: Any) -> float:
     """Root mean square of all elements of an array."""
     return float(np.sqrt(np.mean(values**2)))
+
+
+def both(forms: tuple[Form, Form], measure: Callable[[Form], Any]) -> tuple[float, float]:
+    """A number of insenv's own form of a method, and that of the printed one."""
+    return float(measure(forms[0])), float(measure(forms[1]))
+
+
+def limits(x: NDArray[np.float64], limit: float, label: str) -> Range:
+    """The area between minus and plus a limit in a panel."""
+    end = np.full(len(x), limit)
+    return Range(TRUTH_GROUP, -end, end, 2.0, label)
 
 
 def chosen(paper: str | None) -> list[str]:
@@ -97,4 +143,16 @@ def _module(paper: str):  # type: ignore[no-untyped-def]
     return import_module(f"insenv.reproduce.{paper.replace('-', '_')}")
 
 
-__all__ = ["PAPERS", "Quantity", "chosen", "conditions", "figure", "footnotes", "reproduce", "rms"]
+__all__ = [
+    "PAPERS",
+    "Quantity",
+    "both",
+    "chosen",
+    "conditions",
+    "document",
+    "figure",
+    "footnotes",
+    "limits",
+    "reproduce",
+    "rms",
+]

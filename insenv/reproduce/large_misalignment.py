@@ -16,14 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.estimators import lssvm
-from insenv.evaluation.limits import closed_forms
-from insenv.reproduce import Quantity, rms, update_time
+from insenv.report.panels import Curve, Picture, TimePanel
+from insenv.reproduce import Quantity, limits, rms, update_time
+from insenv.reproduce.unit_limits import bias_errors_deg
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import limit_of, load
 
@@ -72,74 +72,70 @@ def quantities() -> list[Quantity]:
     """The figures of the paper and of insenv; takes some ten seconds on two cores after compilation."""
     found: list[Quantity] = []
     for start, name in STARTS.items():
-        run = _run(name)
-        limit, drift = _heading_limit(run), rms(_bias_tilts(run)[:, 2])
         for id in IDS:
-            errors = _steady(run, id)
-            heading = errors[..., 2]
-            where = f"{id} from {start}"
-            own = PRINTED_OF.get(id, "")
-            printed = _printed(name) if own else None
-            as_printed = None if printed is None else _steady(printed, own)
-            note = f"an equivalent east drift that is not estimated causes {drift:.3f} deg"
-            steady = None if as_printed is None else rms(as_printed[..., 2])
-            found.append(_row(f"{where}, steady heading, RMS", "deg", PUBLISHED[id], rms(heading), limit, note, steady))
-            last = rms(run.attitude_errors_deg(id)[:, -1, 2])
-            at_end = limit_of(run.plants[0]).sigma["heading_deg"][-1]
-            late = None if printed is None else rms(printed.attitude_errors_deg(own)[:, -1, 2])
-            found.append(_row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], last, float(at_end), note, late))
-            note = "systematic, the same for every seed: due to the bias"
-            found.append(_row(f"{where}, mean over seeds and time", "deg", None, float(np.mean(heading)), None, note))
-            note = "between seeds: due to white noise and the method"
-            found.append(_row(f"{where}, standard deviation between seeds", "deg", None, _spread(heading), None, note))
-            method = rms(heading - _steady(_run("large-misalignment", near=True), id)[..., 2])
-            note = "RMS difference from the same run with initial errors of (0.5, 0.5, 2) deg"
-            found.append(_row(f"{where}, heading, contribution of the method", "deg", None, method, None, note))
-            note = f"accelerometer biases that are not estimated cause {rms(_bias_tilts(run)[:, :2]):.4f} deg"
-            level = rms(errors[..., :2])
-            tilt = None if as_printed is None else rms(as_printed[..., :2])
-            found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, level, _level_limit(run), note, tilt))
-            seconds = _settled(run, id)
-            if np.isfinite(seconds):
-                note = "median time from which the error stays below 1 deg"
-                until = _finite(None if printed is None else _settled(printed, own))
-                found.append(_row(f"{where}, time to a heading", "s", None, seconds, None, note, until))
+            found += _of_method(id, start, name)
     for start, name in STARTS.items():
-        run = _run(name, drawn=True)
         for id in IDS:
-            share = _converged(run, id)
             note = "initial errors drawn with these standard deviations; heading within 1 deg at 600 s"
-            printed_share = _converged(_printed(name, drawn=True), PRINTED_OF[id]) if id in PRINTED_OF else None
-            found.append(
-                _row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, None, note, printed_share)
-            )
+            printed = _converged(_printed(name, drawn=True), PRINTED_OF[id]) if id in PRINTED_OF else None
+            share = _converged(_run(name, drawn=True), id)
+            found.append(_row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, printed, None, note))
     for what, id, steps in (
         (SUKF, SUKF, update_time.SUKF),
         (LSSVM, LSSVM, update_time.LSSVM),
         (f"{LSSVM}, inference alone", LSSVM, update_time.INFER),
     ):
         note = "time on this machine, native, one update per second of GNSS: compare ratios"
-        taken = update_time.microseconds(id, steps)
-        found.append(Quantity("large-misalignment", f"{what}, time of a filter update", "us", None, taken, None, 1, note))
+        found.append(Quantity(f"{what}, time of a filter update", "us", None, update_time.microseconds(id, steps), note=note))
     return found + _baseline() + _readings()
+
+
+def _of_method(id: str, start: str, name: str) -> list[Quantity]:
+    """The rows of one method from one start, beside those of its printed form."""
+    run, other = _run(name), PRINTED_OF.get(id)
+    errors, where = _steady(run, id), f"{id} from {start}"
+    heading, at_end = errors[..., 2], limit_of(run.plants[0]).sigma["heading_deg"][-1]
+    near = _steady(_run("large-misalignment", near=True), id)
+
+    def own_and_printed(measure: Callable[[Ensemble, str], float]) -> tuple[float, float | None]:
+        return measure(run, id), measure(_printed(name), other) if other else None
+
+    def last(run: Ensemble, id: str) -> float:
+        return rms(run.attitude_errors_deg(id)[:, -1, 2])
+
+    drift = f"an equivalent east drift that is not estimated causes {rms(bias_errors_deg(run)[:, 2]):.3f} deg"
+    level = f"accelerometer biases that are not estimated cause {rms(bias_errors_deg(run)[:, :2]):.4f} deg"
+    bias, noise = "systematic, the same for every seed: due to the bias", "between seeds: due to white noise and the method"
+    apart = "RMS difference from the same run with initial errors of (0.5, 0.5, 2) deg"
+    method = rms(heading - near[..., 2])
+    rows = [
+        _row(
+            f"{where}, steady heading, RMS", "deg", PUBLISHED[id], *own_and_printed(_steady_heading), _heading_limit(run), drift
+        ),
+        _row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], *own_and_printed(last), float(at_end), drift),
+        _row(f"{where}, mean over seeds and time", "deg", None, float(np.mean(heading)), None, None, bias),
+        _row(f"{where}, standard deviation between seeds", "deg", None, _spread(heading), None, None, noise),
+        _row(f"{where}, heading, contribution of the method", "deg", None, method, None, None, apart),
+        _row(f"{where}, roll and pitch, RMS", "deg", None, *own_and_printed(_steady_level), _level_limit(run), level),
+    ]
+    seconds, until = own_and_printed(_settled)
+    if np.isfinite(seconds):
+        until = until if until is not None and np.isfinite(until) else None
+        note = "median time from which the error stays below 1 deg"
+        rows.append(_row(f"{where}, time to a heading", "s", None, seconds, until, None, note))
+    return rows
 
 
 def _baseline() -> list[Quantity]:
     """The conventional Kalman filter, which the paper compares with and gives no number of."""
-    found = []
+    found, note = [], f"{KALMAN} without its gate and with its covariance kept at feedback: linear in small angles"
     for start, name in STARTS.items():
-        run, note = (
-            _printed(name),
-            f"{KALMAN} without its gate and with its covariance kept at feedback: linear in small angles",
-        )
-        heading, where = _steady(run, KALMAN)[..., 2], f"Kalman filter of small angles from {start}"
-        label, limit = f"{where}, steady heading, RMS", _heading_limit(run)
-        found.append(_row(label, "deg", None, None, limit, note, rms(heading)))
-        tilt = rms(_steady(run, KALMAN)[..., :2])
-        found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, None, _level_limit(run), note, tilt))
-        share = _converged(_printed(name, drawn=True), KALMAN)
+        run, where = _printed(name), f"Kalman filter of small angles from {start}"
+        heading, level = _steady_heading(run, KALMAN), _steady_level(run, KALMAN)
+        found.append(_row(f"{where}, steady heading, RMS", "deg", None, None, heading, _heading_limit(run), note))
+        found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, None, level, _level_limit(run), note))
         label = f"Kalman filter of small angles, initial errors drawn with {start}, converged"
-        found.append(_row(label, "%", None, None, None, note, share))
+        found.append(_row(label, "%", None, None, _converged(_printed(name, drawn=True), KALMAN), None, note))
     return found
 
 
@@ -150,62 +146,40 @@ def _readings() -> list[Quantity]:
         for reading in READINGS:
             run, note = _printed(name, reading=reading), "a reading of the printed filter"
             label = f"aqe-sukf from {start}, read with {reading}, steady heading, RMS"
-            found.append(_row(label, "deg", 0.1, None, _heading_limit(run), note, rms(_steady(run, PRINTED)[..., 2])))
+            found.append(_row(label, "deg", 0.1, None, _steady_heading(run, PRINTED), _heading_limit(run), note))
         for reading, machine in MACHINES.items():
             run, note = _machine(name, machine), "a reading of the LS-SVM on raw differences"
-            errors, label = _steady(run, LSSVM), f"lssvm from {start}, read with {reading}"
-            found.append(
-                _row(f"{label}, steady heading, RMS", "deg", 0.1, None, _heading_limit(run), note, rms(errors[..., 2]))
-            )
-            level = rms(errors[..., :2])
-            found.append(_row(f"{label}, roll and pitch, RMS", "deg", None, None, _level_limit(run), note, level))
+            label, heading, level = f"lssvm from {start}, read with {reading}", _heading_limit(run), _level_limit(run)
+            found.append(_row(f"{label}, steady heading, RMS", "deg", 0.1, None, _steady_heading(run, LSSVM), heading, note))
+            found.append(_row(f"{label}, roll and pitch, RMS", "deg", None, None, _steady_level(run, LSSVM), level, note))
     return found
 
 
-def figure(path_stem: Path) -> list[Path]:
-    """Figures 2 to 4 of the paper with insenv's methods, and with the printed filters.  PNG and SVG of each."""
-    printed = path_stem.with_name(f"{path_stem.name}-printed")
-    own_colours = dict(zip(IDS, (1, 0, 2), strict=True))
-    return [*_figure(_run, own_colours, path_stem), *_figure(_printed, {KALMAN: 3, PRINTED: 4}, printed)]
+def pictures() -> dict[str, Picture]:
+    """Figures 2 to 4 of the paper with insenv's methods, and with the printed filters."""
+    return {"": _picture(_run, {EKF: 1, SUKF: 0, LSSVM: 2}), "-printed": _picture(_printed, {KALMAN: 3, PRINTED: 4})}
 
 
-def _figure(runs: Callable[[str], Ensemble], methods: dict[str, int], path_stem: Path) -> list[Path]:
-    """Roll, pitch and heading errors of some methods, with the numbers of their colours; PNG and SVG."""
-    from insenv.base import style
-    from insenv.base.style import COLOURS, LIMIT
-
-    with style.page(9.0, 7.0) as page:
-        grid = page.subplots(3, 2, sharex=True, sharey="row")
-        for column, (start, name) in enumerate(STARTS.items()):
-            run = runs(name)
-            bounds = (_level_limit(run), _level_limit(run), _heading_limit(run))
-            for row, (channel, bound) in enumerate(zip(("roll", "pitch", "heading"), bounds, strict=True)):
-                axes = grid[row, column]
-                axes.axhspan(-bound, bound, color=LIMIT, alpha=0.3, lw=0, label="limit, 1 sigma")
-                for id, number in methods.items():
-                    colour = COLOURS[number]
-                    for error in run.attitude_errors_deg(id)[:8, :, row]:
-                        axes.plot(run.time, style.unwrapped(error), color=colour, lw=0.6)
-                    axes.plot([], [], color=colour, label=id)
-                style.symlog(axes, 0.01 if row < 2 else 0.1)
-                if column == 0:
-                    axes.set_ylabel(f"{channel} error [deg]")
-            grid[0, column].set_title(f"from {start}")
-            grid[2, column].set(xlabel="time [s]", xlim=(0, DURATION))
-        style.title(page, "Moored boat, 0.05 deg/h and 50 ug, GNSS at 1 Hz, 8 seeds")
-        style.legend(page, grid.ravel())
-        return style.save_both(page, path_stem)
+def _picture(runs: Callable[[str], Ensemble], methods: dict[str, int]) -> Picture:
+    """Roll, pitch and heading errors of some methods, with the numbers of their colours."""
+    grid: list[list[TimePanel]] = [[], [], []]
+    for name in STARTS.values():
+        run = runs(name)
+        level, heading = _level_limit(run), _heading_limit(run)
+        for row, (channel, limit) in enumerate((("roll", level), ("pitch", level), ("heading", heading))):
+            panel = TimePanel(f"{channel} error", "deg", run.time, wraps=True, linear_to=0.01 if row < 2 else 0.1)
+            panel.marks.append(limits(run.time, limit, "limit, 1 sigma"))
+            for id, group in methods.items():
+                panel.marks += [Curve(group, error, "thin", label=id) for error in run.attitude_errors_deg(id)[:8, :, row]]
+            grid[row].append(panel)
+    title = "Moored boat, 0.05 deg/h and 50 ug, GNSS at 1 Hz, 8 seeds"
+    return Picture(title, grid, (), (9.0, 7.0), heads=[f"from {start}" for start in STARTS])
 
 
 def _row(
-    quantity: str, unit: str, published: float | None, ours: float | None, limit: float | None, note: str = "",
-    printed: float | None = None,
-) -> Quantity:  # fmt: skip
-    return Quantity("large-misalignment", quantity, unit, published, ours, limit, SEEDS, note, printed)
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and np.isfinite(value) else None
+    quantity: str, unit: str, published: float | None, ours: float | None, printed: float | None, limit: float | None, note: str
+) -> Quantity:
+    return Quantity(quantity, unit, published, ours, printed, limit, SEEDS, note)
 
 
 def _converged(run: Ensemble, id: str) -> float:
@@ -246,11 +220,13 @@ def _steady(run: Ensemble, id: str) -> Array:
     return run.attitude_errors_deg(id)[:, run.time >= STEADY]
 
 
-def _bias_tilts(run: Ensemble) -> Array:
-    """Attitude errors about n that the mean sensor errors of each seed cause (seeds, 3), degrees."""
-    known = run.plants[0].knowledge
-    tilts = [closed_forms.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in run.sensor_error_n]
-    return np.degrees(tilts)
+def _steady_heading(run: Ensemble, id: str) -> float:
+    return rms(_steady(run, id)[..., 2])
+
+
+def _steady_level(run: Ensemble, id: str) -> float:
+    """Of roll and pitch."""
+    return rms(_steady(run, id)[..., :2])
 
 
 def _heading_limit(run: Ensemble) -> float:

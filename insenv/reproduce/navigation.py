@@ -16,13 +16,13 @@ The flight is insenv's own, because the paper gives no track; the outage begins 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.evaluation.errors import POSITION, Result
+from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
 from insenv.reproduce import Quantity, rms, table_2
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.runs.simulated import run
@@ -31,7 +31,6 @@ from insenv.sensors import units
 
 Array = NDArray[np.float64]
 
-PAPER = "navigation"
 SEEDS = {"in-run": 20, "turn-on": 8}
 SMOOTHED_SEEDS = 3
 WHOLE_S = 7200.0
@@ -112,18 +111,9 @@ def quantities() -> list[Quantity]:
         left = [f"{float(f'{value:.2g}'):g}" for value in (found.gyro_deg_h, found.accel_ug)]
         note = f"after aided flight bias errors of {left[0]} deg/h and {left[1]} ug remain (rms); median"
         for minute in (1, 5, 10):
-            rows.append(
-                Quantity(
-                    PAPER,
-                    f"free inertial, distance error after {minute} min, {reading} biases",
-                    "m",
-                    PUBLISHED_M[minute],
-                    float(np.median(found.distance[:, minute])),
-                    float(found.limit[minute]),
-                    SEEDS[reading],
-                    note,
-                )
-            )
+            label = f"free inertial, distance error after {minute} min, {reading} biases"
+            median, limit = float(np.median(found.distance[:, minute])), float(found.limit[minute])
+            rows.append(Quantity(label, "m", PUBLISHED_M[minute], median, None, limit, SEEDS[reading], note))
     for reading in READINGS:
         rows += _outages(reading)
     for reading in READINGS:
@@ -146,72 +136,40 @@ def _outages(reading: str, duration_s: float = 1720.0, where: str = "") -> list[
                 sigma.append(result.sigma[channel][inside].max())
                 jumps += [np.abs(np.diff(error[np.abs(time - edge) < max(1.5, 1.1 * step)])).max() for edge in (begin, end)]
     what = f"1 min outages smoothed{where}, {reading} biases"
-    count = SMOOTHED_SEEDS
+    bound = f"the paper gives a bound; largest 1 sigma stated by the smoother: {max(sigma):.3f} m"
+    records = f"records every {duration_s / 3000 if where else 0.6:.1f} s; the paper: no jump"
     return [
-        Quantity(
-            PAPER,
-            f"{what}: largest error of a channel",
-            "m",
-            0.3,
-            float(max(largest)),
-            None,
-            count,
-            f"the paper gives a bound; largest 1 sigma stated by the smoother: {max(sigma):.3f} m",
-        ),
-        Quantity(
-            PAPER,
-            f"{what}: position of the largest error within the outage (median)",
-            "1",
-            0.5,
-            float(np.median(places)),
-            None,
-            count,
-            "0: begin, 1: end",
-        ),
-        Quantity(
-            PAPER,
-            f"{what}: largest change between records near its ends",
-            "m",
-            0.0,
-            float(max(jumps)),
-            None,
-            count,
-            f"records every {duration_s / 3000 if where else 0.6:.1f} s; the paper: no jump",
-        ),
+        Quantity(f"{what}: {name}", unit, published, float(value), None, None, SMOOTHED_SEEDS, note)
+        for name, unit, published, value, note in (
+            ("largest error of a channel", "m", 0.3, max(largest), bound),
+            ("position of the largest error within the outage (median)", "1", 0.5, np.median(places), "0: begin, 1: end"),
+            ("largest change between records near its ends", "m", 0.0, max(jumps), records),
+        )
     ]
 
 
-def figure(path_stem: Path) -> list[Path]:
-    """Drift and outages, and table 2 with the readings of its cause.  PNG and SVG of each."""
-    return [*_drift_and_outages(path_stem), *table_2.figure(path_stem.with_name(f"{path_stem.name}-table-2"))]
+def pictures() -> dict[str, Picture]:
+    """Drift and outages, and table 2 with the readings of its cause."""
+    return {"": _drift_and_outages(), "-table-2": table_2.picture()}
 
 
-def _drift_and_outages(path_stem: Path) -> list[Path]:
+def _drift_and_outages() -> Picture:
     """Like figures 4 and 6 of the paper: distance error over ten minutes, and smoothed errors over four outages."""
-    from insenv.base import style
-    from insenv.base.style import COLOURS, DASHED, LIMIT, PALE, TRUTH
-
-    minutes = np.arange(11)
-    found = drift("in-run")
-    result, outages = smoothed("in-run", 1)
-    with style.page(9.0, 7.5) as page:
-        top, bottom = page.subplots(2, 1)
-        top.plot(minutes, found.distance.T, color=TRUTH, lw=0.8)
-        top.plot([], [], color=TRUTH, label="insenv, each seed")
-        top.plot(minutes, np.median(found.distance, axis=0), color=COLOURS[0], label=f"median of {SEEDS['in-run']} seeds")
-        top.plot(minutes, found.limit, color=LIMIT, ls=DASHED, label="theoretical limit, 1 sigma")
-        top.plot(minutes, PUBLISHED_M, "o", color=COLOURS[1], label="paper, Table 2")
-        top.set(xlabel="time without GNSS [min]", ylabel="distance error [m]", title="Free inertial, in-run biases")
-        top.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-        shown = result.time > 1000.0
-        time = (result.time[shown] - 1000.0) / 60
-        style.shade(bottom, [((begin - 1000) / 60, (end - 1000) / 60) for begin, end in outages])
-        for channel, colour in zip(POSITION, (COLOURS[0], COLOURS[1], COLOURS[2]), strict=True):
-            bottom.plot(time, result.errors[channel][shown], color=colour, lw=1, label=channel.removesuffix("_m"))
-            for sign in (-1, 1):
-                bottom.plot(time, sign * result.sigma[channel][shown], color=colour, lw=0.8, ls=":")
-        bottom.plot([], [], color=PALE, lw=0.8, ls=":", label="stated ±1 sigma")
-        bottom.set(xlabel="time [min]", ylabel="position error [m]", title="Smoothed, four outages of 1 min, seed 1")
-        bottom.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-        style.title(page, "Airborne navigation: ten minutes without GNSS, and outages smoothed")
-        return style.save_both(page, path_stem)
+    found, (result, outages) = drift("in-run"), smoothed("in-run", 1)
+    top = TimePanel("Free inertial, in-run biases: distance error", "m", np.arange(11.0), x_name="time without GNSS [min]")
+    top.marks = [Curve(TRUTH_GROUP, distance, "thin") for distance in found.distance]
+    top.marks += [
+        Curve(0, np.median(found.distance, axis=0), label=f"median of {SEEDS['in-run']} seeds"),
+        Curve(TRUTH_GROUP, found.limit, "model", label="theoretical limit, 1 sigma"),
+        Curve(1, np.array(PUBLISHED_M), "circles", label="paper, Table 2"),
+    ]
+    shown = result.time > 1000.0
+    shade = [((begin - 1000) / 60, (end - 1000) / 60) for begin, end in outages]
+    label, time = "Smoothed, four outages of 1 min, seed 1: position error [m]", (result.time[shown] - 1000.0) / 60
+    bottom = TimePanel("Smoothed", "m", time, label, shade=shade, x_name="time [min]")
+    for group, channel in enumerate(POSITION):
+        error, sigma = result.errors[channel][shown], result.sigma[channel][shown]
+        bottom.marks += [Curve(group, error, label=channel.removesuffix("_m"))]
+        bottom.marks += [Curve(group, sign * sigma, "dotted", label="stated ±1 sigma") for sign in (-1, 1)]
+    title = "Airborne navigation: ten minutes without GNSS, and outages smoothed"
+    return Picture(title, [[top], [bottom]], (), (9.0, 7.5), "insenv, each seed")

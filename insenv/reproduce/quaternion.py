@@ -15,16 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.evaluation.limits import closed_forms
 from insenv.geodesy import NOMINAL_GRAVITY
+from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
 from insenv.reproduce import Quantity, rms
 from insenv.reproduce.in_run import scatter_deg
-from insenv.reproduce.unit_limits import mean_limit, noise_limit, unit_limit
+from insenv.reproduce.unit_limits import bias_errors_deg, mean_limit, noise_limit, unit_limit
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, limit_of, load
 from insenv.sensors import units
@@ -96,7 +95,7 @@ def quantities() -> list[Quantity]:
     run = _turntable(200, plain=False)
     for id in (Q, IMPROVED):
         label = f"{id} with insenv's windows, 200 ug, heading over 150-200 s"
-        found.append(_row(f"{label}, rms of all", "deg", None, _rms(run, id), _limit(run), seeds=32))
+        found.append(Quantity(f"{label}, rms of all", "deg", None, _rms(run, id), None, _limit(run), 32))
     return found + _one_run() + _figure_1() + _readings() + _tests()
 
 
@@ -113,7 +112,7 @@ def _one_run() -> list[Quantity]:
         quantity, known = f"{id}, 200 ug, standard deviation in time, by theory", run.plants[0].knowledge
         noise, times = float(units.ug_to_m_s2(200)) / NOMINAL_GRAVITY, run.time[run.time >= BEGIN]
         value = scatter_deg(noise, run.plants[0].sample_interval, known.latitude, times, id == IMPROVED)
-        found.append(Quantity("quaternion", quantity, "deg", scatter, None, None, 1, note, printed_form=value))
+        found.append(Quantity(quantity, "deg", scatter, None, value, note=note))
     return found
 
 
@@ -144,7 +143,7 @@ def _readings() -> list[Quantity]:
             ):
                 limit = _limit(run) if measure is _rms else None
                 label, value = f"{id} read with {name}, {quantity}", measure(run, PRINTED[id])
-                found.append(Quantity("quaternion", label, unit, published, None, limit, SEEDS, note, printed_form=value))
+                found.append(Quantity(label, unit, published, None, value, limit, SEEDS, note))
     return found
 
 
@@ -172,70 +171,53 @@ def _pair(
     note: str = "", seeds: int = SEEDS,
 ) -> Quantity:  # fmt: skip
     """A row with insenv's own form and the printed one."""
-    own, printed = measure(run, id), measure(run, PRINTED[id])
-    return Quantity("quaternion", quantity, unit, published, own, limit, seeds, note, printed_form=printed)
+    return Quantity(quantity, unit, published, measure(run, id), measure(run, PRINTED[id]), limit, seeds, note)
 
 
-def figure(path_stem: Path) -> list[Path]:
-    """Figures 1 to 4 of the paper with its filters as printed, and the same with those of insenv.  PNG and SVG of each."""
-    return [*_own(path_stem), *_printed(path_stem.with_name(f"{path_stem.name}-printed"))]
+def pictures() -> dict[str, Picture]:
+    """Figures 1 to 4 of the paper with insenv's filters, and with its filters as printed."""
+    return {"": _own(), "-printed": _printed()}
 
 
-def _printed(path_stem: Path) -> list[Path]:
+def _printed() -> Picture:
     """The heading errors of figures 1 to 4, of one run each."""
-    from insenv.base import style
-    from insenv.base.style import COLOURS
-
-    colours = dict(zip(IDS, COLOURS, strict=False))
-    with style.page(9.0, 6.5) as page:
-        grid = page.subplots(2, 2)
-        for axes, title, noises, ids, begin in (
-            (grid[0, 0], "figure 1: q-method and QAKF, 50 ug", (50,), (Q, PLAIN_FILTER), 0.0),
-            (grid[0, 1], "figure 2: QAKF by the noise of the accelerometers", (0, 50, 100), (PLAIN_FILTER,), 0.0),
-            (grid[1, 0], "figure 3: all three from 20 s, 50 ug", (50,), IDS, 20.0),
-            (grid[1, 1], "figure 4: q-method and improved QAKF, 200 ug", (200,), (Q, IMPROVED), 20.0),
-        ):
-            for k, noise in enumerate(noises):
-                run = _turntable(noise)
-                for id in ids:
-                    many = len(noises) > 1
-                    colour, label = (COLOURS[3 + k], f"{noise} ug") if many else (colours[id], PRINTED[id])
-                    axes.plot(run.time, _heading(run, PRINTED[id])[0], color=colour, lw=1.0, label=label)
-            span = 1.0 if begin else 45.0
-            axes.set(title=title, xlim=(begin, 200), ylim=(-span, span), xlabel="time [s]", ylabel="heading error [deg]")
-            style.symlog(axes, 0.1 if not begin else 0.02)
-        style.title(page, "The paper's filters as printed, seed 1")
-        style.legend(page, grid.ravel(), columns=6)
-        return style.save_both(page, path_stem)
+    panels = []
+    for title, noises, ids, begin in (
+        ("figure 1: q-method and QAKF, 50 ug", (50,), (Q, PLAIN_FILTER), 0.0),
+        ("figure 2: QAKF by the noise of the accelerometers", (0, 50, 100), (PLAIN_FILTER,), 0.0),
+        ("figure 3: all three from 20 s, 50 ug", (50,), IDS, 20.0),
+        ("figure 4: q-method and improved QAKF, 200 ug", (200,), (Q, IMPROVED), 20.0),
+    ):
+        span = 1.0 if begin else 45.0
+        panel = TimePanel(
+            title, "deg", _turntable(50).time, x_span=(begin, 200.0), span=(-span, span),
+            linear_to=0.02 if begin else 0.1,
+        )  # fmt: skip
+        for k, noise in enumerate(noises):
+            for id in ids:
+                group, label = (3 + k, f"{noise} ug") if len(noises) > 1 else (IDS.index(id), "")
+                panel.marks.append(Curve(group, _heading(_turntable(noise), PRINTED[id])[0], label=label))
+        panels.append(panel)
+    names = [PRINTED[id] for id in IDS]
+    return Picture(
+        "Heading error of the paper's filters as printed, seed 1", [panels[:2], panels[2:]], names, (9.0, 6.5), columns=6
+    )
 
 
-def _own(path_stem: Path) -> list[Path]:
+def _own() -> Picture:
     """qakf with four noise levels; all methods with 200 ug: rms over the seeds, and one run."""
-    from insenv.base import style
-    from insenv.base.style import COLOURS, LIMIT
-
-    with style.page(9.0, 8.0) as page:
-        top, middle, bottom = page.subplots(3, 1)
-        for colour, noise in zip(COLOURS, GRADES, strict=False):
-            run = _turntable(noise)
-            top.plot(run.time, _heading_rms(run, PLAIN_FILTER), color=colour, lw=1.2, label=f"{noise} ug")
-        top.set_title(f"qakf: rms of heading error over {SEEDS} seeds, by accelerometer noise", loc="left")
-        run = _turntable(200)
-        for colour, id in zip(COLOURS, IDS, strict=False):
-            middle.plot(run.time, _heading_rms(run, id), color=colour, lw=1.2, label=id)
-        middle.hlines(_limit(run), 150.0, 200.0, color=LIMIT, lw=1.0, ls=style.DASHED, label="limit over 150-200 s")
-        middle.set_title("all three, 200 ug", loc="left")
-        for axes in (top, middle):
-            axes.set(yscale="log", xlim=(0, 200), ylabel="[deg]")
-            style.log(axes)
-        for colour, id in ((COLOURS[0], Q), (COLOURS[2], IMPROVED)):
-            bottom.plot(run.time, _heading(run, id)[0], color=colour, lw=1.0, label=id)
-        bottom.set(xlim=(0, 200), ylim=(-0.3, 0.3), xlabel="time [s]", ylabel="[deg]")
-        bottom.set_title("heading error of one run, 200 ug", loc="left")
-        for axes in (top, middle, bottom):  # beside the panel, which the curves fill
-            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-        style.title(page, "Three-axis turntable, the paper's plain vectors")
-        return style.save_both(page, path_stem)
+    run = _turntable(200)
+    title = f"qakf: rms of heading error over {SEEDS} seeds, by accelerometer noise"
+    top, middle = (TimePanel(name, "deg", run.time, log=True) for name in (title, "all three, 200 ug"))
+    bottom = TimePanel("heading error of one run, 200 ug", "deg", run.time, span=(-0.3, 0.3))
+    for k, noise in enumerate(GRADES):
+        top.marks.append(Curve(3 + k, _heading_rms(_turntable(noise), PLAIN_FILTER), label=f"{noise} ug"))
+    middle.marks += [Curve(group, _heading_rms(run, id)) for group, id in enumerate(IDS)]
+    late = run.time[run.time >= BEGIN]
+    limit = np.full(len(late), _limit(run))
+    middle.marks.append(Curve(TRUTH_GROUP, limit, "model", late, "limit over 150-200 s"))
+    bottom.marks += [Curve(IDS.index(id), _heading(run, id)[0]) for id in (Q, IMPROVED)]
+    return Picture("Three-axis turntable, the paper's plain vectors", [[top], [middle], [bottom]], IDS, (9.0, 8.0))
 
 
 def _of_noise(noise: int) -> Scenario:
@@ -340,18 +322,11 @@ def _drawn(run: Ensemble) -> bool:
     return bool(np.any(run.plants[0].parameters["gyro_bias_sigma"]))
 
 
-def _bias_headings(run: Ensemble) -> Array:
-    """Attitude errors (seeds, 3), deg, that the biases of the paper's unit cause."""
-    known = run.plants[0].knowledge
-    tilts = [closed_forms.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in run.sensor_error_n]
-    return np.degrees(tilts)
-
-
 def _limit(run: Ensemble) -> float:
     """Limit of the heading over the time of the statistics (deg): of the paper's unit, or of units with drawn biases."""
     if _drawn(run):
         return limit_of(run.plants[0]).rms(run.time, BEGIN)["heading_deg"]
-    return float(unit_limit(run, _bias_headings(run), BEGIN)[2])
+    return float(unit_limit(run, bias_errors_deg(run), BEGIN)[2])
 
 
 def _mean_limit(run: Ensemble) -> float:
@@ -359,10 +334,4 @@ def _mean_limit(run: Ensemble) -> float:
     times = run.time[run.time >= BEGIN]
     if _drawn(run):
         return mean_limit(limit_of(run.plants[0]).at(times)["heading_deg"], np.zeros(1))
-    return mean_limit(noise_limit(run.plants[0]).at(times)["heading_deg"], _bias_headings(run)[:, 2])
-
-
-def _row(
-    quantity: str, unit: str, published: float | None, ours: float, limit: float | None, note: str = "", seeds: int = SEEDS
-) -> Quantity:
-    return Quantity("quaternion", quantity, unit, published, ours, limit, seeds, note)
+    return mean_limit(noise_limit(run.plants[0]).at(times)["heading_deg"], bias_errors_deg(run)[:, 2])

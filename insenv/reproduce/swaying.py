@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,9 +17,9 @@ from numpy.typing import NDArray
 
 from insenv.estimators import Estimator, get, inertial_fir
 from insenv.estimators.inertial_fir import BLOCK_S, FILTERS, PASS_HZ, STOP_DB, STOP_HZ, STRIDES
-from insenv.evaluation.limits import closed_forms
-from insenv.reproduce import Quantity, rms
-from insenv.reproduce.unit_limits import noise_limit
+from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
+from insenv.reproduce import Quantity, limits, rms
+from insenv.reproduce.unit_limits import bias_errors_deg, noise_limit
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, limit_of, load
 
@@ -164,9 +163,9 @@ def _compared(label: str, run: Ensemble) -> list[Quantity]:
     return rows
 
 
-def figure(path_stem: Path) -> list[Path]:
-    """Figure 5 of the paper, and the attenuation of the FIR cascade.  PNG and SVG of each."""
-    return [*_courses(path_stem), *_attenuation(path_stem.with_name(f"{path_stem.name}-fir"))]
+def pictures() -> dict[str, Picture]:
+    """Figure 5 of the paper, and the attenuation of the FIR cascade."""
+    return {"": _courses(), "-fir": _attenuation()}
 
 
 def attenuation(frequency: Array) -> Array:
@@ -179,64 +178,55 @@ def attenuation(frequency: Array) -> Array:
     return gain
 
 
-def _attenuation(path_stem: Path) -> list[Path]:
-    from insenv.base import style
-    from insenv.base.style import COLOURS, DASHED, LIMIT
-
+def _attenuation() -> Picture:
     frequency = np.geomspace(1e-4, 5.0, 4000)
-    with style.page(7.5, 4.0) as page:
-        axes = page.subplots()
-        level = 20 * np.log10(np.maximum(attenuation(frequency), 1e-12))
-        axes.plot(frequency, level, color=COLOURS[0], label="blocks of 0.1 s, three sub-filters, two decimations")
-        axes.axvline(PASS_HZ, color=COLOURS[2], ls=DASHED, label="edge of the pass-band, ripple 0.01")
-        axes.axvline(STOP_HZ, color=COLOURS[1], ls=DASHED, label="1/15 Hz: disturbances lie above")
-        axes.axhline(-STOP_DB, color=LIMIT, ls=DASHED, label="stop-band of the design")
-        axes.set(xscale="log", xlim=(1e-4, 5.0), ylim=(-180, 10), xlabel="frequency [Hz]", ylabel="gain [dB]")
-        style.title(page, "Attenuation of the FIR cascade: gravity passes, the sway does not")
-        style.legend(page, axes, columns=2)
-        return style.save_both(page, path_stem)
+    panel = TimePanel("gain", "dB", frequency, log_x=True, x_name="frequency [Hz]", x_span=(1e-4, 5.0), span=(-180.0, 10.0))
+    level = 20 * np.log10(np.maximum(attenuation(frequency), 1e-12))
+    ends = np.array(panel.span)
+    panel.marks = [
+        Curve(0, level),
+        Curve(2, ends, "dashed", np.full(2, PASS_HZ), "edge of the pass-band, ripple 0.01"),
+        Curve(1, ends, "dashed", np.full(2, STOP_HZ), "1/15 Hz: disturbances lie above"),
+        Curve(TRUTH_GROUP, np.full(len(frequency), -STOP_DB), "model", label="stop-band of the design"),
+    ]
+    title = "Attenuation of the FIR cascade: gravity passes, the sway does not"
+    return Picture(title, [[panel]], ("blocks of 0.1 s, three sub-filters, two decimations",), (7.5, 4.0), columns=2)
 
 
-def _courses(path_stem: Path) -> list[Path]:
-    """Like figure 5 of the paper: gyrocompass; inertial-frame alignment from -150 deg; its levelling.  PNG and SVG."""
-    from insenv.base import style
-    from insenv.base.style import COLOURS, LIMIT
-
+def _courses() -> Picture:
+    """Like figure 5 of the paper: gyrocompass; inertial-frame alignment from -150 deg; its levelling."""
     both, wrong = _both("boat"), _wrong_fir()
-    with style.page(7.5, 7.5) as page:
-        top, middle, bottom = page.subplots(3, 1)
-        _lines(top, both.time, both.attitude_errors_deg(GYRO)[:16, :, 2], COLOURS[1], f"{GYRO}, heading")
-        _lines(middle, wrong.time, wrong.attitude_errors_deg(FIR)[:16, :, 2], COLOURS[0], f"{FIR}, heading")
-        for channel, colour, name in ((0, COLOURS[2], f"{FIR}, roll"), (1, COLOURS[4], f"{FIR}, pitch")):
-            _lines(bottom, wrong.time, 60 * wrong.attitude_errors_deg(FIR)[:16, :, channel], colour, name)
-        limit = _heading(both, FIR, FIR_END)[1]
-        for axes, end in ((top, GYRO_END), (middle, FIR_END)):
-            axes.axhspan(-limit, limit, color=LIMIT, alpha=0.3, lw=0, label="limit at 240 s, 1 sigma")
-            axes.set(xlim=(0, end), ylabel="heading error [deg]", xlabel="time [s]")
-        top.axvspan(0, 60, color=style.STATISTICS, zorder=0)
-        style.symlog(top, 0.1)
-        style.symlog(middle, 0.1)
-        middle.set_ylim(-300, 3)
-        top.set_title("gyrocompass: 1 min of levelling (shaded), then the heading loop; from 5 deg (1 sigma)")
-        middle.set_title("inertial-fir: from -150 deg; first fix at 180 s")
-        bottom.set(xlim=(180, FIR_END), ylim=(-0.8, 0.8), xlabel="time [s]", ylabel="tilt error [arcmin]")
-        bottom.set_title("inertial-fir: first fix and fine levelling by velocity feedback")
-        style.title(page, "Moored boat, 0.008 deg/h and 5e-5 g, 16 seeds")
-        style.legend(page, (top, middle, bottom))
-        return style.save_both(page, path_stem)
-
-
-def _lines(axes: Any, time: Array, errors: Array, colour: str, name: str = "") -> None:
-    axes.plot(time, errors.T, color=colour, lw=0.7)
-    if name:
-        axes.plot([], [], color=colour, label=name)
+    limit = _heading(both, FIR, FIR_END)[1]
+    top = TimePanel(
+        "", "", both.time, "heading error [deg]; gyrocompass: 1 min of levelling, then the heading loop; from 5 deg (1 sigma)",
+        x_span=(0.0, GYRO_END), linear_to=0.1,
+    )  # fmt: skip
+    middle = TimePanel(
+        "", "", wrong.time, "heading error [deg]; inertial-fir: from -150 deg; first fix at 180 s", x_span=(0.0, FIR_END),
+        span=(-300.0, 3.0), linear_to=0.1,
+    )  # fmt: skip
+    bottom = TimePanel(
+        "", "", wrong.time, "tilt error [arcmin]; inertial-fir: first fix and fine levelling by velocity feedback",
+        x_span=(180.0, FIR_END), span=(-0.8, 0.8),
+    )  # fmt: skip
+    for panel in (top, middle):
+        panel.marks.append(limits(panel.x, limit, "limit at 240 s, 1 sigma"))
+    for panel, run, id, channel, scale, group, name in (
+        (top, both, GYRO, 2, 1.0, 1, f"{GYRO}, heading"),
+        (middle, wrong, FIR, 2, 1.0, 0, f"{FIR}, heading"),
+        (bottom, wrong, FIR, 0, 60.0, 2, f"{FIR}, roll"),
+        (bottom, wrong, FIR, 1, 60.0, 4, f"{FIR}, pitch"),
+    ):
+        errors = run.attitude_errors_deg(id)[:16, :, channel]
+        panel.marks += [Curve(group, scale * error, "thin", label=name) for error in errors]
+    return Picture("Moored boat, 0.008 deg/h and 5e-5 g, 16 seeds", [[top], [middle], [bottom]], (), (7.5, 7.5))
 
 
 def _row(
     quantity: str, unit: str, published: float | None, ours: float, limit: float | None, seeds: int, note: str = "",
     printed: float | None = None,
 ) -> Quantity:  # fmt: skip
-    return Quantity("swaying", quantity, unit, published, ours, limit, seeds, note, printed)
+    return Quantity(quantity, unit, published, ours, printed, limit, seeds, note)
 
 
 def _both(base: str) -> Ensemble:
@@ -290,12 +280,12 @@ def _parked(what: str) -> Ensemble:
     vehicle: Any = scenario.vehicle
     calm: dict[str, Any] = {"engine": (), "wind_roll_sigma_deg": 0.0, "wind_pitch_sigma_deg": 0.0}
     calm["legs"] = (vehicle.legs[0].model_copy(update={"wait_s": 900.0}),)
-    kept = {
+    keys = {
         "engine alone": ("engine",),
         "wind alone": ("wind_roll_sigma_deg", "wind_pitch_sigma_deg"),
         "people get in, nothing else": ("legs",),
     }
-    update = {key: value for key, value in calm.items() if key not in kept.get(what, ())}
+    update = {key: value for key, value in calm.items() if key not in keys.get(what, ())}
     scenario = scenario.model_copy(update={"vehicle": vehicle.model_copy(update=update)})
     return _run(scenario, FIR_END, FEWER, METHODS)
 
@@ -346,10 +336,7 @@ def _level(found: Ensemble, id: str, time: float) -> tuple[float, float]:
 
 def _repeatability(found: Ensemble, id: str, time: float) -> tuple[float, float]:
     """RMS heading error over the seeds without the part due to each unit's biases, and the limit of a unit without any."""
-    known = found.plants[0].knowledge
-    tilts = [closed_forms.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in found.sensor_error_n]
-    bias = np.degrees(tilts)[:, 2]
-    spread = rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias)
+    spread = rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias_errors_deg(found)[:, 2])
     return spread, float(noise_limit(found.plants[0]).at(np.array([time]))["heading_deg"][0])
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from math import radians
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,8 @@ from insenv import geodesy
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.reproduce import Quantity, rms
+from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
+from insenv.reproduce import Quantity, both, rms
 from insenv.scenario import Scenario, build, load
 from insenv.scenario.chunks import chunks, input_rows
 from insenv.sensors import units
@@ -77,6 +77,11 @@ class Fit:
     enu: Array
     misfit: float
 
+    @property
+    def components(self) -> Array:
+        """East, north, up and distance at each minute (10, 4), m."""
+        return np.column_stack([self.enu, [np.linalg.norm(row) for row in self.enu]])
+
 
 def flight() -> Scenario:
     """The survey lines with a perfect unit."""
@@ -126,20 +131,23 @@ def responses(id: str) -> tuple[Array, Array]:
 
 def fit(reading: str, id: str) -> Fit:
     """The sizes of a reading that fit the table best, with the navigation `id`."""
-    own, each = responses(id)
-    first = sum(len(READINGS[name].rows) for name in list(READINGS)[: list(READINGS).index(reading)])
-    chosen = each[first : first + len(READINGS[reading].rows)]
-    size = np.linalg.lstsq(chosen.reshape(len(chosen), -1).T, (ENU - own).ravel(), rcond=None)[0]
-    enu = own + np.tensordot(size, chosen, axes=1)
+    own, each = _of_reading(reading, id)
+    size = np.linalg.lstsq(each.reshape(len(each), -1).T, (ENU - own).ravel(), rcond=None)[0]
+    enu = own + np.tensordot(size, each, axes=1)
     return Fit(np.asarray(size, dtype=np.float64), enu, rms(np.linalg.norm(enu - ENU, axis=1)))
 
 
 def stated(reading: str, id: str) -> Array:
     """Distance (10,) that the stated figure of the unit gives on each axis, 1 sigma over independent axes, m."""
+    own, each = _of_reading(reading, id)
+    return np.linalg.norm(own, axis=1) + STATED[reading] * np.sqrt(np.sum(each**2, axis=(0, 2)))
+
+
+def _of_reading(reading: str, id: str) -> tuple[Array, Array]:
+    """`responses` to the components of one reading."""
     own, each = responses(id)
     first = sum(len(READINGS[name].rows) for name in list(READINGS)[: list(READINGS).index(reading)])
-    chosen = each[first : first + len(READINGS[reading].rows)]
-    return np.linalg.norm(own, axis=1) + STATED[reading] * np.sqrt(np.sum(chosen**2, axis=(0, 2)))
+    return own, each[first : first + len(READINGS[reading].rows)]
 
 
 def best() -> str:
@@ -149,54 +157,37 @@ def best() -> str:
 
 def quantities() -> list[Quantity]:
     """Misfit and size of each reading, and the table for each."""
-    rows = []
-    chosen = best()
+    rows: list[Quantity] = []
+    note = f"one constant error, fitted to the 30 numbers of table 2; {best()} fits best"
     for reading, kind in READINGS.items():
-        own, printed = fit(reading, OWN), fit(reading, PRINTED)
-        note = f"one constant error, fitted to the 30 numbers of table 2; {chosen} fits best"
-        label = f"table 2 read as {reading}"
-        rows.append(_row(f"{label}: misfit over ten minutes", "m", None, own.misfit, printed.misfit, note))
-        sizes = float(np.linalg.norm(own.size)), float(np.linalg.norm(printed.size))
-        rows.append(_row(f"{label}: fitted size", kind.unit, STATED.get(reading), *sizes, note))
-        for i, name in enumerate(("east", "north", "up")):
-            for minute in range(MINUTES):
-                numbers = float(own.enu[minute, i]), float(printed.enu[minute, i])
-                rows.append(_row(f"{label}: {name} after {minute + 1} min", "m", float(ENU[minute, i]), *numbers, note))
-        for minute in range(MINUTES):
-            distances = float(np.linalg.norm(own.enu[minute])), float(np.linalg.norm(printed.enu[minute]))
-            rows.append(_row(f"{label}: distance after {minute + 1} min", "m", DISTANCE[minute], *distances, note))
+        fits, label = (fit(reading, OWN), fit(reading, PRINTED)), f"table 2 read as {reading}"
+        misfits, sizes = both(fits, lambda each: each.misfit), both(fits, lambda each: np.linalg.norm(each.size))
+        rows.append(Quantity(f"{label}: misfit over ten minutes", "m", None, *misfits, note=note))
+        rows.append(Quantity(f"{label}: fitted size", kind.unit, STATED.get(reading), *sizes, note=note))
+        published = {name: ENU[:, i].tolist() for i, name in enumerate(("east", "north", "up"))} | {"distance": DISTANCE}
+        for i, (name, numbers) in enumerate(published.items()):
+            for minute, number in enumerate(numbers):
+                measured = both(fits, lambda each, i=i, k=minute: each.components[k, i])  # type: ignore[misc]
+                rows.append(Quantity(f"{label}: {name} after {minute + 1} min", "m", number, *measured, note=note))
     for reading, figure in STATED.items():
         note = "1 sigma over independent axes, nothing estimated before the outage"
         label = f"free inertial, {figure:g} {READINGS[reading].unit} constant on each {reading} axis, distance after 10 min"
-        distances = float(stated(reading, OWN)[-1]), float(stated(reading, PRINTED)[-1])
-        rows.append(_row(label, "m", DISTANCE[-1], *distances, note))
-    alone, first_order = (responses(id)[0][-1] for id in (OWN, PRINTED))
+        measured = both((OWN, PRINTED), lambda id, reading=reading: stated(reading, id)[-1])  # type: ignore[misc]
+        rows.append(Quantity(label, "m", DISTANCE[-1], *measured, note=note))
+    measured = both((OWN, PRINTED), lambda id: np.linalg.norm(responses(id)[0][-1]))
     label = "free inertial without any error, distance after 10 min"
-    rows.append(_row(label, "m", None, float(np.linalg.norm(alone)), float(np.linalg.norm(first_order)), "the method alone"))
-    return rows
+    return [*rows, Quantity(label, "m", None, *measured, note="the method alone")]
 
 
-def figure(path_stem: Path) -> list[Path]:
-    """Like figures 3 and 4 of the paper: the published errors, and each reading fitted to them.  PNG and SVG."""
-    from insenv.base import style
-    from insenv.base.style import COLOURS, TRUTH
-
-    minutes = np.arange(1, MINUTES + 1)
-    with style.page(9.0, 6.5) as page:
-        grid = page.subplots(2, 2, sharex=True)
-        for i, (axes, name) in enumerate(zip(grid.ravel(), ("east", "north", "up", "distance"), strict=True)):
-            for colour, reading in zip(COLOURS, READINGS, strict=False):
-                found = fit(reading, PRINTED)
-                shown = found.enu[:, i] if i < 3 else np.linalg.norm(found.enu, axis=1)
-                axes.plot(minutes, shown, color=colour, label=f"{reading}: misfit {found.misfit:.0f} m")
-            axes.plot(minutes, ENU[:, i] if i < 3 else DISTANCE, "o", color=TRUTH, mec="black", label="paper, table 2")
-            axes.set(title=f"{name} [m]", xlim=(0, 10.3))
-        for axes in grid[1]:
-            axes.set_xlabel("time without GNSS [min]")
-        style.title(page, "Table 2: one constant error of each kind, fitted; the paper's navigation as printed")
-        style.legend(page, grid.ravel(), columns=3)
-        return style.save_both(page, path_stem)
-
-
-def _row(quantity: str, unit: str, published: float | None, ours: float, printed: float, note: str) -> Quantity:
-    return Quantity("navigation", quantity, unit, published, ours, None, 1, note, printed)
+def picture() -> Picture:
+    """Like figures 3 and 4 of the paper: the published errors, and each reading fitted to them."""
+    minutes, panels = np.arange(1.0, MINUTES + 1), []
+    fits = {reading: fit(reading, PRINTED) for reading in READINGS}
+    for i, name in enumerate(("east", "north", "up", "distance")):
+        panel = TimePanel(name, "m", minutes, x_name="time without GNSS [min]", x_span=(0.0, 10.3))
+        panel.marks += [Curve(group, each.components[:, i]) for group, each in enumerate(fits.values())]
+        panel.marks.append(Curve(TRUTH_GROUP, ENU[:, i] if i < 3 else np.array(DISTANCE), "circles"))
+        panels.append(panel)
+    title = "Table 2: one constant error of each kind, fitted; the paper's navigation as printed"
+    names = [f"{reading}: misfit {each.misfit:.0f} m" for reading, each in fits.items()]
+    return Picture(title, [panels[:2], panels[2:]], names, (9.0, 6.5), "paper, table 2", columns=3)

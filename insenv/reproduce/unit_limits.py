@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.evaluation.errors import ATTITUDE
-from insenv.evaluation.limits import Limit
+from insenv.evaluation.limits import Limit, closed_forms
 from insenv.runs.ensemble import Ensemble
 from insenv.scenario import Plant, build, limit_of
 
@@ -25,6 +25,13 @@ def noise_limit(plant: Plant) -> Limit:
     """The limit of a plant's scenario with a unit without biases."""
     imu = plant.scenario.imu.model_copy(update=dict.fromkeys(_BIASES, 0.0))
     return limit_of(build(plant.scenario.model_copy(update={"imu": imu}), plant.seed, plant.duration_s))
+
+
+def bias_errors_deg(run: Ensemble) -> Array:
+    """Errors of roll, pitch and heading (seeds, 3), deg, that the sensor errors of each seed's unit cause."""
+    known = run.plants[0].knowledge
+    tilts = [closed_forms.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in run.sensor_error_n]
+    return np.degrees(tilts)
 
 
 def unit_limit(run: Ensemble, bias_deg: Array, from_s: float) -> Array:

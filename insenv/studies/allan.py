@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,6 @@ from insenv.logs.assumed_unit import assumed_unit
 from insenv.studies.allan_result import SensorNoise, UnitNoise
 from insenv.studies.noise_terms import Curve, Terms, allantools, curve, fit
 from insenv.studies.rest import part_of
-
-if TYPE_CHECKING:
-    pass
 
 Array = NDArray[np.float64]
 
@@ -58,17 +54,17 @@ def allan(
     name = log.description.title if isinstance(log, RecordedLog) else Path(log).name
     log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
     part = part_of(log, from_s, to_s)
-    found: list[SensorNoise] = []
+    noises: list[SensorNoise] = []
 
     def keep(noise: SensorNoise) -> None:
-        found.append(noise)
+        noises.append(noise)
         if progress is not None:
-            progress(len(found), len(AXES) + 2)
+            progress(len(noises), len(AXES) + 2)
 
     for place, axis in enumerate(AXES):
         keep(sensor_noise(axis, part.rates[:, place], part.interval))
     for kind in ("gyro", "accel"):
-        keep(_triad(kind, [axis for axis in found if axis.kind == kind]))
+        keep(_triad(kind, [axis for axis in noises if axis.kind == kind]))
     assumed = assumed_unit(log, (part.begin_s, part.end_s))
     gyro_bias, accel_bias = assumed.grade.gyro_bias_sigma_deg_h, assumed.grade.accel_bias_sigma_ug
     assumption = (
@@ -76,8 +72,8 @@ def allan(
         f"{accel_bias / 1000:g} mg, 1 sigma"
     )
     if part.moves:
-        found = [replace(each, distrust=MOVES) for each in found]
-    return UnitNoise(name, part, tuple(found[:-2]), (found[-2], found[-1]), assumed.grade, assumption)
+        noises = [replace(each, distrust=MOVES) for each in noises]
+    return UnitNoise(name, part, tuple(noises[:-2]), (noises[-2], noises[-1]), assumed.grade, assumption)
 
 
 def sensor_noise(name: str, rate: Array, interval: float) -> SensorNoise:

@@ -6,38 +6,35 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
-from insenv.base import style
 from insenv.base.errors import InputError
-from insenv.base.output import as_path, atomic, check_output_file, finite, to_json
+from insenv.base.output import as_path, atomic, check_output_file, finite
+from insenv.report import panels
 from insenv.report.document import Block, Document, Grid, Line
-from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
-from insenv.report.notebook import require_matplotlib
+from insenv.report.notebook import Shown
 from insenv.sensors import units
 from insenv.sensors.grade_file import SUFFIX, toml_text
 from insenv.sensors.grades import ImuGrade
 from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Curve, Figure, Terms
 from insenv.studies.rest import Part
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Picture
-
-
 GRADE_FILE = "unit.toml"
 """Name of the grade file in a folder of results."""
-FIGURE = "allan"
-_DRAWN = {
-    QUANTIZATION: "quantization",
-    WHITE: "white noise",
-    FLICKER: "flicker",
-    WALK: "rate random walk",
-    MARKOV: "Gauss-Markov",
+NAME = "allan"
+FIT = 6
+"""Group of the fit in the figure."""
+_DRAWN: Mapping[str, tuple[str, object]] = {
+    QUANTIZATION: ("quantization", ":"),
+    WHITE: ("white noise", (0, (6, 2))),
+    FLICKER: ("flicker", "-."),
+    WALK: ("rate random walk", (0, (1, 1))),
+    MARKOV: ("Gauss-Markov", "-."),
 }
+"""Label and pattern of the line of each term."""
 _HEADS = {
     "gyro": ("gyro", "ARW deg/sqrt(h)", "slow noise", "lowest"),
     "accel": ("accel", "VRW ug/sqrt(Hz)", "slow noise", "lowest"),
@@ -109,13 +106,13 @@ class SensorNoise:
 
     def figures(self) -> dict[str, Figure]:
         """The fitted figures by data-sheet key."""
-        found = {} if self.terms is None else self.terms.figures
-        return {SCALES[self.kind][name][0]: _scaled(each, SCALES[self.kind][name][1]) for name, each in found.items()}
+        figures = {} if self.terms is None else self.terms.figures
+        return {SCALES[self.kind][name][0]: _scaled(each, SCALES[self.kind][name][1]) for name, each in figures.items()}
 
     def upper(self) -> dict[str, float]:
         """Upper bounds (95 %) of the terms that were not seen, by data-sheet key."""
-        found = {} if self.terms is None else self.terms.upper
-        return {SCALES[self.kind][name][0]: bound / SCALES[self.kind][name][1] for name, bound in found.items()}
+        bounds = {} if self.terms is None else self.terms.upper
+        return {SCALES[self.kind][name][0]: bound / SCALES[self.kind][name][1] for name, bound in bounds.items()}
 
     def floor(self) -> Figure | None:
         """The bias instability of a data sheet, the lowest Allan deviation [deg/h or ug]; None while it still falls."""
@@ -133,7 +130,7 @@ def _scaled(figure: Figure, unit: float) -> Figure:
 
 
 @dataclass(frozen=True, eq=False)
-class UnitNoise:
+class UnitNoise(Shown):
     """What a log shows of its inertial unit.
 
     log: its name; part: the samples used; axes: the six axes; triads: gyros and accelerometers, three axes together;
@@ -192,10 +189,11 @@ class UnitNoise:
             )
         )
 
-    def figure(self) -> Picture:
-        """The Allan deviations with the fitted terms.  Raises `InputError` if matplotlib is not installed."""
-        require_matplotlib()
-        return draw(self)
+    figure = Shown.plot
+
+    def document(self) -> Document:
+        """What is printed and kept of it."""
+        return document(self)
 
     def write_grade(self, path: str | Path) -> Path:
         """Write the grade file, for ``grade = "FILE.toml"``; return its path.  Raises `InputError`."""
@@ -225,21 +223,32 @@ def _document_of(noise: SensorNoise) -> dict[str, Any]:
     }
 
 
-def document(found: UnitNoise, grade_file: str | None = None) -> Document:
-    """What is printed and kept of the noise of a unit.  grade_file: the path written."""
-    return Document(FIGURE, {**found.as_json(), "grade_file": grade_file}, partial(blocks, found), figure=partial(draw, found))
+def document(unit: UnitNoise, grade_file: str | None = None) -> Document:
+    """What is printed and kept of the noise of a unit; its files are allan.json, unit.toml and the figure.
+
+    grade_file: the path of a grade file that was written.
+    """
+    return Document(
+        NAME,
+        {**unit.as_json(), "grade_file": grade_file},
+        partial(blocks, unit),
+        {GRADE_FILE: grade_text(unit)},
+        figure=partial(picture, unit),
+        order=("json", "texts", "png", "svg"),
+        located=True,
+    )
 
 
 # --- tables --------------------------------------------------------------------------------------------
 
 
-def blocks(found: UnitNoise) -> Iterator[Block]:
+def blocks(unit: UnitNoise) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    part = found.part
+    part = unit.part
     lasts = part.end_s - part.begin_s
-    yield Line(found.log, "bold")
+    yield Line(unit.log, "bold")
     yield Line(f"{lasts:.6g} s {_of(part)} from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
-    rows = (*found.axes, *found.triads)
+    rows = (*unit.axes, *unit.triads)
     columns = 4 if any(noise.floor() for noise in rows) else 3
     for kind, head in _HEADS.items():
         yield Line()
@@ -248,9 +257,9 @@ def blocks(found: UnitNoise) -> Iterator[Block]:
         cells = [(name, *_cells(noise))[:columns] for name, noise in zip(names, shown, strict=True)]
         yield Grid(head[:columns], cells, gap=1)
     yield Line()
-    for told in _explained(rows):
-        yield Line(told, "dim")
-    for warning in found.warnings:
+    for sentence in _explained(rows):
+        yield Line(sentence, "dim")
+    for warning in unit.warnings:
         yield Line(f"warning: {warning}", "yellow")
 
 
@@ -289,10 +298,10 @@ def _cells(noise: SensorNoise) -> tuple[str, str, str]:
 def _white(noise: SensorNoise) -> str:
     """The white noise of a row of the table."""
     figure = noise.figures().get(noise.white_key)
-    told = f"not seen: below {_number(noise.upper()[noise.white_key])}" if figure is None else _number(figure.value)
+    text = f"not seen: below {_number(noise.upper()[noise.white_key])}" if figure is None else _number(figure.value)
     if noise.distrust:
-        return "not trusted" if figure is None else f"{told}, not trusted"
-    return told if figure is None else f"{told} ±{50.0 * (figure.high - figure.low) / figure.value:.1g} %"
+        return "not trusted" if figure is None else f"{text}, not trusted"
+    return text if figure is None else f"{text} ±{50.0 * (figure.high - figure.low) / figure.value:.1g} %"
 
 
 def _slow_keys(kind: str) -> tuple[tuple[str, str, str], ...]:
@@ -324,48 +333,34 @@ def _number(value: float) -> str:
 # --- figure --------------------------------------------------------------------------------------------
 
 
-def draw(found: UnitNoise) -> Picture:
+def picture(unit: UnitNoise) -> panels.Picture:
     """The Allan deviations of gyros and accelerometers with their 95 % bounds, and the fitted terms of the triads."""
-    with style.page(10.0, 5.2) as figure:
-        panels = figure.subplots(1, 2)
-        for axes, triad in zip(panels, found.triads, strict=True):
-            _panel(axes, triad, [axis for axis in found.axes if axis.kind == triad.kind])
-        style.title(figure, f"Allan deviation: {found.log}, {found.part.end_s - found.part.begin_s:.6g} s {_of(found.part)}")
-        style.legend(figure, panels, columns=8)
-        return figure
+    grid = [_panel(triad, [axis for axis in unit.axes if axis.kind == triad.kind]) for triad in unit.triads]
+    title = f"Allan deviation: {unit.log}, {unit.part.end_s - unit.part.begin_s:.6g} s {_of(unit.part)}"
+    return panels.Picture(title, [grid], ("x", "y", "z", "", "", "", "fit, three axes"), (10.0, 5.2), columns=8)
 
 
-def _panel(axes: Axes, triad: SensorNoise, live: Sequence[SensorNoise]) -> None:
-    from scipy.stats import chi2
-
+def _panel(triad: SensorNoise, axes: Sequence[SensorNoise]) -> panels.TimePanel:
     name, unit = ("Gyros", "deg/h") if triad.kind == "gyro" else ("Accelerometers", "µg")
-    axes.set_title(f"{name} [{unit}]", loc="left")
-    axes.set_xlabel("averaging time [s]")
-    axes.set_xscale("log")
+    panel = panels.TimePanel(name, unit, triad.curve.tau, log=True, log_x=True, x_name="averaging time [s]", note="no noise")
     lowest = []
-    for noise, colour in zip(live, style.COLOURS, strict=False):
+    for group, noise in enumerate(axes):
         if noise.terms is None:
             continue
-        tau, value, freedom = noise.curve.tau, noise.curve.deviation / noise.scale, noise.terms.freedom
-        known = np.isfinite(freedom)
-        low, high = (np.sqrt(freedom[known] / chi2.ppf(level, freedom[known])) for level in (0.975, 0.025))
-        axes.fill_between(tau[known], value[known] * low, value[known] * high, color=colour, alpha=0.16, linewidth=0)
-        axes.fill_between([], [], color=style.LIMIT, alpha=0.16, linewidth=0, label="95 % bounds of an axis")
-        axes.plot(tau, value, "o-", markersize=3.0, color=colour, label=noise.name.split()[1])
+        value, freedom = noise.curve.deviation / noise.scale, noise.terms.freedom
+        low, high = (value * np.sqrt(freedom / chi2.ppf(level, freedom)) for level in (0.975, 0.025))
+        panel.marks += [panels.Range(group, low, high, label="95 % bounds of an axis"), panels.Curve(group, value, "marked")]
         lowest.append(value.min())
-    style.log(axes)
     if triad.terms is None or not lowest:
-        axes.text(0.5, 0.5, "no noise", transform=axes.transAxes, ha="center")
-        return
+        return panel
     tau = np.geomspace(triad.curve.tau[0], triad.curve.tau[-1], 200)
-    axes.plot(tau, np.sqrt(triad.terms.variance(tau)) / triad.scale, color="#000000", label="fit, three axes")
-    dashes = {QUANTIZATION: ":", WHITE: (0, (6, 2)), FLICKER: "-.", WALK: (0, (1, 1)), MARKOV: "-."}
+    panel.marks.append(panels.Curve(FIT, np.sqrt(triad.terms.variance(tau)) / triad.scale, x=tau))
     for term in triad.terms.figures:
-        if term == TIME:
-            continue
-        line = np.sqrt(triad.terms.one(term, tau)) / triad.scale
-        seen = line > 0.3 * min(lowest)
-        axes.plot(tau[seen], line[seen], linestyle=dashes[term], color=style.LIMIT, linewidth=0.9, label=_DRAWN[term])
+        if term != TIME:
+            line = np.sqrt(triad.terms.one(term, tau)) / triad.scale
+            seen = line > 0.3 * min(lowest)
+            panel.marks.append(panels.Curve(FIT, line[seen], "model", tau[seen], *_DRAWN[term]))
+    return panel
 
 
 # --- files ---------------------------------------------------------------------------------------------
@@ -380,24 +375,24 @@ def check_grade(path: Path | None) -> None:
     check_output_file(path)
 
 
-def write_grade(found: UnitNoise, path: Path) -> Path:
+def write_grade(unit: UnitNoise, path: Path) -> Path:
     """Write the grade file.  Raises `InputError` as `check_grade` does."""
     check_grade(path)
     with atomic(path) as stream:
-        stream.write(grade_text(found).encode())
+        stream.write(grade_text(unit).encode())
     return path
 
 
-def grade_text(found: UnitNoise) -> str:
+def grade_text(unit: UnitNoise) -> str:
     """The text of the grade file: bounds of what is measured stand beside it, of what was not seen at the top."""
-    part = found.part
+    part = unit.part
     lines = [
-        f"Written by insenv allan: {part.end_s - part.begin_s:.6g} s {_of(part)} of {found.log}, three axes together.",
+        f"Written by insenv allan: {part.end_s - part.begin_s:.6g} s {_of(part)} of {unit.log}, three axes together.",
         "An Allan deviation shows noise. All the rest should be replaced by the figures of the data sheet; it is",
-        f"{found.assumption}.",
+        f"{unit.assumption}.",
     ]
     remarks: dict[str, str] = {}
-    for triad in found.triads:
+    for triad in unit.triads:
         if triad.distrust:
             lines.append(f"Not trusted, and so the noise of the {_PLURAL[triad.kind]} is assumed too: {triad.distrust}")
             continue
@@ -407,34 +402,19 @@ def grade_text(found: UnitNoise) -> str:
         for key, bound in triad.upper().items():
             if key == triad.white_key or (without_slow and "quantum" not in key):
                 lines.append(f"Not seen: {key} above {bound:.3g} (95 %)")
-    lines += [f"Warning: {warning}" for warning in found.warnings]
-    grade = found.grade()
+    lines += [f"Warning: {warning}" for warning in unit.warnings]
+    grade = unit.grade()
     remarks |= {key: "assumed" for key in grade.figures() if key not in remarks}
     return toml_text(grade, {**remarks, "": "\n".join(lines)})
 
 
-def assumed(found: UnitNoise) -> str:
+def assumed(unit: UnitNoise) -> str:
     """The sentence on what in the grade is not measured."""
-    kinds = [_PLURAL[triad.kind] for triad in found.triads if triad.distrust]
+    kinds = [_PLURAL[triad.kind] for triad in unit.triads if triad.distrust]
     if not kinds:
-        return f"only the noise is measured; all else is {found.assumption}"
-    measured = [_PLURAL[triad.kind] for triad in found.triads if not triad.distrust]
+        return f"only the noise is measured; all else is {unit.assumption}"
+    measured = [_PLURAL[triad.kind] for triad in unit.triads if not triad.distrust]
     if not measured:
-        return f"nothing is written as measured, because no noise is trusted; all is {found.assumption}"
+        return f"nothing is written as measured, because no noise is trusted; all is {unit.assumption}"
     said = f"only the noise of the {measured[0]} is measured, that of the {kinds[0]} is not trusted"
-    return f"{said}; all else is {found.assumption}"
-
-
-def write_files(found: UnitNoise, folder: OutputFolder, grade_file: Path | None, figure: bool = True) -> FilesWritten:
-    """Write allan.json, unit.toml and, if `figure` and matplotlib is installed, allan.png and allan.svg, or none of them."""
-    note = no_matplotlib() if figure else ""
-    drawn = figure and not note
-    names = [f"{FIGURE}.json", GRADE_FILE, *((f"{FIGURE}.png", f"{FIGURE}.svg") if drawn else ())]
-    paths = tuple(folder.path / name for name in names)
-    with folder.staged() as part:
-        text = to_json(document(found, str(grade_file or paths[1])).as_json([str(path) for path in paths])) + "\n"
-        part(names[0]).write_text(text, encoding="ascii")
-        part(names[1]).write_text(grade_text(found), encoding="utf-8")
-        if drawn:
-            style.save(draw(found), {kind: part(f"{FIGURE}.{kind}") for kind in ("png", "svg")})
-    return FilesWritten(paths, note)
+    return f"{said}; all else is {unit.assumption}"

@@ -268,13 +268,15 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -
     finite = np.stack([np.isfinite(one).all(axis=(1, 2)) for one in series], axis=1)
     usable = finite.mean(axis=0) >= 0.5
     usable[2] = usable[:2].all() and usable[3 : 3 + count].all()
-    kept = finite[:, usable].all(axis=1) if usable[0] else finite[:, 0]
-    if not kept.any():
+    counted = finite[:, usable].all(axis=1) if usable[0] else finite[:, 0]
+    if not counted.any():
         raise InputError(
             f"estimator {case.estimator.id!r} diverges in every run of {case.plant.scenario.name!r}: nothing to share out"
         )
     nothing = np.full(whole.shape[1:], np.nan)
-    squares = np.stack([np.mean(one[kept] ** 2, axis=0) if good else nothing for one, good in zip(series, usable, strict=True)])
+    squares = np.stack(
+        [np.mean(one[counted] ** 2, axis=0) if good else nothing for one, good in zip(series, usable, strict=True)]
+    )
     seeds = np.array([plant.seed for plant in case.plants])
     from_s = statistics_from(case.estimator.navigates, float(case.times[-1]))
     notes = [*case.plant.scenario.notes, *case.plant.notes_of(case.estimator, case.rows)]
@@ -301,7 +303,7 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -
         alone=squares[3 : 3 + count],
         without=squares[3 + count :],
         limit=np.stack([limit[name] for name in channels], axis=-1) ** 2 if limit else None,
-        diverged=tuple(int(seed) for seed in seeds[~kept]),
+        diverged=tuple(int(seed) for seed in seeds[~counted]),
         notes=tuple(notes),
     )
 

@@ -5,29 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.output import to_json
-from insenv.base.style import COLOURS, DASHED, LIMIT, legend, page, title
-from insenv.base.version import __version__
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
-from insenv.report.document import Block, Document, Grid, Line
-from insenv.report.files import FilesWritten, OutputFolder, write_document
-from insenv.report.notebook import require_matplotlib
-from insenv.report.page import assembled
-from insenv.report.page.of_run import NAMES, unit_of
-from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, kept_records, section, table
-from insenv.report.scales import threshold_of
+from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.notebook import Shown, data_frame
+from insenv.report.of_run import NAMES, unit_of
+from insenv.report.panels import OPAQUE, TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
 from insenv.report.tables import label, number, runs_of, since
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 
@@ -35,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
-class Budget:
+class Budget(Shown):
     """The error budget of an estimator in a scenario.
 
     time (records,) s.  channels, sources: their names.  from_s: time from which root mean squares are taken.
@@ -116,18 +108,11 @@ class Budget:
             "notes": list(self.notes),
         }
 
-    def plot(self) -> Figure:
-        """The figure of the contributions over time.  Raises `InsenvError` if matplotlib is missing."""
-        require_matplotlib()
-        return draw_budget(self)
-
     def to_dataframe(self) -> DataFrame:
         """One row per source: columns ``alone_CHANNEL``, ``without_CHANNEL`` and ``share_CHANNEL``.
 
         Raises `InsenvError` if pandas is missing.
         """
-        from insenv.report.notebook import data_frame
-
         columns: dict[str, Array] = {}
         for kind, values in (
             ("alone", self.rms(self.alone)),
@@ -137,17 +122,11 @@ class Budget:
             columns |= {f"{kind}_{name}": values[:, place] for place, name in enumerate(self.channels)}
         return data_frame(np.array(self.sources), columns, "source")
 
-    def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
-        """Write budget.npz, budget.json and, if `figure` and matplotlib is installed, the figure.
-
-        Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
-        """
-        return write_document(self.document(), OutputFolder(folder), figure)
-
     def document(self) -> Document:
         """What is printed and kept of it."""
         arrays, page = partial(budget_arrays, self), partial(budget_page, self)
-        return Document(NAME, self.as_json(), partial(budget_blocks, self), arrays=arrays, page=page, figure=self.plot)
+        figure = partial(budget_picture, self)
+        return Document(NAME, self.as_json(), partial(budget_blocks, self), arrays=arrays, page=page, figure=figure)
 
     def __repr__(self) -> str:
         shares = self.shares()[:-1]
@@ -170,54 +149,55 @@ SHOWN = 10
 """Largest number of sources that have a colour of their own; the others are one band."""
 
 
-def budget_blocks(found: Budget) -> Iterator[Block]:
+def budget_blocks(budget: Budget) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    yield Line(f"{found.scenario}: {found.estimator}", "bold")
-    yield Line(facts(found))
+    yield Line(f"{budget.scenario}: {budget.estimator}", "bold")
+    yield Line(facts(budget))
     for heading, names in GROUPS:
-        places = [found.channels.index(name) for name in names if name in found.channels]
+        places = [budget.channels.index(name) for name in names if name in budget.channels]
         if places:
             yield Line()
-            yield _group(found, heading, places)
+            yield _group(budget, heading, places)
     yield Line()
-    for sentence in sentences(found):
+    for sentence in sentences(budget):
         yield Line(sentence, "dim")
-    if diverged := left_out(found):
+    if diverged := left_out(budget):
         yield Line(diverged, "yellow")
-    for note in found.notes:
+    for note in budget.notes:
         yield Line(f"note: {note}")
 
 
-def sentences(found: Budget) -> tuple[str, ...]:
+def sentences(budget: Budget) -> tuple[str, ...]:
     """What the lines and columns mean."""
-    count = found.runs - len(found.diverged)
+    count = budget.runs - len(budget.diverged)
     low, high = ratio_bounds(count)
     return (
-        f"rms {since(found.from_s)}: change by a source alone; w/o: error without it",
+        f"rms {since(budget.from_s)}: change by a source alone; w/o: error without it",
         "method: no source at all; interaction: the rest of all sources, run by run",
         f"rms of {runs_of(count)} over that of many runs: {low:.2f} to {high:.2f} (95 %)",
     )
 
 
-def ranked(found: Budget) -> tuple[list[int], list[int]]:
+def ranked(budget: Budget) -> tuple[list[int], list[int]]:
     """The sources with a colour of their own, the largest first, and the others; by place."""
-    shares = np.nan_to_num(found.shares()[:-1])
-    order = sorted(range(len(found.sources)), key=lambda k: -shares[k].max())
+    shares = np.nan_to_num(budget.shares()[:-1])
+    order = sorted(range(len(budget.sources)), key=lambda k: -shares[k].max())
     return order[:SHOWN], order[SHOWN:]
 
 
-def left_out(found: Budget) -> str:
+def left_out(budget: Budget) -> str:
     """The sentence on runs that diverged; empty if none did."""
-    if not found.diverged:
+    if not budget.diverged:
         return ""
-    named = ", ".join(map(str, found.diverged[:NAMED])) + (", ..." if len(found.diverged) > NAMED else "")
-    return f"{len(found.diverged)} of {found.runs} runs diverged and are left out: seed {named}"
+    named = ", ".join(map(str, budget.diverged[:NAMED])) + (", ..." if len(budget.diverged) > NAMED else "")
+    return f"{len(budget.diverged)} of {budget.runs} runs diverged and are left out: seed {named}"
 
 
-def facts(found: Budget) -> str:
+def facts(budget: Budget) -> str:
     """Runs, duration, seeds and sources in one line."""
-    seeds = f"seeds {found.first_seed} to {found.first_seed + found.runs - 1}" if found.runs > 1 else f"seed {found.first_seed}"
-    return f"{runs_of(found.runs)} of {found.duration_s:g} s, {seeds}; {len(found.sources)} sources of error"
+    first, last = budget.first_seed, budget.first_seed + budget.runs - 1
+    seeds = f"seeds {first} to {last}" if budget.runs > 1 else f"seed {first}"
+    return f"{runs_of(budget.runs)} of {budget.duration_s:g} s, {seeds}; {len(budget.sources)} sources of error"
 
 
 @dataclass(frozen=True)
@@ -231,234 +211,157 @@ class BudgetRow:
     values: tuple[float | None, ...]
     large: tuple[bool, ...] = ()
 
+    @property
+    def texts(self) -> list[str]:
+        """The values as printed."""
+        return ["" if value is None else number(value) for value in self.values]
 
-def budget_rows(found: Budget, places: list[int]) -> list[BudgetRow]:
+
+def budget_rows(budget: Budget, places: list[int]) -> list[BudgetRow]:
     """The lines for some channels, by their places: the sources by their share, then what they make together."""
-    shares = found.shares()[:, places]
-    alone, without = found.rms(found.alone)[:, places], found.rms(found.without)[:, places]
+    shares = budget.shares()[:, places]
+    alone, without = budget.rms(budget.alone)[:, places], budget.rms(budget.without)[:, places]
     largest = np.nan_to_num(shares[:-1], nan=np.inf).max(axis=1)
-    order = sorted(range(len(found.sources)), key=lambda k: -largest[k])
+    order = sorted(range(len(budget.sources)), key=lambda k: -largest[k])
     small = [k for k in order if largest[k] < SMALL]
     if len(small) < 2:
         small = []
     rows = [
-        BudgetRow(found.sources[k], tuple(np.stack([alone[k], without[k]], 1).ravel().tolist()), tuple(shares[k] >= 0.25))
+        BudgetRow(budget.sources[k], tuple(np.stack([alone[k], without[k]], 1).ravel().tolist()), tuple(shares[k] >= 0.25))
         for k in order
         if k not in small
     ]
     if small:
         rows.append(_together(f"{len(small)} smaller ones", np.sqrt(np.sum(alone[small] ** 2, axis=0))))
-    lines = [("method", found.none), ("root sum of squares", found.sum), ("all sources", found.whole)]
-    lines += [("interaction", found.interaction)]
-    lines += [] if found.limit is None else [("limit", found.limit)]
-    return rows + [_together(name, found.rms(squares)[places]) for name, squares in lines]
+    lines = [("method", budget.none), ("root sum of squares", budget.sum), ("all sources", budget.whole)]
+    lines += [("interaction", budget.interaction)]
+    lines += [] if budget.limit is None else [("limit", budget.limit)]
+    return rows + [_together(name, budget.rms(squares)[places]) for name, squares in lines]
 
 
 def _together(name: str, values: Array) -> BudgetRow:
     return BudgetRow(name, tuple(each for value in values.tolist() for each in (value, None)))
 
 
-def _group(found: Budget, heading: str, places: list[int]) -> Grid:
+def _group(budget: Budget, heading: str, places: list[int]) -> Grid:
     """One table of `budget_rows`."""
-    columns = [text for place in places for text in (found.channels[place].rpartition("_")[0], "w/o")]
-    lines = budget_rows(found, places)
+    columns = [text for place in places for text in (budget.channels[place].rpartition("_")[0], "w/o")]
+    lines = budget_rows(budget, places)
     rows: list[Sequence[str | Line]] = []
     for row in lines:
         large = row.large or [row.name == "all sources"] * len(places)
-        texts = ["" if value is None else number(value) for value in row.values]
-        rows.append((row.name, *(Line(text, "bold" if k % 2 == 0 and large[k // 2] else "") for k, text in enumerate(texts))))
+        styles = ["bold" if each else "" for place in large for each in (place, False)]
+        cells = [Line(text, style) for text, style in zip(row.texts, styles, strict=True)]  # type: ignore[arg-type]
+        rows.append((row.name, *cells))
     return Grid((heading, *columns), rows, rule=[row.name for row in lines].index("method"), gap=1)
 
 
-def budget_arrays(found: Budget) -> dict[str, Any]:
+def budget_arrays(budget: Budget) -> dict[str, Any]:
     """All arrays of a budget by key (docs/budget.md): root mean squares over the runs at each time."""
-    arrays: dict[str, Any] = {"time": found.time, "channels": np.array(found.channels), "sources": np.array(found.sources)}
+    arrays: dict[str, Any] = {"time": budget.time, "channels": np.array(budget.channels), "sources": np.array(budget.sources)}
     for name in ("whole", "none", "interaction", "sum", "alone", "without", "limit"):
-        squares = getattr(found, name)
+        squares = getattr(budget, name)
         if squares is not None:
             arrays[{"none": "method", "sum": "root_sum_square"}.get(name, name)] = np.sqrt(squares)
-    arrays["meta"] = np.array(to_json({"format": "insenv-budget", "version": 1, **found.as_json()}, indent=None))
+    arrays["meta"] = np.array(to_json({"format": "insenv-budget", "version": 1, **budget.as_json()}, indent=None))
     return arrays
 
 
-# The figure of an error budget: contributions stacked over time, and their shares.
-
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1", "#A6761D", "#7A9A01", "#F0E442")
-_OTHERS, _METHOD = "#c8c8c8", "#7f7f7f"
-
-
-def draw_budget(found: Budget) -> Figure:
-    """By channel: root of the sum of squares, band by band, with the error with all sources and the limit; their shares.
-
-    Mean squares add up, and a band ends at the root of the sum of those below it and its own.  The largest source is the
-    lowest band; the thickness of a band higher up therefore shows less than its rms.
-    """
-    own, others = ranked(found)
-    names = [name for name in CHANNELS if name in found.channels]
-    handles: dict[str, Any] = {}
-    with page() as figure:
-        if len(names) == 3:
-            figure.set_size_inches(9.5, 8.4)
-            panels = figure.subplots(3, 2, sharex=True, width_ratios=(1.4, 1))
-            for (left, right), name in zip(panels, names, strict=True):
-                handles |= _stack(left, found, name, own, others)
-                _shares(right, found, name, own, others)
-            panels[0, 0].set_title("Contributions: root of the sum of squares")
-            panels[0, 1].set_title("Shares in the variance, %")
-            bottom = panels[-1]
-        else:
-            rows = len(names) // 3
-            figure.set_size_inches(11.0, 1.8 + 2.3 * rows)
-            panels = figure.subplots(rows, 3, sharex=True)
-            for axes, name in zip(panels.ravel(), names, strict=True):
-                handles |= _stack(axes, found, name, own, others)
-            bottom = panels[-1]
-        for axes in bottom:
-            axes.set_xlabel("time [s]")
-        title(figure, f"{found.scenario}: error budget of {found.estimator}\n{runs_of(found.runs)} of {found.duration_s:g} s")
-        legend(figure, handles, columns=4)
-        return figure
-
-
-def _bands(found: Budget, name: str, own: list[int], others: list[int]) -> list[tuple[str, str, Array]]:
-    """Name, colour and mean square (records,) of each band, the lowest first."""
-    place = found.channels.index(name)
-    bands = [(found.sources[k], _COLOURS[j], np.nan_to_num(found.alone[k, :, place])) for j, k in enumerate(own)]
-    if others:
-        bands.append((f"{len(others)} others", _OTHERS, np.nan_to_num(found.alone[others][..., place]).sum(axis=0)))
-    return [*bands, ("method", _METHOD, found.none[:, place])]
-
-
-def _stack(axes: Axes, found: Budget, name: str, own: list[int], others: list[int]) -> dict[str, Any]:
-    """Draw one channel; return the legend's handles by their text."""
-    handles: dict[str, Any] = {}
-    below = np.zeros(len(found.time))
-    for text, colour, square in _bands(found, name, own, others):
-        above = below + square
-        handles[text] = axes.fill_between(found.time, np.sqrt(below), np.sqrt(above), color=colour, linewidth=0, label=text)
-        below = above
-    place = found.channels.index(name)
-    (handles["all sources"],) = axes.plot(found.time, np.sqrt(found.whole[:, place]), color=COLOURS[6], label="all sources")
-    late = found.time >= 0.3 * found.time[-1] if found.from_s > 0 else np.full(len(found.time), True)
-    tops = [np.sqrt(below[late]), np.sqrt(found.whole[late, place])]
-    if found.limit is not None:
-        limit = np.sqrt(found.limit[:, place])
-        (line,) = axes.plot(found.time, limit, color="white", linewidth=2.2)
-        (line,) = axes.plot(found.time, limit, color=LIMIT, linestyle=DASHED, label="theoretical limit")
-        handles["theoretical limit"] = line
-        tops.append(limit[late])
-    # an alignment begins with errors that would hide the rest
-    highest = float(np.nanmax(np.concatenate(tops)))
-    axes.set_ylim(0.0, 1.1 * highest if highest > 0.0 else 1.0)
-    axes.set_xlim(0.0, float(found.time[-1]))
-    axes.set_ylabel(label(name))
-    return handles
-
-
-def _shares(axes: Axes, found: Budget, name: str, own: list[int], others: list[int]) -> None:
-    """Draw the shares of one channel over time."""
-    bands = _bands(found, name, own, others)
-    total = np.sum([square for *_, square in bands], axis=0)
-    below = np.zeros(len(found.time))
-    for _, colour, square in bands:
-        above = below + 100.0 * np.divide(square, total, out=np.zeros_like(total), where=total > 0.0)
-        axes.fill_between(found.time, below, above, color=colour, linewidth=0)
-        below = above
-    axes.set_ylim(0.0, 100.0)
-    axes.set_xlim(0.0, float(found.time[-1]))
-
-
-# The page of an error budget: its tables, and the contributions stacked over time, as one document for the front end.
+# The page and the figure of an error budget: its tables, and the contributions stacked over time, with their shares.
 
 SOURCES, ALL, OTHERS, METHOD = (0, 1, 2, 3, 4, 5, 7, 8, 9, 10), 6, 11, 12
 """Groups of curves: of the sources with a colour of their own, the error with all sources, the other sources, the method."""
-OPAQUE = 4.5
-"""Strength of bands that do not overlap."""
 
 
-def budget_page(found: Budget) -> str:
-    """The HTML of a budget."""
-    return assembled(f"{found.scenario}: error budget of {found.estimator}", {"report": budget_page_document(found)})
-
-
-def budget_page_document(found: Budget) -> dict[str, Any]:
-    """The document of the page of a budget (web/README.md)."""
-    drawn = _Drawn(found)
+def budget_page(budget: Budget) -> Page:
+    """The page of a budget."""
+    drawn = _Panels(budget)
     sections = []
     for heading, names in (("Attitude", ATTITUDE), ("Position", POSITION), ("Velocity", VELOCITY)):
-        own = [name for name in names if name in found.channels]
-        sections.append(section(f"{heading}: root of the sum of squares", [drawn.stack(name) for name in own]))
-        sections.append(section(f"{heading}: shares in the variance", [drawn.shares(name) for name in own]))
-    others = f"{len(drawn.others)} other sources" if drawn.others else ""
-    named = {ALL: "all sources", OTHERS: others, METHOD: "method"} | {group: found.sources[k] for group, k in drawn.own}
-    return {
-        "kind": "report",
-        "version": __version__,
-        "name": f"{found.scenario}: {found.estimator}",
-        "title": "Error budget: which source of error dominates",
-        "facts": [facts(found)],
-        "truth": "truth",
-        "legend": [{"name": named.get(group, ""), "first": group == ALL} for group in range(METHOD + 1)],
-        "tables": [_table(found, title, names) for title, names in GROUPS if any(name in found.channels for name in names)],
-        "explained": [f"{sentence}." for sentence in sentences(found)],
-        "notes": [*filter(None, [left_out(found)]), *found.notes],
-        "sections": [one for one in sections if one["panels"]],
-        "arrays": drawn.pool.as_json(),
-    }
+        channels = [name for name in names if name in budget.channels]
+        sections.append(Section(f"{heading}: root of the sum of squares", [drawn.stack(name) for name in channels]))
+        sections.append(Section(f"{heading}: shares in the variance", [drawn.shares(name) for name in channels]))
+    return Page(
+        tab=f"{budget.scenario}: error budget of {budget.estimator}",
+        name=f"{budget.scenario}: {budget.estimator}",
+        title="Error budget: which source of error dominates",
+        facts=[facts(budget)],
+        legend=[{"name": name, "first": group == ALL} for group, name in enumerate(drawn.names("other sources"))],
+        tables=[_table(budget, title, names) for title, names in GROUPS if any(name in budget.channels for name in names)],
+        explained=[f"{sentence}." for sentence in sentences(budget)],
+        notes=[*filter(None, [left_out(budget)]), *budget.notes],
+        sections=sections,
+    )
 
 
-def _table(found: Budget, title: str, names: tuple[str, ...]) -> dict[str, Any]:
-    places = [found.channels.index(name) for name in names if name in found.channels]
-    columns = ["rms", *(text for place in places for text in (label(found.channels[place]), "w/o"))]
-    rows = [(row.name, *("" if value is None else number(value) for value in row.values)) for row in budget_rows(found, places)]
-    return table(title.partition(",")[0].capitalize(), columns, rows)
+def budget_picture(budget: Budget) -> Picture:
+    """By channel: root of the sum of squares, band by band, with the error with all sources and the limit; their shares.
+
+    The largest source is the lowest band; the thickness of a band higher up therefore shows less than its rms.
+    """
+    drawn = _Panels(budget)
+    title = f"{budget.scenario}: error budget of {budget.estimator}\n{runs_of(budget.runs)} of {budget.duration_s:g} s"
+    names = [name for name in CHANNELS if name in budget.channels]
+    if len(names) == 3:
+        grid = [[drawn.stack(name), drawn.shares(name)] for name in names]
+        heads = ("Contributions: root of the sum of squares", "Shares in the variance, %")
+        return Picture(title, grid, drawn.names("others"), (9.5, 8.4), heads=heads, ratios=(1.4, 1))
+    grid = [[drawn.stack(name) for name in names[row : row + 3]] for row in range(0, len(names), 3)]
+    return Picture(title, grid, drawn.names("others"), (11.0, 1.8 + 2.3 * len(grid)))
 
 
-class _Drawn:
-    """The panels of a budget.  own: group and place of each source with a colour; others: places of the other sources."""
+def _table(budget: Budget, title: str, names: tuple[str, ...]) -> Table:
+    places = [budget.channels.index(name) for name in names if name in budget.channels]
+    columns = ["rms", *(text for place in places for text in (label(budget.channels[place]), "w/o"))]
+    rows = [(row.name, *row.texts) for row in budget_rows(budget, places)]
+    return Table(title.partition(",")[0].capitalize(), columns, rows)
 
-    def __init__(self, found: Budget) -> None:
-        own, self.others = ranked(found)
-        self.own = list(zip(SOURCES, own, strict=False))
-        self.found, self.pool = found, Pool()
-        self.keep = kept_records(len(found.time), len(found.channels) * 2 * (len(own) + 4) + 1)
+
+class _Panels:
+    """The panels of a budget.  places: of the sources with a colour, by group; others: of the other sources."""
+
+    def __init__(self, budget: Budget) -> None:
+        largest, self.others = ranked(budget)
+        self.budget, self.places = budget, dict(zip(SOURCES, largest, strict=False))
+
+    def names(self, others: str) -> list[str]:
+        """The legend; others: what the sources without a colour are called."""
+        named = {ALL: "all sources", OTHERS: f"{len(self.others)} {others}" if self.others else "", METHOD: "method"}
+        named |= {group: self.budget.sources[place] for group, place in self.places.items()}
+        return [named.get(group, "") for group in range(METHOD + 1)]
+
+    def stack(self, name: str) -> TimePanel:
+        """Mean squares add up: a band ends at the root of the sum of those below it and its own."""
+        budget, place = self.budget, self.budget.channels.index(name)
+        panel = self._panel(name, unit_of(name), errors=True, label=label(name))
+        below = np.zeros(len(budget.time))
+        for group, square in self._bands(name):
+            panel.marks.append(Range(group, np.sqrt(below), np.sqrt(below + square), OPAQUE))
+            below = below + square
+        if budget.limit is not None:
+            panel.marks.append(Curve(TRUTH_GROUP, np.sqrt(budget.limit[:, place]), "limit"))
+        panel.marks.append(Curve(ALL, np.sqrt(budget.whole[:, place])))
+        return panel
+
+    def shares(self, name: str) -> TimePanel:
+        """What each band has of their sum."""
+        panel, bands = self._panel(name, "%", most=100.0), self._bands(name)
+        total = np.sum([square for _, square in bands], axis=0)
+        below = np.zeros(len(self.budget.time))
+        for group, square in bands:
+            above = below + 100.0 * np.divide(square, total, out=np.zeros_like(total), where=total > 0.0)
+            panel.marks.append(Range(group, below, above, OPAQUE))
+            below = above
+        return panel
 
     def _bands(self, name: str) -> list[tuple[int, Array]]:
         """Group and mean square (records,) of each band, the lowest first."""
-        found, place = self.found, self.found.channels.index(name)
-        squares = np.nan_to_num(found.alone[..., place])[:, self.keep]
-        bands = [(group, squares[k]) for group, k in self.own]
+        budget, place = self.budget, self.budget.channels.index(name)
+        squares = np.nan_to_num(budget.alone[..., place])
+        bands = [(group, squares[k]) for group, k in self.places.items()]
         bands += [(OTHERS, squares[self.others].sum(axis=0))] if self.others else []
-        return [*bands, (METHOD, found.none[self.keep, place])]
+        return [*bands, (METHOD, budget.none[:, place])]
 
     def _panel(self, name: str, unit: str, **more: Any) -> TimePanel:
-        from_s = self.found.from_s if self.found.from_s > 0 else None
-        return TimePanel(self.pool, NAMES[name], unit, self.found.time[self.keep], from_s=from_s, positive=True, **more)
-
-    def stack(self, name: str) -> dict[str, Any]:
-        """Mean squares add up: a band ends at the root of the sum of those below it and its own."""
-        found, place = self.found, self.found.channels.index(name)
-        whole = np.sqrt(found.whole[self.keep, place])
-        limit = None if found.limit is None else np.sqrt(found.limit[self.keep, place])
-        reach = 0.0 if limit is None else float(np.nanmax(limit[-max(1, len(limit) // 4) :]))
-        panel = self._panel(name, unit_of(name), threshold=threshold_of([whole], [reach]))
-        below = np.zeros(len(self.keep))
-        for group, square in self._bands(name):
-            panel.between(group, np.sqrt(below), np.sqrt(below + square), OPAQUE)
-            below = below + square
-        if limit is not None:
-            panel.curve(TRUTH_GROUP, limit, "limit")
-        panel.curve(ALL, whole)
-        return panel.as_json()
-
-    def shares(self, name: str) -> dict[str, Any]:
-        """What each band has of their sum."""
-        panel = self._panel(name, "%", most=100.0)
-        bands = self._bands(name)
-        total = np.sum([square for _, square in bands], axis=0)
-        below = np.zeros(len(self.keep))
-        for group, square in bands:
-            above = below + 100.0 * np.divide(square, total, out=np.zeros_like(total), where=total > 0.0)
-            panel.between(group, below, above, OPAQUE)
-            below = above
-        return panel.as_json()
+        from_s = self.budget.from_s if self.budget.from_s > 0 else None
+        return TimePanel(NAMES[name], unit, self.budget.time, from_s=from_s, positive=True, **more)

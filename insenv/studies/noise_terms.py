@@ -208,33 +208,33 @@ class Terms:
 
 def total(values: Mapping[str, float], tau: Array) -> Array:
     """Allan variance of terms with these figures."""
-    found = np.zeros(np.shape(tau))
+    variance = np.zeros(np.shape(tau))
     for name, value in values.items():
         if name in _POWERS:
             factor, power = _POWERS[name]
-            found = found + factor * value**2 * np.asarray(tau) ** power
+            variance = variance + factor * value**2 * np.asarray(tau) ** power
         elif name == MARKOV:
-            found = found + value**2 * markov_variance(tau, values[TIME])
-    return found
+            variance = variance + value**2 * markov_variance(tau, values[TIME])
+    return variance
 
 
 def spectrum(values: Mapping[str, float], frequency: Array) -> Array:
     """One-sided power spectrum of the rate, in units of the white term's 2 N^2."""
     omega = 2.0 * np.pi * frequency
-    found = np.zeros(np.shape(frequency))
+    power = np.zeros(np.shape(frequency))
     for name, value in values.items():
         square = value**2
         if name == QUANTIZATION:
-            found = found + 2.0 * square * omega**2
+            power = power + 2.0 * square * omega**2
         elif name == WHITE:
-            found = found + 2.0 * square
+            power = power + 2.0 * square
         elif name == FLICKER:
-            found = found + square / (2.0 * np.log(2.0)) / frequency
+            power = power + square / (2.0 * np.log(2.0)) / frequency
         elif name == WALK:
-            found = found + 2.0 * square / omega**2
+            power = power + 2.0 * square / omega**2
         elif name == MARKOV:
-            found = found + 4.0 * square * values[TIME] / (1.0 + (omega * values[TIME]) ** 2)
-    return found
+            power = power + 4.0 * square * values[TIME] / (1.0 + (omega * values[TIME]) ** 2)
+    return power
 
 
 def fit(curve: Curve, use: NDArray[np.bool_] | None = None) -> Terms:
@@ -362,8 +362,8 @@ class _Problem:
         best = min(trials, key=lambda one: one[0])[1]
         if best.get(TIME, 0.0) > self.duration:  # all of the curve is the walk with which such a bias begins
             walk = best[MARKOV] * float(np.sqrt(2.0 / best[TIME]))
-            kept = {name: value for name, value in best.items() if name not in (MARKOV, TIME)}
-            return self.best({**kept, WALK: walk})[1]
+            others = {name: value for name, value in best.items() if name not in (MARKOV, TIME)}
+            return self.best({**others, WALK: walk})[1]
         return best
 
     def _times(self) -> Sequence[float]:

@@ -141,10 +141,10 @@ def tune(
     need("tuning", "cma", extra="workbench")
     _check(evaluations=evaluations)
     if is_log(source):
-        for option, asked in (("runs", runs), ("held_out", held_out), ("seed", seed), ("duration_s", duration_s)):
-            if asked is not None:
+        for option, value in (("runs", runs), ("held_out", held_out), ("seed", seed), ("duration_s", duration_s)):
+            if value is not None:
                 raise InputError(
-                    f"{option} = {asked!r}: allowed with a scenario; a log is used as a whole, its first half for the "
+                    f"{option} = {value!r}: allowed with a scenario; a log is used as a whole, its first half for the "
                     "search and its second for judging"
                 )
         return tune_log(source, estimator, keys, evaluations, settings, progress)
@@ -154,8 +154,8 @@ def tune(
     plan = make_plan(begun, estimator, runs, first_seed=seed, duration_s=duration_s)
     other = make_plan(begun, estimator, held_out, first_seed=plan.first_seed + plan.runs, duration_s=duration_s)
     table = plan.chosen.model.parameters
-    given = table.unpack(table.pack(plan.plant.parameters_of(plan.chosen, whole=False)))
-    parameters = tuned_parameters(plan.chosen, given, keys)
+    present = table.unpack(table.pack(plan.plant.parameters_of(plan.chosen, whole=False)))
+    parameters = tuned_parameters(plan.chosen, present, keys)
     training, judging = Seeds(plan, parameters), Seeds(other, parameters)
     ones = np.ones((1, len(parameters)))
     (before,) = training.measures(ones)
@@ -163,10 +163,10 @@ def tune(
         raise InputError(f"estimator {plan.chosen.id!r} diverges before tuning: give it parameters with which it runs")
 
     def objective(logs: Array) -> Array:
-        return np.array([training.objective(found, before) for found in training.measures(np.exp(logs))])
+        return np.array([training.objective(measures, before) for measures in training.measures(np.exp(logs))])
 
-    found = search(objective, len(parameters), evaluations, plan.first_seed, progress)
-    first, second = judging.measures(np.stack([ones[0], found.factors]))
+    result = search(objective, len(parameters), evaluations, plan.first_seed, progress)
+    first, second = judging.measures(np.stack([ones[0], result.factors]))
     limit: dict[str, float] = {} if no_limit(plan.plant) else limit_of(plan.plant).rms(plan.times, training.from_s)
     return Tuning(
         source=plan.name,
@@ -175,15 +175,15 @@ def tune(
         judged_on=f"seeds {other.first_seed} to {other.first_seed + held_out - 1}",
         duration_s=plan.duration_s,
         parameters=parameters,
-        factors=found.factors,
-        history=found.history,
+        factors=result.factors,
+        history=result.history,
         start=training.objective(before, before),
         before=judging.objective(first, first),
         after=judging.objective(second, first),
         change=_change(judging, first, second),
         channels=_channels(plan.measured.channels, first, second, limit),
         consistency=_consistency(judging, first, second),
-        notes=(*plan.notes, *_diverged(first, second), *found.notes),
+        notes=(*plan.notes, *_diverged(first, second), *result.notes),
     )
 
 
@@ -195,11 +195,11 @@ def _check(**counts: object) -> None:
 
 def _change(judging: Seeds, first: Measures, second: Measures) -> Estimate:
     """Change of the objective over the runs in which neither diverged: bootstrap over the runs, paired."""
-    kept = np.asarray(np.isfinite(first.squares).all(axis=1) & np.isfinite(second.squares).all(axis=1))
+    finite = np.asarray(np.isfinite(first.squares).all(axis=1) & np.isfinite(second.squares).all(axis=1))
     value = judging.objective(second, first) - judging.objective(first, first)
-    if not kept.all():  # a run that diverges counts: there is no interval
+    if not finite.all():  # a run that diverges counts: there is no interval
         return Estimate(value, float("nan"), float("nan"))
-    drawn = np.random.default_rng(judging.plan.first_seed).integers(0, len(kept), (RESAMPLES, len(kept)))
+    drawn = np.random.default_rng(judging.plan.first_seed).integers(0, len(finite), (RESAMPLES, len(finite)))
     found = []
     for runs in drawn:
         one, other = (Measures(m.squares[runs], None if m.nees is None else m.nees[runs]) for m in (first, second))
@@ -209,10 +209,10 @@ def _change(judging: Seeds, first: Measures, second: Measures) -> Estimate:
 
 
 def _channels(names: tuple[str, ...], first: Measures, second: Measures, limit: dict[str, float]) -> tuple[Channel, ...]:
-    kept = np.isfinite(first.squares).all(axis=1) & np.isfinite(second.squares).all(axis=1)
+    finite = np.isfinite(first.squares).all(axis=1) & np.isfinite(second.squares).all(axis=1)
     found = []
     for place, name in enumerate(names):
-        a, b = first.squares[kept, place], second.squares[kept, place]
+        a, b = first.squares[finite, place], second.squares[finite, place]
         pair = paired(a, b)
         found.append(Channel(name, float(np.sqrt(a.mean())), float(np.sqrt(b.mean())), pair.ratio, limit.get(name)))
     return tuple(found)

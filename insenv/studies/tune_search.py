@@ -129,10 +129,10 @@ def search(objective: Objective, parameters: int, evaluations: int, seed: int, p
     done, interrupted = 0, False
     try:
         while done < evaluations and not state.stop():
-            asked = state.ask()
-            values = objective(np.array(asked)[:, :parameters])
+            population = state.ask()
+            values = objective(np.array(population)[:, :parameters])
             values = np.where(np.isfinite(values), values, FAILED)
-            state.tell(asked, values.tolist())
+            state.tell(population, values.tolist())
             done += size
             history.append([float(values.min()), float(np.median(values))])
             if progress is not None:

@@ -22,8 +22,8 @@ from insenv.core.tables import Table, Vector
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import CHANNELS
+from insenv.report.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
 from insenv.report.page import assembled, check_size
-from insenv.report.page.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
 from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas

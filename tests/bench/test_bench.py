@@ -5,9 +5,9 @@ import pytest
 from insenv.bench import figures
 
 SHORT = {
-    "speed.REPETITIONS": 1, "speed.SAMPLES": 20, "speed.STARTS": 1, "numeric.REPETITIONS": 1, "peers.SAMPLES": 20,
-    "composed.REPETITIONS": 1, "composed.DURATION_S": 2.0, "composed.SAMPLES": 10, "envs.REPETITIONS": 1, "envs.LONG": 60.0,
-    "peers.feedback_filter": lambda *_, **__: None,
+    "speed.REPETITIONS": 1, "speed.SAMPLES": 20, "speed.STARTS": 1, "speed.NUMERIC_REPETITIONS": 1, "peers.SAMPLES": 20,
+    "estimators.REPETITIONS": 1, "estimators.DURATION_S": 2.0, "estimators.SAMPLES": 10, "envs.REPETITIONS": 1,
+    "envs.LONG": 60.0, "peers.feedback_filter": lambda *_, **__: None,
 }  # fmt: skip
 QUICK = ("interpreter.propagate15", "import.insenv", "numeric.one", "numeric.many", "native.propagate15", "batch.propagate15")
 LONG = ("step.fusion-15", "batch.fusion-21", "vector.small", "vector.reset.manoeuvre")

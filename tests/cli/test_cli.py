@@ -32,7 +32,7 @@ def test_run_json_is_one_document_with_the_documented_keys_repeatable_by_seed():
 
 
 def test_bench_and_schema(monkeypatch):
-    monkeypatch.setattr("insenv.bench.numeric.REPETITIONS", 1)
+    monkeypatch.setattr("insenv.bench.speed.NUMERIC_REPETITIONS", 1)
     status, out, err = call("bench", "--only", "numeric.one", "--json")
     found = strict(out)
     assert (status, err) == (0, "") and set(found) == {"machine", "figures"}

@@ -25,7 +25,7 @@ def test_the_table_has_every_paper_and_names_no_row_twice():
 
 
 def test_the_command_prints_conditions_and_notes(monkeypatch):
-    row = Quantity("ecef", "heading", "deg", None, 0.1, None, 1, "at rest")
+    row = Quantity("heading", "deg", None, 0.1, note="at rest", paper="ecef")
     monkeypatch.setattr(ecef, "quantities", lambda: [row])
     lines = call("reproduce", "ecef")[1].splitlines()
     assert f"conditions: {conditions('ecef')}" in " ".join(lines)

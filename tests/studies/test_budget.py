@@ -12,13 +12,14 @@ from command_line import call, strict
 import insenv
 from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
+from insenv.report.page import page_json
 from insenv.report.tables import number
 from insenv.scenario import build, error_sources, load
 from insenv.scenario.error_sources import sensors_of
 from insenv.sensors import IMU, registry
 from insenv.studies import budget as budget_module
 from insenv.studies.budget import packed, switch_off, switchable
-from insenv.studies.budget_result import budget_page_document
+from insenv.studies.budget_result import budget_page
 
 OMEGA = 7.292115e-5
 PERFECT = {"grade": "perfect", "gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0}
@@ -209,7 +210,7 @@ def test_the_command_prints_writes_and_is_json(tmp_path):
 
 def test_the_page_stacks_what_the_budget_holds(ship):
     """Bands end at the root of the sums of squares, the highest at that of all; shares add up to 100 %."""
-    document = budget_page_document(ship)
+    document = page_json(budget_page(ship))
     arrays = [np.frombuffer(base64.b64decode(text), dtype="<f4") for text in document["arrays"]]
     stacks, shares = document["sections"]
     heading = stacks["panels"][2]

@@ -10,8 +10,8 @@ from selenium.webdriver import ActionChains
 from selenium.webdriver.common.by import By
 
 import insenv
-from insenv.report.page.of_run import in_a_turn, run_document, run_page
-from insenv.report.page.panels import BYTES, Pool, kept_records
+from insenv.report.of_run import in_a_turn, run_page
+from insenv.report.page.report import BYTES, Pool, html, kept_records, page_json
 from insenv.report.tables import error_rows, number
 
 DURATION = 60.0
@@ -29,7 +29,7 @@ def panels_of(document):
 
 
 def test_the_document_holds_errors_sigma_and_limit(driven):
-    document = run_document(driven)
+    document = page_json(run_page(driven))
     arrays = [np.frombuffer(base64.b64decode(text), dtype="<f4") for text in document["arrays"]]
     (section,) = (one for one in document["sections"] if one["title"] == "Position error")
     (east,) = (panel for panel in section["panels"] if panel["title"] == "East")
@@ -55,7 +55,7 @@ def test_angles_about_180_deg_are_drawn_from_0_to_360():
 
 
 def test_figures_are_those_of_the_table_with_a_sentence_for_each_aid(driven):
-    tables = run_document(driven)["tables"]
+    tables = page_json(run_page(driven))["tables"]
     for table, result in zip(tables, driven.results, strict=True):
         assert [row[1:] for row in table["rows"]] == [[number(v) for v in values.values()] for _, values in error_rows(result)]
         assert table["caption"] == result.estimator and all(note in table["below"] for note in result.notes)
@@ -77,7 +77,7 @@ def test_kept_records_end_with_the_last_and_fit_and_the_same_array_is_kept_once(
 @pytest.fixture(scope="module")
 def page(driven, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "drive.html"
-    path.write_text(run_page(driven), encoding="utf-8")
+    path.write_text(html(run_page(driven)), encoding="utf-8")
     return path
 
 

@@ -16,15 +16,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from insenv.base.version import __version__
-from insenv.report import Document, FilesWritten, OutputFolder, write_document
-from insenv.report.document import Block, Grid, Line
-from insenv.report.page import assembled
-from insenv.report.page.panels import Pool, intervals_panel, kept_records, section, table
+from insenv.report import Document, FilesWritten, OutputFolder, Shown, write_document
+from insenv.report.document import Block, Grid, Line, Page, Table
+from insenv.report.panels import IntervalsPanel, Section
 from insenv.report.tables import label, number, since
 from insenv.studies.campaign.presentation import (
     campaign_blocks,
@@ -36,10 +34,6 @@ from insenv.studies.campaign.presentation import (
 )
 from insenv.studies.campaign.statistics import Array, Estimate, student
 from insenv.studies.campaign.summary import Summary
-
-if TYPE_CHECKING:
-    pass
-
 
 NAME = "comparison"
 PAIR_COLUMNS = ("rms", "ratio", "from", "to", "difference", "smaller in")
@@ -100,7 +94,7 @@ def paired(first: Array, second: Array) -> Paired:
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison:
+class Comparison(Shown):
     """Campaigns of several estimators on the same runs.
 
     summaries: by estimator, in the order of the call.  pairs: by estimator (all but the first), then by channel that both
@@ -146,8 +140,9 @@ class Comparison:
         return write_comparison(self, OutputFolder(folder), figure, table)
 
     def document(self) -> Document:
-        """What is printed and kept of it, beside the documents of the campaigns."""
-        return Document(NAME, self.as_json(), partial(comparison_blocks, self), page=partial(comparison_page, self))
+        """What is printed and finite of it, beside the documents of the campaigns."""
+        page, undrawn = partial(comparison_page, self), "no figure of a comparison: each of its campaigns has one"
+        return Document(NAME, self.as_json(), partial(comparison_blocks, self), page=page, undrawn=undrawn)
 
     def __repr__(self) -> str:
         lines = [repr(summary) for summary in self.summaries.values()]
@@ -161,20 +156,22 @@ def compare(summaries: Sequence[Summary]) -> Comparison:
     """Compare campaigns that have the same runs; the first is what the others are compared with."""
     first, pairs = summaries[0], {}
     for other in summaries[1:]:
-        kept = first.whole & other.whole
+        finite = first.whole & other.whole
         common = [name for name in first.channels if name in other.channels]
         places = [(name, first.channels.index(name), other.channels.index(name)) for name in common]
-        pairs[other.plan.estimator] = {name: paired(first.rms[kept, a] ** 2, other.rms[kept, b] ** 2) for name, a, b in places}
+        pairs[other.plan.estimator] = {
+            name: paired(first.rms[finite, a] ** 2, other.rms[finite, b] ** 2) for name, a, b in places
+        }
     return Comparison({summary.plan.estimator: summary for summary in summaries}, pairs)
 
 
-def comparison_blocks(found: Comparison) -> Iterator[Block]:
+def comparison_blocks(comparison: Comparison) -> Iterator[Block]:
     """The printed lines and tables: those of each campaign, then the paired differences."""
-    for summary in found.summaries.values():
+    for summary in comparison.summaries.values():
         yield from campaign_blocks(summary)
         yield Line()
-    for id, pairs in found.pairs.items():
-        yield Line(f"{id} compared with {found.first}, run by run", "bold")
+    for id, pairs in comparison.pairs.items():
+        yield Line(f"{id} compared with {comparison.first}, run by run", "bold")
         rows: list[Sequence[str | Line]] = []
         for pair, (name, ratio, *others) in zip(pairs.values(), pair_rows(pairs), strict=True):
             rows.append((name, Line(ratio, "bold" if pair.is_real else ""), *others))
@@ -182,7 +179,7 @@ def comparison_blocks(found: Comparison) -> Iterator[Block]:
         yield Line()
     yield Line(f"{PAIR_MEANINGS[0]}; bold: not 1", "dim")
     yield Line(PAIR_MEANINGS[1], "dim")
-    for note in found.notes:
+    for note in comparison.notes:
         yield Line(f"note: {note}")
 
 
@@ -198,54 +195,47 @@ def pair_rows(pairs: Mapping[str, Paired]) -> list[tuple[str, ...]]:
     ]
 
 
-def write_comparison(found: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
+def write_comparison(comparison: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
     """Write the files of each campaign to DIR/ID and comparison.json to DIR; if `figure`, the page comparison.html too."""
-    parts = [write_document(one.document(table), OutputFolder(folder.path / id), figure) for id, one in found.summaries.items()]
-    own = write_document(found.document(), folder, figure)
+    parts = [
+        write_document(one.document(table), OutputFolder(folder.path / id), figure) for id, one in comparison.summaries.items()
+    ]
+    own = write_document(comparison.document(), folder, figure)
     return FilesWritten((*own.paths, *(path for part in parts for path in part.paths)), parts[0].note)
 
 
 # The page of a comparison of estimators on the same runs: their tables, paired differences and errors over time.
 
 
-def comparison_page(found: Comparison) -> str:
-    """The HTML of a comparison."""
-    document = comparison_page_document(found)
-    return assembled(document["name"], {"report": document})
-
-
-def comparison_page_document(found: Comparison) -> dict[str, Any]:
-    """The document of the page of a comparison (web/README.md)."""
-    ids, campaigns = list(found.summaries), list(found.summaries.values())
-    pool, plan = Pool(), campaigns[0].plan
-    keep = kept_records(len(campaigns[0].time), sum(5 * len(one.courses) for one in campaigns) + 1)
+def comparison_page(comparison: Comparison) -> Page:
+    """The page of a comparison."""
+    ids, campaigns = list(comparison.summaries), list(comparison.summaries.values())
+    plan, name = campaigns[0].plan, f"{campaigns[0].plan.name}: {' and '.join(ids)}"
     tables = [
-        table(f"{id} compared with {found.first}, run by run", PAIR_COLUMNS, pair_rows(pairs), group=ids.index(id))
-        for id, pairs in found.pairs.items()
+        Table(f"{id} compared with {comparison.first}, run by run", PAIR_COLUMNS, pair_rows(pairs), ids.index(id))
+        for id, pairs in comparison.pairs.items()
     ]
-    for place, (id, one) in enumerate(found.summaries.items()):
+    for place, (id, one) in enumerate(comparison.summaries.items()):
         tables += campaign_page_tables(one, id, place)
     ratios = [
-        intervals_panel(
-            f"{id}: rms over that of {found.first}, 95 %",
+        IntervalsPanel(
+            f"{id}: rms over that of {comparison.first}, 95 %",
             [(label(name), pair.ratio.value, pair.ratio.low, pair.ratio.high) for name, pair in pairs.items()],
         )
-        for id, pairs in found.pairs.items()
+        for id, pairs in comparison.pairs.items()
     ]
-    return {
-        "kind": "report",
-        "version": __version__,
-        "name": f"{plan.name}: {' and '.join(ids)}",
-        "title": str(plan.scenario.get("title", "")),
-        "facts": campaign_page_facts(campaigns[0]),
-        "truth": "truth",
-        "shares": True,
-        "legend": [{"name": f"{id}, median of the runs"} for id in ids],
-        "tables": tables,
-        "explained": list(
-            dict.fromkeys([*(f"{one}." for one in PAIR_MEANINGS), *(t for one in campaigns for t in explained(one))])
-        ),
-        "notes": [*found.notes, *(f"{id}: {note}" for id, one in found.summaries.items() for note in campaign_page_notes(one))],
-        "sections": [section("The difference", ratios, columns=2), *course_sections(campaigns, pool, keep)],
-        "arrays": pool.as_json(),
-    }
+    return Page(
+        tab=name,
+        name=name,
+        title=str(plan.scenario.get("title", "")),
+        facts=campaign_page_facts(campaigns[0]),
+        legend=[{"name": f"{id}, median of the runs"} for id in ids],
+        tables=tables,
+        explained=list(dict.fromkeys([*(f"{m}." for m in PAIR_MEANINGS), *(t for one in campaigns for t in explained(one))])),
+        notes=[
+            *comparison.notes,
+            *(f"{id}: {note}" for id, one in comparison.summaries.items() for note in campaign_page_notes(one)),
+        ],
+        sections=[Section("The difference", ratios, columns=2), *course_sections(campaigns)],
+        more={"shares": True},
+    )

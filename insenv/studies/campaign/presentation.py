@@ -1,4 +1,4 @@
-"""Output of a campaign: tables for 80 columns, the document, the result files."""
+"""What is printed and kept of a campaign: tables, document, page, figure, the table of its runs."""
 
 from __future__ import annotations
 
@@ -14,18 +14,14 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.output import to_json
-from insenv.base.version import __version__
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import LINES, VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
-from insenv.report.document import Block, Document, Grid, Line
-from insenv.report.notebook import data_frame, html_document
-from insenv.report.page import assembled
-from insenv.report.page.of_run import EXPLAINED, NAMES, unit_of
-from insenv.report.page.panels import TRUTH_GROUP, Pool, TimePanel, kept_records, section, table
-from insenv.report.scales import threshold_of
-from insenv.report.tables import label, number, runs_of, since, within
-from insenv.studies.campaign.campaign_figure import draw_campaign
+from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.notebook import data_frame
+from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture, unit_of
+from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
+from insenv.report.tables import error_label, label, number, runs_of, since, within
 from insenv.studies.campaign.sensitivity import Sensitivity
 from insenv.studies.campaign.statistics import Statistics, named
 from insenv.studies.campaign.variation import Variation
@@ -39,21 +35,22 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "parquet")
 
 
-def run_columns(found: Statistics) -> dict[str, NDArray[Any]]:
+def run_columns(campaign: Statistics) -> dict[str, NDArray[Any]]:
     """By name: number and seed of the run, its varied keys, then final error, rms, limit and stated of each channel, health.
 
     Values of choices are the chosen ones.  Numbers that do not exist are NaN.
     """
-    columns: dict[str, NDArray[Any]] = {"run": np.arange(len(found.seeds)), "seed": found.seeds.astype(np.int64)}
-    for place, variation in enumerate(found.plan.variations):
-        numbers = found.values[:, place]
-        given = variation.distribution
-        columns[variation.key] = numbers if given.kind != "choice" else np.array([given.value(number) for number in numbers])
+    columns: dict[str, NDArray[Any]] = {"run": np.arange(len(campaign.seeds)), "seed": campaign.seeds.astype(np.int64)}
+    for place, variation in enumerate(campaign.plan.variations):
+        numbers = campaign.values[:, place]
+        drawn_from = variation.distribution
+        choice = drawn_from.kind == "choice"
+        columns[variation.key] = np.array([drawn_from.value(number) for number in numbers]) if choice else numbers
     for kind in ("final", "rms", "limit", "stated"):
-        columns |= {f"{kind}_{name}": getattr(found, kind)[:, place] for place, name in enumerate(found.channels)}
-    if found.health:
-        columns["health"] = np.array(["" if one is None else one.verdict for one in found.health])
-    columns["diverged"] = ~found.whole
+        columns |= {f"{kind}_{name}": getattr(campaign, kind)[:, place] for place, name in enumerate(campaign.channels)}
+    if campaign.health:
+        columns["health"] = np.array(["" if one is None else one.verdict for one in campaign.health])
+    columns["diverged"] = ~campaign.whole
     return columns
 
 
@@ -65,10 +62,10 @@ def check_format(name: str) -> None:
         need("table 'parquet'", "pyarrow", extra="workbench")
 
 
-def write_runs(found: Statistics, path: Path, name: str) -> None:
+def write_runs(campaign: Statistics, path: Path, name: str) -> None:
     """Write the table of the runs in a format (`FORMATS`); numbers keep all their digits."""
     check_format(name)
-    columns = run_columns(found)
+    columns = run_columns(campaign)
     if name == "parquet":
         import pyarrow
         import pyarrow.parquet
@@ -91,59 +88,68 @@ def _texts(values: NDArray[Any]) -> list[Any]:
 NAME = "campaign"
 
 
-def campaign_blocks(found: Statistics) -> Iterator[Block]:
+def campaign_blocks(campaign: Statistics) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    plan = found.plan
+    plan = campaign.plan
     yield Line(f"{plan.name}: {plan.estimator}", "bold")
-    yield Line(campaign_facts(found))
+    yield Line(campaign_facts(campaign))
     for variation in plan.variations:
         yield Line(f"{variation.key} drawn {drawn(variation)}")
     yield Line()
     rows: list[Sequence[str | Line]] = []
-    for text, (mean, rms, limit, ratio, stated) in campaign_rows(found):
-        far = Line(number(ratio), "yellow" if ratio is not None and ratio > 3 else "")
+    for text, (mean, rms, limit, ratio, stated) in campaign_rows(campaign):
+        far = Line(number(ratio), "yellow" if ratio is not None and ratio > MARKED else "")
         rows.append((text, number(mean), Line(number(rms), "bold"), number(limit), far, number(stated)))
     yield Grid(CAMPAIGN_COLUMNS, rows)
     yield Line()
-    ends = [(label(name), *map(number, row["percentiles"].values())) for name, row in found.figures().items()]
-    yield Grid(("at the end", *(f"{p:g} %" for p in found.percentile_levels)), ends)
-    for told in horizontal_lines(found):
+    yield Grid(("at the end", *level_columns(campaign)), end_rows(campaign))
+    for sentence in horizontal_lines(campaign):
         yield Line()
-        yield Line(told)
+        yield Line(sentence)
     yield Line()
-    for columns, cells in sensitivity_tables(found):
+    for columns, cells in sensitivity_tables(campaign):
         yield Grid(columns, cells, least=5, gap=1)
-    if found.sensitivity:
-        yield Line(sensitivity_meaning(found), "dim")
+    if campaign.sensitivity:
+        yield Line(sensitivity_meaning(campaign), "dim")
         yield Line()
-    for meaning in meanings(found):
+    for meaning in meanings(campaign):
         yield Line(meaning, "dim")
-    for told in consistency_lines(found):
-        yield Line(told)
-    for told in failed_lines(found):
-        yield Line(told, "yellow")
-    for note in found.notes:
+    for sentence in consistency_lines(campaign):
+        yield Line(sentence)
+    for sentence in failed_lines(campaign):
+        yield Line(sentence, "yellow")
+    for note in campaign.notes:
         yield Line(f"note: {note}")
 
 
-def horizontal_lines(found: Statistics) -> Iterator[str]:
+def level_columns(campaign: Statistics) -> list[str]:
+    """Names of the columns of percentiles."""
+    return [f"{level:g} %" for level in campaign.percentile_levels]
+
+
+def end_rows(campaign: Statistics) -> list[tuple[str, ...]]:
+    """By error, its label and its percentiles at the end."""
+    return [(label(name), *map(number, row["percentiles"].values())) for name, row in campaign.figures().items()]
+
+
+def horizontal_lines(campaign: Statistics) -> Iterator[str]:
     """CEP, R95 and 2DRMS with their intervals, of a navigation."""
-    if (horizontal := found.horizontal()) is not None:
+    if (horizontal := campaign.horizontal()) is not None:
         said = [f"{name.upper()} {number(e.value)} m ({number(e.low)} to {number(e.high)})" for name, e in horizontal.items()]
         yield f"horizontal at the end, 95 %: {', '.join(said)}"
 
 
-def sensitivity_tables(found: Statistics) -> Iterator[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
+def sensitivity_tables(campaign: Statistics) -> Iterator[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
     """Columns and rows, for attitude, position and velocity: the keys by channel, with rank correlation and Sobol index."""
-    names = dict.fromkeys(one.channel for one in found.sensitivity)
+    names = dict.fromkeys(one.channel for one in campaign.sensitivity)
     for group in (ATTITUDE, POSITION, VELOCITY):
         shown = [name for name in group if name in names]
         if not shown:
             continue
         columns = ("rank correlation", *(text for name in shown for text in (name.rpartition("_")[0], "index")))
         rows = []
-        for variation in found.plan.variations:
-            own = {one.channel: one for one in found.sensitivity if one.key == variation.key}
+        for variation in campaign.plan.variations:
+            own = {one.channel: one for one in campaign.sensitivity if one.key == variation.key}
             rows.append((variation.key, *(cell for name in shown for cell in _sensitivity(own[name]))))
         yield columns, rows
 
@@ -157,38 +163,41 @@ def _sensitivity(one: Sensitivity) -> tuple[str, str]:
     )
 
 
-def sensitivity_meaning(found: Statistics) -> str:
+def sensitivity_meaning(campaign: Statistics) -> str:
     """What the columns of `sensitivity_tables` mean."""
-    kind = "total" if any(one.total is not None for one in found.sensitivity) else "alone"
+    kind = "total" if any(one.total is not None for one in campaign.sensitivity) else "alone"
     return (
         f"rank correlation with the rms of a run; index: share of its variance by the key ({kind}), "
         "±: half the width of its 95 % interval"
     )
 
 
-def meanings(found: Statistics) -> Iterator[str]:
+def meanings(campaign: Statistics) -> Iterator[str]:
     """What the columns mean, and how far rms/limit varies by chance."""
-    yield f"mean, percentiles: errors at the end; rms, limit, stated: {since(found.from_s)}"
-    count = found.plan.runs - len(found.diverged)
-    if count and any(row["limit"] for row in found.figures().values()):
+    yield f"mean, percentiles: errors at the end; rms, limit, stated: {since(campaign.from_s)}"
+    count = campaign.plan.runs - len(campaign.diverged)
+    if count and any(row["limit"] for row in campaign.figures().values()):
         yield within(count)
 
 
-def failed_lines(found: Statistics) -> Iterator[str]:
+def failed_lines(campaign: Statistics) -> Iterator[str]:
     """The runs that diverged, and those that ended far off, by their seeds."""
-    for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
+    for seeds_of, what in (
+        (campaign.diverged, "diverged and are left out"),
+        (campaign.far, "ended 10 times worse than the median"),
+    ):
         if seeds_of:
-            yield f"{len(seeds_of)} of {found.plan.runs} runs {what}: {named(seeds_of)}"
+            yield f"{len(seeds_of)} of {campaign.plan.runs} runs {what}: {named(seeds_of)}"
 
 
-def consistency_lines(found: Statistics) -> Iterator[str]:
+def consistency_lines(campaign: Statistics) -> Iterator[str]:
     """NEES with its bounds, and the health of the runs, if there are any."""
-    if (nees := found.as_json()["nees"]) is not None:
+    if (nees := campaign.as_json()["nees"]) is not None:
         yield (
             f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
-    if (of_runs := found.verdicts()) is not None:
+    if (of_runs := campaign.verdicts()) is not None:
         yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes')}"
         for id, of_aid in of_runs["aids"].items():
             yield f"  {id}: {_health_of(of_aid, 'measurements')}"
@@ -202,9 +211,9 @@ def drawn(variation: Variation) -> str:
     return f"from {distribution.parameters[0]:g} to {distribution.parameters[1]:g}"
 
 
-def campaign_facts(found: Statistics) -> str:
+def campaign_facts(campaign: Statistics) -> str:
     """Runs, duration, seeds and samples in one line."""
-    plan = found.plan
+    plan = campaign.plan
     last = plan.seed_of(plan.runs - 1)
     seeds = f"seeds {plan.first_seed} to {last}" if last > plan.first_seed else f"seed {plan.first_seed}"
     return f"{runs_of(plan.runs)} of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
@@ -213,81 +222,71 @@ def campaign_facts(found: Statistics) -> str:
 CAMPAIGN_COLUMNS = ("error", "mean", "rms", "limit", "rms/limit", "stated")
 
 
-def campaign_rows(found: Statistics) -> list[tuple[str, list[float | None]]]:
+def campaign_rows(campaign: Statistics) -> list[tuple[str, list[float | None]]]:
     """By error, its label and the values of `CAMPAIGN_COLUMNS`; no ratio for runs that are too short for the estimator."""
-    rows, comparable = [], not found.plan.too_short
-    for name, row in found.figures().items():
+    rows, comparable = [], not campaign.plan.too_short
+    for name, row in campaign.figures().items():
         ratio = limit_ratio(row["rms"], row["limit"], name) if comparable else None
         rows.append((label(name), [row["mean"], row["rms"], row["limit"], ratio, row["stated"]]))
     return rows
 
 
-def campaign_html(found: Statistics) -> str:
-    """A table of the errors, with the figure, for a notebook."""
-    rows = [(text, *map(number, values)) for text, values in campaign_rows(found)]
-    tables = [("errors", CAMPAIGN_COLUMNS, rows)]
-    plan = found.plan
-    return html_document(
-        f"{plan.name}: {plan.estimator}", campaign_facts(found), tables, found.notes, lambda: draw_campaign(found)
-    )
-
-
-def campaign_frame(found: Statistics) -> DataFrame:
+def campaign_frame(campaign: Statistics) -> DataFrame:
     """The courses as a DataFrame indexed by time; see `Summary.to_dataframe`."""
     columns: dict[str, NDArray[np.float64]] = {}
-    for name, course in found.courses.items():
-        levels = zip(found.percentile_levels, course.percentiles, strict=True)
+    for name, course in campaign.courses.items():
+        levels = zip(campaign.percentile_levels, course.percentiles, strict=True)
         columns |= {f"mean_{name}": course.mean, f"rms_{name}": course.rms}
         columns |= {f"p{level:g}_{name}": values for level, values in levels}
         optional = {f"limit_{name}": course.limit, f"stated_{name}": course.stated}
         columns |= {key: values for key, values in optional.items() if values is not None}
-    if found.nees is not None:
-        columns["nees"] = found.nees.mean
-    return data_frame(found.time, columns)
+    if campaign.nees is not None:
+        columns["nees"] = campaign.nees.mean
+    return data_frame(campaign.time, columns)
 
 
-def campaign_document(found: Statistics, table: str = "") -> Document:
+def campaign_document(campaign: Statistics, table: str = "") -> Document:
     """What is printed and kept of a campaign.
 
     table: format of a table of the runs, `runs.csv` or `runs.parquet`; empty: none.  Raises `InputError` for another format.
     """
     if table:
         check_format(table)
-    further = {f"runs.{table}": partial(write_runs, found, name=table)} if table else {}
+    further = {f"runs.{table}": partial(write_runs, campaign, name=table)} if table else {}
     return Document(
         NAME,
-        found.as_json(),
-        partial(campaign_blocks, found),
-        arrays=partial(campaign_arrays, found),
-        page=partial(campaign_page, found),
-        figure=partial(draw_campaign, found),
+        campaign.as_json(),
+        partial(campaign_blocks, campaign),
+        arrays=partial(campaign_arrays, campaign),
+        page=partial(campaign_page, campaign),
+        figure=partial(campaign_picture, campaign),
         further=further,
     )
 
 
-def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
+def campaign_arrays(campaign: Statistics) -> dict[str, NDArray[Any]]:
     """All arrays of a campaign by key (docs/campaigns.md)."""
-    arrays: dict[str, NDArray[Any]] = {"time": found.time, "percentiles": np.array(found.percentile_levels)}
-    for name, course in found.courses.items():
+    arrays: dict[str, NDArray[Any]] = {"time": campaign.time, "percentiles": np.array(campaign.percentile_levels)}
+    for name, course in campaign.courses.items():
         for kind, values in vars(course).items():
             if values is not None:
                 arrays[f"{name}/{kind}"] = values
-    if found.nees is not None:
-        arrays["nees/mean"] = found.nees.mean
-        arrays["nees/bounds"] = np.array([found.nees.low, found.nees.high])
-    arrays["runs/seed"] = found.seeds
-    for place, variation in enumerate(found.plan.variations):
-        arrays[f"runs/{variation.key}"] = found.values[:, place]
-    for place, name in enumerate(found.channels):
+    if campaign.nees is not None:
+        arrays["nees/mean"] = campaign.nees.mean
+        arrays["nees/bounds"] = np.array([campaign.nees.low, campaign.nees.high])
+    arrays["runs/seed"] = campaign.seeds
+    for place, variation in enumerate(campaign.plan.variations):
+        arrays[f"runs/{variation.key}"] = campaign.values[:, place]
+    for place, name in enumerate(campaign.channels):
         for kind in ("final", "rms", "limit", "stated"):
-            arrays[f"runs/{name}/{kind}"] = getattr(found, kind)[:, place]
-    for kind in ("fixes", "refused", "factor") if found.health else ():
-        values = [np.nan if one is None else getattr(one, kind) for one in found.health]
+            arrays[f"runs/{name}/{kind}"] = getattr(campaign, kind)[:, place]
+    for kind in ("fixes", "refused", "factor") if campaign.health else ():
+        values = [np.nan if one is None else getattr(one, kind) for one in campaign.health]
         arrays[f"runs/health/{kind}"] = np.array(values, dtype=np.float64)
-    if found.health:
-        arrays["runs/health/nis"] = np.array([np.nan if one is None else one.nis.mean for one in found.health])
-    arrays["runs/diverged"] = np.isin(found.seeds, found.diverged)
-    arrays["meta"] = np.array(to_json({"format": "insenv-campaign-summary", "version": 1, **found.as_json()}, indent=None))
+    if campaign.health:
+        arrays["runs/health/nis"] = np.array([np.nan if one is None else one.nis.mean for one in campaign.health])
+    arrays["runs/diverged"] = np.isin(campaign.seeds, campaign.diverged)
+    arrays["meta"] = np.array(to_json({"format": "insenv-campaign-summary", "version": 1, **campaign.as_json()}, indent=None))
     return arrays
 
 
@@ -302,119 +301,107 @@ def _health_of(shares: Mapping[str, Any], what: str) -> str:
     return f"{verdicts}; mean NIS {number(shares['nis'])}, {100 * shares['refused']:.2g} % of the {what} refused"
 
 
-# The page of a campaign: its tables and the courses of its errors, as one document for the front end.
-
-GROUPS = (("Attitude error", ATTITUDE), ("Position error", POSITION), ("Velocity error", VELOCITY))
+# The page and the figure of a campaign: its tables, and the courses of its errors.
 
 
-def campaign_page(found: Statistics) -> str:
-    """The HTML of a campaign."""
-    return assembled(f"{found.plan.name}: {found.plan.estimator}", {"report": campaign_page_document(found)})
+def campaign_page(campaign: Statistics) -> Page:
+    """The page of a campaign."""
+    plan = campaign.plan
+    consistency = [Section("Consistency", [nees_panel(campaign)], columns=1)] if campaign.nees is not None else []
+    return Page(
+        tab=f"{plan.name}: {plan.estimator}",
+        name=f"{plan.name}: {plan.estimator}",
+        title=str(plan.scenario.get("title", "")),
+        facts=campaign_page_facts(campaign),
+        legend=[{"name": "median of the runs"}],
+        tables=campaign_page_tables(campaign),
+        explained=explained(campaign),
+        notes=campaign_page_notes(campaign),
+        sections=[*course_sections([campaign]), *consistency],
+        more={"shares": True},
+    )
 
 
-def campaign_page_document(found: Statistics) -> dict[str, Any]:
-    """The document of the page of a campaign (web/README.md)."""
-    pool = Pool()
-    keep = kept_records(len(found.time), 8 * len(found.courses) + 2)
-    sections = course_sections([found], pool, keep)
-    if found.nees is not None:
-        sections.append(section("Consistency", [_nees(found, pool, keep)], columns=1))
-    plan = found.plan
-    return {
-        "kind": "report",
-        "version": __version__,
-        "name": f"{plan.name}: {plan.estimator}",
-        "title": str(plan.scenario.get("title", "")),
-        "facts": campaign_page_facts(found),
-        "truth": "truth",
-        "shares": True,
-        "legend": [{"name": "median of the runs"}],
-        "tables": campaign_page_tables(found),
-        "explained": explained(found),
-        "notes": campaign_page_notes(found),
-        "sections": sections,
-        "arrays": pool.as_json(),
-    }
-
-
-def campaign_page_facts(found: Statistics) -> list[str]:
-    """Runs, seeds and varied keys."""
-    return [campaign_facts(found), *(f"{one.key} drawn {drawn(one)}" for one in found.plan.variations)]
-
-
-def campaign_page_tables(found: Statistics, name: str = "", group: int | None = None) -> list[dict[str, Any]]:
-    """The tables that are printed.  name, group: of the estimator, if the page has several."""
-    rows = [(text, *map(number, values)) for text, values in campaign_rows(found)]
-    ratio = CAMPAIGN_COLUMNS.index("rms/limit")
-    above = [(k, ratio) for k, (_, values) in enumerate(campaign_rows(found)) if (values[ratio - 1] or 0.0) > 3.0]
-    start = [] if found.from_s <= 0 else [f"Statistics from {found.from_s:g} s on"]
-    levels = [f"{level:g} %" for level in found.percentile_levels]
-    ends = [(label(channel), *map(number, row["percentiles"].values())) for channel, row in found.figures().items()]
-    of = f": {name}" if name else ""
-    meaning = [sensitivity_meaning(found)]
-    sensitivities = [
-        table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group=group, below=meaning, wide=True)
-        for columns, cells in sensitivity_tables(found)
+def campaign_picture(campaign: Statistics) -> Picture:
+    """Percentiles of the errors over time with plus and minus the limit; the mean NEES with its bounds if there is one."""
+    plan, names = campaign.plan, ("median", "", "")
+    title = f"{plan.name}: {plan.estimator}\n{runs_of(plan.runs)} of {plan.duration_s:g} s"
+    groups: list[list[TimePanel | None]] = [
+        [course_panel([campaign], name) for name in group if name in campaign.courses] for _, group in GROUPS
     ]
+    groups = [group for group in groups if group]
+    consistency = [] if campaign.nees is None else [nees_panel(campaign)]
+    if len(groups) == 1:  # attitude only
+        return angles_picture(title, names, [*filter(None, groups[0]), *consistency], campaign.from_s, columns=3)
+    rows = [*groups, *([one, None, None] for one in consistency)]
+    return Picture(title, rows, names, (11.0, 1.4 + 2.2 * len(rows)), columns=3)
+
+
+def campaign_page_facts(campaign: Statistics) -> list[str]:
+    """Runs, seeds and varied keys."""
+    return [campaign_facts(campaign), *(f"{one.key} drawn {drawn(one)}" for one in campaign.plan.variations)]
+
+
+def campaign_page_tables(campaign: Statistics, name: str = "", group: int | None = None) -> list[Table]:
+    """The tables that are printed.  name, group: of the estimator, if the page has several."""
+    rows, ratio = campaign_rows(campaign), CAMPAIGN_COLUMNS.index("rms/limit")
+    above = [(k, ratio) for k, (_, values) in enumerate(rows) if (values[ratio - 1] or 0.0) > MARKED]
+    start = [] if campaign.from_s <= 0 else [f"Statistics from {campaign.from_s:g} s on"]
+    of = f": {name}" if name else ""
+    cells = [(text, *map(number, values)) for text, values in rows]
+    below = [*start, *consistency_lines(campaign)]
+    levels, meaning = ("error", *level_columns(campaign)), [sensitivity_meaning(campaign)]
     return [
-        table(
-            f"Errors over the runs{of}", CAMPAIGN_COLUMNS, rows, group=group,
-            below=[*start, *consistency_lines(found)], warnings=above,
+        Table(f"Errors over the runs{of}", CAMPAIGN_COLUMNS, cells, group, below, above),
+        Table(f"Percentiles of the errors at the end{of}", levels, end_rows(campaign), group, list(horizontal_lines(campaign))),
+        *(
+            Table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group, meaning, wide=True)
+            for columns, cells in sensitivity_tables(campaign)
         ),
-        table(
-            f"Percentiles of the errors at the end{of}", ("error", *levels), ends, group=group,
-            below=list(horizontal_lines(found)),
-        ),
-        *sensitivities,
-    ]  # fmt: skip
+    ]
 
 
-def explained(found: Statistics) -> list[str]:
+def explained(campaign: Statistics) -> list[str]:
     """What the columns of the tables mean."""
-    return [*(f"{meaning}." for meaning in meanings(found)), EXPLAINED["limit"]]
+    return [*(f"{meaning}." for meaning in meanings(campaign)), EXPLAINED["limit"]]
 
 
-def campaign_page_notes(found: Statistics) -> list[str]:
+def campaign_page_notes(campaign: Statistics) -> list[str]:
     """The runs that failed, and what must be said of the campaign."""
-    return [*failed_lines(found), *found.notes]
+    return [*failed_lines(campaign), *campaign.notes]
 
 
-def course_sections(campaigns: Sequence[Statistics], pool: Pool, keep: Any) -> list[dict[str, Any]]:
+def course_sections(campaigns: Sequence[Statistics]) -> list[Section]:
     """The errors over time of campaigns of the same runs, by channel; the place of a campaign is its group of curves."""
-    sections = []
-    for title, group in GROUPS:
-        shown = [name for name in group if any(name in one.courses for one in campaigns)]
-        if shown:
-            sections.append(section(title, [_course(campaigns, pool, keep, name) for name in shown]))
-    return sections
+    known = {name for one in campaigns for name in one.courses}
+    return [Section(title, [course_panel(campaigns, name) for name in group if name in known]) for title, group in GROUPS]
 
 
-def _course(campaigns: Sequence[Statistics], pool: Pool, keep: Any, name: str) -> dict[str, Any]:
+def course_panel(campaigns: Sequence[Statistics], name: str) -> TimePanel:
     """Median and bands of one channel, and the limit of the first campaign that has the channel."""
-    own = [(place, one, one.courses[name]) for place, one in enumerate(campaigns) if name in one.courses]
-    _, found, first = own[0]
-    reach = 0.0 if first.limit is None else float(np.nanmax(first.limit[-max(1, len(found.time) // 4) :]))
-    ends = [np.stack([course.percentiles[0], course.percentiles[-1]], 1).ravel() for _, _, course in own]
-    start = min(one.from_s for _, one, _ in own)
+    having = [(place, one, one.courses[name]) for place, one in enumerate(campaigns) if name in one.courses]
+    start = min(one.from_s for _, one, _ in having)
     panel = TimePanel(
-        pool, NAMES[name], unit_of(name), found.time[keep], wraps=name in ATTITUDE,
-        threshold=threshold_of(ends, [reach] * len(ends)), from_s=start if start > 0 else None,
+        NAMES[name], unit_of(name), having[0][1].time, error_label(name), errors=True, wraps=name in ATTITUDE,
+        from_s=start if start > 0 else None,
     )  # fmt: skip
-    for place, _, course in own:
+    for place, _, course in having:
         low, lower, _, upper, high = course.percentiles
-        panel.between(place, low[keep], high[keep])
-        panel.between(place, lower[keep], upper[keep], 1.6)
-    if first.limit is not None:
-        panel.curve(TRUTH_GROUP, first.limit[keep], "limit")
-    for place, _, course in own:
-        panel.curve(place, course.percentiles[2][keep])
-    return panel.as_json()
+        panel.marks += [Range(place, low, high, label="95 % of the runs"), Range(place, lower, upper, 1.6, "68 % of the runs")]
+    limit = having[0][2].limit
+    if limit is not None:
+        panel.marks.append(Curve(TRUTH_GROUP, limit, "limit"))
+    panel.marks += [Curve(place, course.percentiles[2]) for place, _, course in having]
+    return panel
 
 
-def _nees(found: Statistics, pool: Pool, keep: Any) -> dict[str, Any]:
-    assert found.nees is not None
-    times = found.time[keep]
-    panel = TimePanel(pool, f"Mean NEES of {found.nees.degrees:g} states, with its 95 % bounds", "1", times)
-    panel.between(2, np.full(len(times), found.nees.low), np.full(len(times), found.nees.high))
-    panel.curve(0, found.nees.mean[keep])
-    return panel.as_json()
+def nees_panel(campaign: Statistics) -> TimePanel:
+    """The mean NEES with the bounds of a consistent estimator."""
+    nees = campaign.nees
+    assert nees is not None
+    panel = TimePanel(
+        f"Mean NEES of {nees.degrees:g} states, with its 95 % bounds", "1", campaign.time, "mean NEES", level=nees.degrees
+    )
+    low, high = (np.full(len(campaign.time), end) for end in (nees.low, nees.high))
+    panel.marks += [Range(2, low, high), Curve(0, nees.mean)]
+    return panel

@@ -182,21 +182,21 @@ class Statistics:
 
         The intervals are those of independent runs; a saltelli design has none.
         """
-        kept, independent = self.whole, self.plan.design != "saltelli"
-        found = {}
+        finite, independent = self.whole, self.plan.design != "saltelli"
+        rows = {}
         for place, (name, course) in enumerate(self.courses.items()):
-            rms = root_mean_square(self.rms[kept, place] ** 2)
-            ends = {f"{p:g}": percentile(self.final[kept, place], p) for p in PERCENTILES}
-            found[name] = {
+            rms = root_mean_square(self.rms[finite, place] ** 2)
+            ends = {f"{p:g}": percentile(self.final[finite, place], p) for p in PERCENTILES}
+            rows[name] = {
                 "mean": float(course.mean[-1]),
-                "rms": float(rms_of(self.rms[kept, place])) if kept.any() else float("nan"),
+                "rms": float(rms_of(self.rms[finite, place])) if finite.any() else float("nan"),
                 "percentiles": {f"{p:g}": float(v) for p, v in zip(PERCENTILES, course.percentiles[:, -1], strict=True)},
-                "limit": _known_rms(self.limit[kept, place]),
-                "stated": _known_rms(self.stated[kept, place]),
+                "limit": _known_rms(self.limit[finite, place]),
+                "stated": _known_rms(self.stated[finite, place]),
                 "rms_95": _interval(rms) if independent else None,
                 "percentiles_95": {level: _interval(end) for level, end in ends.items()} if independent else None,
             }
-        return found
+        return rows
 
     def horizontal(self) -> dict[str, Estimate] | None:
         """Horizontal errors at the end: "cep", "r95" and "2drms", m; None without a position, or without independent runs."""

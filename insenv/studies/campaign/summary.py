@@ -14,18 +14,16 @@ from insenv.base.remarks import Remark
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import statistics_from
 from insenv.evaluation.health import Health, health, no_fix
-from insenv.report import Document, FilesWritten, OutputFolder, write_document
-from insenv.report.notebook import data_frame, require_matplotlib
-from insenv.studies.campaign.campaign_figure import draw_campaign
+from insenv.report import Document, FilesWritten, OutputFolder, Shown, write_document
+from insenv.report.notebook import data_frame
 from insenv.studies.campaign.limits import CampaignLimit
 from insenv.studies.campaign.model import Measured
 from insenv.studies.campaign.plan import Plan
-from insenv.studies.campaign.presentation import campaign_document, campaign_facts, campaign_frame, campaign_html, run_columns
+from insenv.studies.campaign.presentation import campaign_document, campaign_facts, campaign_frame, run_columns
 from insenv.studies.campaign.sensitivity import sensitivities
 from insenv.studies.campaign.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 Array = NDArray[np.float64]
@@ -33,13 +31,8 @@ Columns = Callable[[str], list[Array]]
 """Returns an array of every block, by the array's name."""
 
 
-class Summary(Statistics):
+class Summary(Statistics, Shown):
     """The result of a campaign: its `Statistics`, to be printed, drawn and saved."""
-
-    def plot(self) -> Figure:
-        """The figure of the errors over time. Raises `InsenvError` if matplotlib is missing."""
-        require_matplotlib()
-        return draw_campaign(self)
 
     def to_dataframe(self) -> DataFrame:
         """The courses as a pandas DataFrame, indexed by time (s).
@@ -74,9 +67,6 @@ class Summary(Statistics):
     def __repr__(self) -> str:
         lines = [f"{name}: rms {row['rms']:.3g}" for name, row in self.figures().items()]
         return f"Campaign of {self.plan.name}: {self.plan.estimator}, {campaign_facts(self)}\n  {', '.join(lines)}"
-
-    def _repr_html_(self) -> str:
-        return campaign_html(self)
 
 
 def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignLimit) -> Summary:

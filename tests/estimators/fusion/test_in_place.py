@@ -11,7 +11,7 @@ import insenv
 from insenv.core.model import Values
 from insenv.estimators.fusion.available import all_aids
 from insenv.evaluation.limits.bound import bound_of_unit
-from insenv.report.page.of_run import run_document
+from insenv.report.of_run import run_page
 from insenv.report.tables import unit_columns, unit_rows
 from insenv.scenario import build, load
 from insenv.scenario.limits import prior_of
@@ -74,8 +74,8 @@ def test_a_run_and_a_replay_show_the_errors_of_the_unit():
     scale = next(error for error in result.unit if error.name == "accel_scale" and error.component == "z")
     assert abs(scale.true) > 1.0 and scale.sigma < 300.0  # ppm, of 300 told
     assert report.as_json()["results"][0]["unit"] == [error.as_json() for error in result.unit]
-    _, shown = run_document(report)["tables"]
-    assert shown["columns"][1:] == ["estimate", "stated", "true", "error"] and len(shown["rows"]) == 27
+    _, shown = run_page(report).tables
+    assert shown.columns[1:] == ("estimate", "stated", "true", "error") and len(shown.rows) == 27
     assert "accel_misalignment zy [urad]" in report._repr_html_()
 
     replayed = insenv.replay(insenv.record(table("tactical")), "fusion", start="stated").results[0]
