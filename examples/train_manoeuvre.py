@@ -81,7 +81,7 @@ def bound(seeds, **options):
     has this standard deviation; a normal posterior has the least mean of any loss that grows with the error (Anderson's
     lemma).
     """
-    from insenv.envs.manoeuvre import CAR_ACCELERATION, CAR_SLOW, CAR_SPEED
+    from insenv.vehicles.car import AGENT_ACCELERATION, SLOW, TOP_SPEED
 
     venv = gymnasium.make_vec(ID, len(seeds), **options)
     _, info = venv.reset(seed=[int(seed) for seed in seeds])
@@ -93,8 +93,8 @@ def bound(seeds, **options):
     speed = np.linalg.norm(info["velocity_n"], axis=1)[:, None]
     fixes = np.arange(1, round(limit * step / p["gnss_interval"][0]) + 1) * p["gnss_interval"][0]
     arm = np.linalg.norm(p["antenna_lever_arm_b"][0])
-    driven = np.minimum(np.sqrt(2.0) * CAR_ACCELERATION * fixes, CAR_SPEED + speed)  # (seeds, fixes)
-    changed = driven + arm * CAR_ACCELERATION / CAR_SLOW
+    driven = np.minimum(np.sqrt(2.0) * AGENT_ACCELERATION * fixes, TOP_SPEED + speed)  # (seeds, fixes)
+    changed = driven + arm * AGENT_ACCELERATION / SLOW
     moved = np.cumsum(driven, axis=1) * p["gnss_interval"][0] + arm
     seen = changed**2 / p["gnss_velocity_noise"].min() ** 2 + moved**2 / p["gnss_position_noise"].min() ** 2
     sigma = 1.0 / np.sqrt(p["known_heading_sigma"].reshape(-1, 1) ** -2 + np.cumsum(seen, axis=1))

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 from insenv.base import starting
-from insenv.cli.interruptions import (
+from insenv.cli.signals import (
     BROKEN_PIPE,
     DONE,
     FAILED,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from insenv.cli.interruptions import Ending
+    from insenv.cli.signals import Ending
     from insenv.mavlink import Stream
 
 _WIDE = 29  # columns of a message's name and rate

@@ -38,8 +38,8 @@ def lockstep(
     kind: a key of `AUTOPILOTS`.  speed: None is 1 for PX4, which has no pace of its own, and 0 for ArduPilot, which keeps that
     of its --speedup.
     """
-    from insenv.cli.interruptions import ending, written
     from insenv.cli.output import print_json, print_line, working
+    from insenv.cli.signals import ending, written
 
     with ending() as request:
         with ExitStack() as stack:

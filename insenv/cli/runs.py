@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.interruptions import DONE, FAILED
 from insenv.cli.options import (
     Duration,
     Estimators,
@@ -26,6 +25,7 @@ from insenv.cli.options import (
     command,
     given_path,
 )
+from insenv.cli.signals import DONE, FAILED
 
 if TYPE_CHECKING:
     from insenv.logs import RecordedLog

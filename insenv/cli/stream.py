@@ -98,8 +98,8 @@ def stream(
     as_json: Json = False,
 ) -> None:
     """Stream the simulated vehicle and its estimate live over MAVLink to ground stations and other clients."""
-    from insenv.cli.interruptions import ending, written
     from insenv.cli.output import print_json
+    from insenv.cli.signals import ending, written
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
     from insenv.mavlink.score import Score, report_of

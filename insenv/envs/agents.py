@@ -57,8 +57,8 @@ def make(
     if navigates and not chosen.navigates:
         raise InputError(f"estimator {chosen.id!r} gives no velocity and position: this environment asks for them")
     scenario = setup.scenario
-    chosen = build(scenario).adapted(chosen, whole=False)
-    chosen.check(scenario.drive(whole=False), {**scenario.tunings.get(chosen.id, {}), **(tuning or {})})
+    chosen = build(scenario).adapted(chosen, offline=False)
+    chosen.check(scenario.drive(offline=False), {**scenario.tunings.get(chosen.id, {}), **(tuning or {})})
     kind = VectorAgent if isinstance(env.unwrapped, VectorEnv) else SingleAgent
     rows = env.unwrapped.num_envs if kind is VectorAgent else 1
     return kind(chosen, setup, rows, declare_after_s, dict(tuning or {}), threads)

@@ -22,7 +22,7 @@ from insenv.core.elementary import clamp, log, select, wrap_angle
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.envs.checks import check_choice, check_number, check_type
-from insenv.envs.filter_inside import (
+from insenv.envs.embedded_filter import (
     COMMON,
     ERROR,
     LOG_FLOOR,

@@ -19,7 +19,7 @@ from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.envs.checks import check_number, check_type, check_whole
-from insenv.envs.filter_inside import (
+from insenv.envs.embedded_filter import (
     COMMON,
     ERROR,
     SCALED,

@@ -75,20 +75,21 @@ PARAMETERS = rows.START + rows.START_SIGMAS + rows.START_BIASES + rows.chosen(
     Row("filter_interval", "Longest interval between time updates", "s", start=1.0, lower=0.0, upper=10.0),
 ))  # fmt: skip
 
-STRETCH = Table((
-    Row("stretch", "Time since the last time update", "s"),
-    Row("stretch_q_wb", "Attitude at the last time update", "1", (4,), "w", (1, 0, 0, 0)),
-    Row("stretch_turn", "Rotation since: takes b components to components in b then", "1", (4,), "b then", (1, 0, 0, 0)),
-    Row("stretch_velocity", "Integral of the specific force since", "m/s", (3,), "b then"),
-    Row("stretch_distance", "Its integral", "m", (3,), "b then"),
-    Row("stretch_C", "Integral of the matrix of that rotation", "s", (3, 3), "b then"),
+SINCE_PROPAGATION = Table((
+    Row("since_propagation", "Time since the last time update", "s"),
+    Row("since_propagation_q_wb", "Attitude at the last time update", "1", (4,), "w", (1, 0, 0, 0)),
+    Row("since_propagation_turn", "Rotation since: takes b components to components in b then", "1", (4,), "b then",
+        (1, 0, 0, 0)),
+    Row("since_propagation_velocity", "Integral of the specific force since", "m/s", (3,), "b then"),
+    Row("since_propagation_distance", "Its integral", "m", (3,), "b then"),
+    Row("since_propagation_C", "Integral of the matrix of that rotation", "s", (3, 3), "b then"),
 ))  # fmt: skip
 """What is integrated from one time update or correction to the next."""
 
 STATE = strapdown.STATE + rows.BIASES + Table((
     Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(N),)),
     Row("dt", "Interval of the last sample", "s", start=1.0),
-    *STRETCH,
+    *SINCE_PROPAGATION,
     Row("omega_ie_w", "Earth rate at the last sample", "rad/s", (3,), "w"),
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
@@ -102,7 +103,7 @@ def start(p: Any) -> dict[str, Any]:
     navigation = strapdown.start_state(p)
     return {
         **navigation,
-        "stretch_q_wb": navigation["q_wb"],
+        "since_propagation_q_wb": navigation["q_wb"],
         "gyro_bias": p.start_gyro_bias,
         "accel_bias": p.start_accel_bias,
         "covariance": symmetric.triangle(start_covariance(p, navigation["q_wb"])),
@@ -115,20 +116,20 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     delta_velocity = u.delta_velocity - x.accel_bias * u.dt
     moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
     rotation, increment = compensated(x, delta_angle, delta_velocity)
-    C = attitude.to_dcm(x.stretch_turn)
-    turn = attitude.renormalize(attitude.multiply(x.stretch_turn, attitude.from_small_rotation_vector(rotation)))
+    C = attitude.to_dcm(x.since_propagation_turn)
+    turn = attitude.renormalize(attitude.multiply(x.since_propagation_turn, attitude.from_small_rotation_vector(rotation)))
     gained = C @ increment
-    stretch = x.stretch + u.dt
-    due = ca.logic_or(stretch + u.dt / 2 > p.filter_interval, ca.logic_or(u.gnss_valid, u.standing))
+    since_propagation = x.since_propagation + u.dt
+    due = ca.logic_or(since_propagation + u.dt / 2 > p.filter_interval, ca.logic_or(u.gnss_valid, u.standing))
     return {
         **moved.rows,
         "dt": u.dt,
         "since_fix": x.since_fix + u.dt,
-        "stretch": stretch,
-        "stretch_turn": turn,
-        "stretch_velocity": x.stretch_velocity + gained,
-        "stretch_distance": x.stretch_distance + (x.stretch_velocity + gained / 2) * u.dt,
-        "stretch_C": x.stretch_C + (C + attitude.to_dcm(turn)) * (u.dt / 2),
+        "since_propagation": since_propagation,
+        "since_propagation_turn": turn,
+        "since_propagation_velocity": x.since_propagation_velocity + gained,
+        "since_propagation_distance": x.since_propagation_distance + (x.since_propagation_velocity + gained / 2) * u.dt,
+        "since_propagation_C": x.since_propagation_C + (C + attitude.to_dcm(turn)) * (u.dt / 2),
         "omega_ie_w": moved.omega_ie_w,
         "omega_ew_w": moved.omega_ew_w,
         "acceleration_w": (moved.rows["velocity_w"] - x.velocity_w) / u.dt,
@@ -138,14 +139,16 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def predicted(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
-    """State rows of a time update over the samples since the last one, without those of `STRETCH`."""
+    """State rows of a time update over the samples since the last one, without those of `SINCE_PROPAGATION`."""
     P = symmetric.full(x.covariance, N)
-    part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
+    part = spread(x.since_propagation_q_wb, P[DQ, DQ], x.since_propagation_velocity, x.since_propagation_distance)
     Phi = transition(p, x, part)
-    gyro_decay, accel_decay = decays(p, x.stretch)
-    moved = attitude.rotate(x.stretch_q_wb, x.stretch_velocity) + ca.vertcat(0, 0, geodesy.NOMINAL_GRAVITY * x.stretch)
-    motion = variances(p, attitude.to_rotation_vector(x.stretch_turn), moved)
-    P = Phi @ P @ Phi.T + process_noise(p, x.stretch, x.q_wb, motion)
+    gyro_decay, accel_decay = decays(p, x.since_propagation)
+    moved = attitude.rotate(x.since_propagation_q_wb, x.since_propagation_velocity) + ca.vertcat(
+        0, 0, geodesy.NOMINAL_GRAVITY * x.since_propagation
+    )
+    motion = variances(p, attitude.to_rotation_vector(x.since_propagation_turn), moved)
+    P = Phi @ P @ Phi.T + process_noise(p, x.since_propagation, x.q_wb, motion)
     moving = [*range(N)[VELOCITY], *range(N)[POSITION]]
     P[moving, moving] = P[moving, moving] + part.extra
     return {
@@ -324,8 +327,8 @@ def fused(
     changed = {
         **strapdown.moved_back(x, correction[POSITION])[1],
         "velocity_w": x.velocity_w - correction[VELOCITY],
-        **rows.at_start(STRETCH),
-        "stretch_q_wb": q_wb,
+        **rows.at_start(SINCE_PROPAGATION),
+        "since_propagation_q_wb": q_wb,
         "q_wb": q_wb,
         "gyro_bias": x.gyro_bias + correction[GYRO],
         "accel_bias": x.accel_bias + correction[ACCEL],
@@ -367,7 +370,7 @@ def estimator(id: str, title: str, form: Form, applicability: Notes) -> Estimato
     """A filter of the error model."""
 
     def predict(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        return {**predicted(p, x, form.spread(p)), **rows.at_start(STRETCH), "stretch_q_wb": x.q_wb}
+        return {**predicted(p, x, form.spread(p)), **rows.at_start(SINCE_PROPAGATION), "since_propagation_q_wb": x.q_wb}
 
     model = Model(
         id=id,
@@ -391,7 +394,7 @@ def estimator(id: str, title: str, form: Form, applicability: Notes) -> Estimato
         sensors=("gnss",),
         error=consistency_error,
         applicability=applicability,
-        oldest_s=gnss_fix.OLDEST,
+        max_measurement_age_s=gnss_fix.OLDEST,
     )
 
 

@@ -102,7 +102,7 @@ class Drive:
     """What an estimator is to run on.
 
     where: in messages (``"scenario 'ship-swaying'"``).  sensors: ids of those beside the inertial unit.  in_place: whether
-    the vehicle stays where it is; None: unknown.  whole: whether the run can be gone through again from its end.
+    the vehicle stays where it is; None: unknown.  offline: whether the run can be gone through again from its end.
     vehicle: its kind ("car", "ship", ...); empty: unknown.
     motion: where it does not stay, what shows that, for messages.
     fix_velocity: whether the fixes of its GNSS, if it has one, have a velocity.
@@ -112,7 +112,7 @@ class Drive:
     where: str
     sensors: frozenset[str]
     in_place: bool | None = None
-    whole: bool = True
+    offline: bool = True
     vehicle: str = ""
     motion: str = ""
     fix_velocity: bool = True
@@ -168,8 +168,8 @@ class Estimator:
         is the same everywhere.
     findings: ``(parameters by row name) -> Finding or Reached, ...``: what the outputs at the end of a run may show, and when
         standard deviations became small; of those about one row, the first that holds counts.
-    oldest_s: the largest age (s) of measurements with which its estimate and its standard deviations are right.
-    lacks: of one that `adapt` gave, what it needs of the drive and does not find there, for the refusal; or empty.
+    max_measurement_age_s: the largest age (s) of measurements with which its estimate and its standard deviations are right.
+    missing_sensors: of one that `adapt` gave, what it needs of the drive and does not find there, for the refusal; or empty.
     finds_attitude: of a navigation, whether its start attitude may be unknown: it finds level and heading.
     causes: by id of an aid, what to look at where its measurements do not fit (``{"odometer": "its scale factor"}``).
     """
@@ -194,8 +194,8 @@ class Estimator:
     causes: Mapping[str, str] = field(default_factory=dict, hash=False)
     findings: Callable[[Mapping[str, Any]], tuple[Finding | Reached, ...]] | None = None
     finds_attitude: bool = False
-    oldest_s: float = math.inf
-    lacks: str = ""
+    max_measurement_age_s: float = math.inf
+    missing_sensors: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, Model):
@@ -288,18 +288,18 @@ class Estimator:
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
         this = f"estimator {self.id!r}"
-        if self.lacks:
-            return f"{this} needs {self.lacks}"
+        if self.missing_sensors:
+            return f"{this} needs {self.missing_sensors}"
         follows = bool(self.moving_row) and float((rows or {}).get(self.moving_row, 0.0)) != 0.0
         for sensor in (*self.sensors, *(("gnss",) if follows else ())):
             if sensor not in drive.sensors:
                 return f"{this} needs {shown_name(sensor)}: {drive.where} has no [{sensor}]"
         for sensor in self.sensors:
-            if (age := drive.ages.get(sensor, 0.0)) > self.oldest_s + _ROUNDED:
+            if (age := drive.ages.get(sensor, 0.0)) > self.max_measurement_age_s + _ROUNDED:
                 return (
-                    f"{this} uses measurements that are up to {self.oldest_s:g} s old when they arrive, because it does not "
-                    f"know the motion before that well enough: those of {shown_name(sensor)} of {drive.where} are up to "
-                    f"{age:.3g} s old"
+                    f"{this} uses measurements that are up to {self.max_measurement_age_s:g} s old when they arrive, because "
+                    "it does not know the motion before that well enough: "
+                    f"those of {shown_name(sensor)} of {drive.where} are up to {age:.3g} s old"
                 )
         if self.fix_velocity and (follows or self.motion != "in place") and not drive.fix_velocity:
             return f"{this} needs the velocity of GNSS: the fixes of {drive.where} have none"
@@ -307,7 +307,7 @@ class Estimator:
             return f"{this} aligns a vehicle in place: that of {drive.where} moves{drive.motion and f' ({drive.motion})'}"
         if self.motion == "moving" and drive.in_place:
             return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
-        if self.smooths and not drive.whole:
+        if self.smooths and not drive.offline:
             return (
                 f"{this} smooths a whole run from its end: allowed in `insenv run` without --live, one seed at a time; here "
                 f"use {self.smooths!r}"

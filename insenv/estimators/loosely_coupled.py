@@ -42,7 +42,7 @@ _FILTER = Estimator(
     error=FILTER.consistency_error,
     applicability=applicability.together(applicability.linear_start, applicability.unmodelled_motion, applicability.noiseless),
     causes=FILTER.causes,
-    oldest_s=history.OLDEST,
+    max_measurement_age_s=history.OLDEST,
 )
 
 SMOOTHING = smoothing_of(replace(FILTER, kept=None), "smoother")

@@ -131,12 +131,6 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     }
 
 
-FOR_COMPARISON = (
-    "the paper's filter as printed, for comparison with it: with noise or motion it converges slowly, and its stated sigma can "
-    "be too small; use q-method"
-)
-
-
 PRINTED = applicability.printed("with noise or motion it converges slowly, and its stated sigma can be too small", "q-method")
 
 

@@ -65,8 +65,8 @@ def export_ssp(
     plant = build(loaded, seed=seed)
     if plant.parameters.get("imu_drop_probability", 0.0) > 0.0:
         raise InputError(f"scenario {loaded.name!r} loses inertial samples: an estimator's FMU has no input for a lost sample")
-    estimator = plant.adapted(estimator, whole=False)
-    started = plant.parameters_of(estimator, whole=False)
+    estimator = plant.adapted(estimator, offline=False)
+    started = plant.parameters_of(estimator, offline=False)
     started["sample_interval"] = plant.sample_interval
     with tempfile.TemporaryDirectory(prefix="insenv-ssp-") as name:
         parts = {PLANT: Path(name) / "plant.fmu", ESTIMATOR: Path(name) / "estimator.fmu"}

@@ -185,9 +185,9 @@ def _loop(scenario: Scenario, estimator: Estimator, settings: Mapping[str, objec
             "sample; an FMU does not have it"
         )
     of_estimator = {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant}
-    estimator = alone.plant.adapted(estimator, {estimator.id: _choices(estimator, of_estimator)}, whole=False)
+    estimator = alone.plant.adapted(estimator, {estimator.id: _choices(estimator, of_estimator)}, offline=False)
     rows = _set(estimator, of_estimator)
-    started = alone.plant.parameters_of(estimator, rows, whole=False)
+    started = alone.plant.parameters_of(estimator, rows, offline=False)
     model = loop_model(alone.model, estimator.model)
     return replace(
         alone,

@@ -73,11 +73,11 @@ class Simulation:
         with_added = build(scenario.model_copy(update=added), seed=seed) if added else plant
         # the estimator knows the scenario alone: its run is that of `insenv run`
         self.plant = replace(plant, model=with_added.model, parameters=with_added.parameters)
-        self.estimator = self.plant.adapted(estimator or named_estimators(scenario)[0], whole=False)
+        self.estimator = self.plant.adapted(estimator or named_estimators(scenario)[0], offline=False)
         self.interval = self.plant.sample_interval
         self._plant = make_runner(self.plant.model, self.plant.parameters)
         self._settings: dict[int, float] = {}
-        self._filter = make_runner(self.estimator.model, self.plant.parameters_of(self.estimator, whole=False))
+        self._filter = make_runner(self.estimator.model, self.plant.parameters_of(self.estimator, offline=False))
         self.plant_parameters, self.estimator_parameters = self._plant.p, self._filter.p
         self._y = self._plant.output()
         self._z = self._filter.output()

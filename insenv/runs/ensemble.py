@@ -66,7 +66,7 @@ def ensemble(
     check_progress(progress)
     scenario, chosen = load(scenario), get_all(estimators)
     plants = tuple(build(scenario, seed=seed, duration_s=duration_s) for seed in seeds)
-    chosen = [plants[0].adapted(estimator, whole=False) for estimator in chosen]
+    chosen = [plants[0].adapted(estimator, offline=False) for estimator in chosen]
     model, samples, interval = plants[0].model, plants[0].samples, plants[0].sample_interval
     every = recording_interval(samples, records)
     total = samples // every * every
@@ -74,7 +74,7 @@ def ensemble(
     batches = {}
     for e in chosen:
         rows_of_tuning = (tuning or {}).get(e.id, {})
-        batches[e.id] = _batch(e.model, [p.parameters_of(e, rows_of_tuning, whole=False) for p in plants], threads)
+        batches[e.id] = _batch(e.model, [p.parameters_of(e, rows_of_tuning, offline=False) for p in plants], threads)
 
     truths: list[Array] = []
     estimates: dict[str, list[Array]] = {e.id: [] for e in chosen}

@@ -149,12 +149,14 @@ class Scenario(Section):
         tables = [self.estimator.get(id, {}) for id in (chosen.smooths, chosen.id)]
         return {key: names for table in tables for key, names in choices_in(chosen, table).items()}
 
-    def drive(self, whole: bool = True) -> Drive:
-        """The conditions that estimators check.  whole: whether a smoother can run backward over the whole run."""
+    def drive(self, offline: bool = True) -> Drive:
+        """The conditions that estimators check.  offline: whether a smoother can run backward over the whole run."""
         where = f"scenario {self.name!r}" if self.name else "the scenario"
         measured = self.gnss is None or self.gnss.velocity
-        ages = {id: section.oldest_s for id, section in self.sensors.items()}
-        return Drive(where, frozenset(ages), self.vehicle.in_place, whole, self.vehicle.kind, fix_velocity=measured, ages=ages)
+        ages = {id: section.max_age_s for id, section in self.sensors.items()}
+        return Drive(
+            where, frozenset(ages), self.vehicle.in_place, offline, self.vehicle.kind, fix_velocity=measured, ages=ages
+        )
 
     @model_validator(mode="before")
     @classmethod

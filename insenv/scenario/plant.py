@@ -53,30 +53,30 @@ class Plant:
         """Parameter rows (SI) that the scenario sets, by estimator id."""
         return self.scenario.tunings
 
-    def adapted(self, estimator: str | Estimator, settings: Settings | None = None, *, whole: bool = True) -> Estimator:
+    def adapted(self, estimator: str | Estimator, settings: Settings | None = None, *, offline: bool = True) -> Estimator:
         """The estimator that runs on this plant (`Estimator.adapted`), with the names that the scenario or `settings` give.
 
-        whole: as in `parameters_of`.  Raises `InputError` if there is none.
+        offline: as in `parameters_of`.  Raises `InputError` if there is none.
         """
         chosen = get(estimator)
         choices = {**self.scenario.choices_of(chosen), **choices_in(chosen, own_settings(chosen, settings))}
-        return chosen.adapted(self.knowledge, self.scenario.drive(whole), choices)
+        return chosen.adapted(self.knowledge, self.scenario.drive(offline), choices)
 
     def parameters_of(
-        self, estimator: Estimator, rows: Mapping[str, Any] | None = None, *, whole: bool = True
+        self, estimator: Estimator, rows: Mapping[str, Any] | None = None, *, offline: bool = True
     ) -> dict[str, Any]:
         """Parameters (SI, by row name) of an estimator for this plant; `rows` replace those of the scenario.
 
-        whole: whether the whole run is available, for a smoother's backward pass.  Raises `InputError` if the
+        offline: whether the whole run is available, for a smoother's backward pass.  Raises `InputError` if the
         estimator cannot run on this scenario.
         """
         parameters = estimator.parameters(self.knowledge, self.tunings, rows)
-        estimator.check(self.scenario.drive(whole), parameters)
+        estimator.check(self.scenario.drive(offline), parameters)
         return parameters
 
     def notes_of(self, estimator: Estimator, rows: Mapping[str, Any] | None = None) -> tuple[Remark, ...]:
         """What must be said, before it runs, of an estimator that may be stopped at any time; `rows`: see `parameters_of`."""
         table = estimator.model.parameters
-        parameters = table.unpack(table.pack(self.parameters_of(estimator, rows, whole=False)))
+        parameters = table.unpack(table.pack(self.parameters_of(estimator, rows, offline=False)))
         tuned = estimator.understated(self.knowledge, self.tunings, rows)
         return (*estimator.without_effect(self.tunings), *tuned, *estimator.notes(parameters, self.duration_s))

@@ -87,7 +87,7 @@ class SensorSection(Section):
     sensor: ClassVar[Sensor]
 
     @property
-    def oldest_s(self) -> float:
+    def max_age_s(self) -> float:
         """Largest age of a measurement when it arrives, s."""
         return 0.0
 

@@ -114,7 +114,7 @@ class TimedSection(SensorSection):
     outages_s: tuple[Window, ...] = key((), "intervals without measurements, pairs of begin and end", "s", max_length=OUTAGES)
 
     @property
-    def oldest_s(self) -> float:
+    def max_age_s(self) -> float:
         """Largest age of a measurement when it arrives, s."""
         return self.latency_s
 

@@ -329,7 +329,7 @@ class GnssSection(TimedSection):
         return value
 
     @property
-    def oldest_s(self) -> float:
+    def max_age_s(self) -> float:
         """Largest age of a fix when it arrives, s; of a drawn delay `SHOWN_SIGMAS`, as far as the interval allows it."""
         drawn = self.delay_error_s + SHOWN_SIGMAS * self.delay_sigma_s
         stated = self.latency_s + self.epoch_offset_s

@@ -34,7 +34,6 @@ def _times(scale: float) -> Conversion:
 
 
 deg_to_rad = DEGREES
-rad_to_deg = deg_to_rad.back
 arcsec_to_rad = _times(DEGREE / 3600.0)
 urad_to_rad = _times(1e-6)
 deg_h_to_rad_s = _times(DEGREE / HOUR)
@@ -43,7 +42,6 @@ deg_sqrt_h_to_rad_sqrt_s = _times(DEGREE / math.sqrt(HOUR))  # angle random walk
 deg_h_sqrt_h_to_rad_s_sqrt_s = _times(DEGREE / HOUR / math.sqrt(HOUR))  # rate random walk
 deg_h_g_to_rad_s_per_m_s2 = _times(DEGREE / HOUR / STANDARD_GRAVITY)  # g-sensitivity
 g_to_m_s2 = _times(STANDARD_GRAVITY)
-m_s2_to_g = g_to_m_s2.back
 ug_to_m_s2 = _times(STANDARD_GRAVITY * 1e-6)
 m_s2_to_ug = ug_to_m_s2.back
 mgal_to_m_s2 = _times(1e-5)

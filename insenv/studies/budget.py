@@ -181,8 +181,8 @@ def _case(
     plant = build(loaded, seed=seed, duration_s=duration_s)
     chosen = get(estimator)
     rows = setting_rows(settings, [chosen])[chosen.id]
-    chosen = plant.adapted(chosen, settings, whole=False)
-    plant.parameters_of(chosen, rows, whole=False)  # refuses what cannot run
+    chosen = plant.adapted(chosen, settings, offline=False)
+    plant.parameters_of(chosen, rows, offline=False)  # refuses what cannot run
     seeds = range(plant.seed, plant.seed + int(runs))
     sources = sources_of(plant, seeds[:SEEDS_LOOKED_AT])
     if not sources:
@@ -228,7 +228,7 @@ def _rows(case: _Case, part: range) -> Array:
     for on in {_start_of(case.sources, variant) for variant in case.variants}:
         off = [source for k, source in enumerate(case.sources) if source.start and k not in on]
         plants = _plants_without(case, part, off)
-        tails[on] = [own.pack(plant.parameters_of(case.estimator, case.rows, whole=False)) for plant in plants]
+        tails[on] = [own.pack(plant.parameters_of(case.estimator, case.rows, offline=False)) for plant in plants]
     evaluation = np.array([case.every, 1], dtype=np.float64)
     rows = []
     for place, k in enumerate(part):

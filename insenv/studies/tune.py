@@ -154,7 +154,7 @@ def tune(
     plan = make_plan(begun, estimator, runs, first_seed=seed, duration_s=duration_s)
     other = make_plan(begun, estimator, held_out, first_seed=plan.first_seed + plan.runs, duration_s=duration_s)
     table = plan.chosen.model.parameters
-    present = table.unpack(table.pack(plan.plant.parameters_of(plan.chosen, whole=False)))
+    present = table.unpack(table.pack(plan.plant.parameters_of(plan.chosen, offline=False)))
     parameters = tuned_parameters(plan.chosen, present, keys)
     training, judging = Seeds(plan, parameters), Seeds(other, parameters)
     ones = np.ones((1, len(parameters)))

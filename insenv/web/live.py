@@ -96,7 +96,7 @@ def live(
     loaded = loaded.model_copy(update={"vehicle": loaded.vehicle.steerable()})
     plant = build(loaded, seed=seed, duration_s=duration_s, driven=True)
     rows = setting_rows(settings, chosen)
-    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in chosen]
+    chosen = [plant.adapted(estimator, settings, offline=False) for estimator in chosen]
     page = page_model(plant.model, tuple(chosen))
     parameters = page_parameters(page, plant, chosen, rows)
     starts = [place for place, _ in told_places(page, plant)]
@@ -132,7 +132,7 @@ def _prepared(values: Mapping[str, Any], page: PageModel, settings: Settings | N
     """The plant of these values and the estimators as they run on it; errors as of `numbers`."""
     plant = build(validated(scenario_class(), dict(values), "scenario"), driven=True)
     compiled = [member.estimator for member in page.members]
-    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in compiled]
+    chosen = [plant.adapted(estimator, settings, offline=False) for estimator in compiled]
     if plant.model is not page.plant or any(one.model is not other.model for one, other in zip(chosen, compiled, strict=True)):
         raise InputError("these values are run by another model than that of the page")
     return plant, chosen
@@ -159,7 +159,7 @@ def page_parameters(
     """Parameters of a page's model: those of `insenv.run`."""
     parts = [plant.model.parameters.pack(plant.parameters)]
     for estimator in chosen:
-        parts.append(estimator.model.parameters.pack(plant.parameters_of(estimator, rows[estimator.id], whole=False)))
+        parts.append(estimator.model.parameters.pack(plant.parameters_of(estimator, rows[estimator.id], offline=False)))
     return np.concatenate(parts)
 
 

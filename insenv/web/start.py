@@ -73,7 +73,7 @@ def told_places(page: PageModel, plant: Plant) -> list[tuple[int, int]]:
 
 def _copied(estimator: Estimator, plant: Plant) -> list[tuple[int, int]]:
     table = estimator.model.parameters
-    base = table.pack(plant.parameters_of(estimator, whole=False))
+    base = table.pack(plant.parameters_of(estimator, offline=False))
     trials = []
     for scale in (1.0, -0.7):
         numbers = scale * np.array([0.0123, 0.0234, 0.345, 0.456, 0.567, 678.9, 1.1, 2.3, 0.4])

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from streamed_vehicle import Receiver, estimate, frame_of, logged, lost, quiet, wait_for
 
 from insenv.cli.dashboard import Rates, dashboard, picture
-from insenv.cli.interruptions import Ending
+from insenv.cli.signals import Ending
 from insenv.mavlink import Stream, Vehicle
 from insenv.mavlink.score import Score
 from insenv.mavlink.wire import Signing, open_link

@@ -91,7 +91,7 @@ def test_the_filter_knows_what_that_of_a_run_knows(kind, given):
     env = kind(**given)
     env.reset(seed=0, options={"run_seed": 3})
     starts, plant = env.setup.starts, build(env.setup.scenario, seed=3, driven=True)
-    wanted = plant.parameters_of(starts._estimator, whole=False)
+    wanted = plant.parameters_of(starts._estimator, offline=False)
     assert np.all(wanted["rotation_error"] > 0.0) and np.all(wanted["fix_wander_sigma"] > 0.0)
     found = env.setup.task.model.parameters.unpack(env.snapshot().parameters)
     for name, value in wanted.items():

@@ -70,7 +70,7 @@ def random_state(rng):
     q = unit(rng)
     place = geodesy.numeric.q_ew_from_geodetic(0.6, rng.uniform(-3, 3), rng.uniform(-3, 3))
     return MODEL.state.pack({
-        "q_wb": q, "stretch_q_wb": q, "velocity_w": rng.normal(size=3) * [80, 80, 5], "q_ew": place, "height": 500.0,
+        "q_wb": q, "since_propagation_q_wb": q, "velocity_w": rng.normal(size=3) * [80, 80, 5], "q_ew": place, "height": 500.0,
         "gyro_bias": rng.normal(size=3) * 1e-4, "accel_bias": rng.normal(size=3) * 1e-2, "samples": 10.0, "dt": 0.01,
         "previous_delta_angle": rng.normal(size=3) * 1e-3, "previous_delta_velocity": rng.normal(size=3) * 1e-2,
         "acceleration_w": rng.normal(size=3), "mean_rate": rng.normal(size=3) * 0.1,
@@ -84,7 +84,7 @@ def with_error(x, error):
     q = q / np.linalg.norm(q)
     theta = geodesy.numeric.transport_rate_w(error[POSITION], s["q_ew"], s["height"])
     off = {
-        "q_wb": q, "stretch_q_wb": q, "velocity_w": s["velocity_w"] + error[VELOCITY],
+        "q_wb": q, "since_propagation_q_wb": q, "velocity_w": s["velocity_w"] + error[VELOCITY],
         "q_ew": attitude.numeric.multiply(s["q_ew"], attitude.numeric.from_rotation_vector(theta)),
         "height": s["height"] - error[POSITION][2], "gyro_bias": s["gyro_bias"] - error[GYRO],
         "accel_bias": s["accel_bias"] - error[ACCEL],
@@ -113,14 +113,14 @@ def test_errors_of_any_size_follow_the_closed_form():
     x = random_state(rng)
     s = MODEL.state.unpack(x)
     wrong = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.6, -0.9, 1.4])), s["q_wb"])
-    other = MODEL.state.pack({"q_wb": wrong, "stretch_q_wb": wrong}, base=x)
+    other = MODEL.state.pack({"q_wb": wrong, "since_propagation_q_wb": wrong}, base=x)
     u = constant(100, rng.normal(size=(100, 3)) * 3e-3, rng.normal(size=3) * 0.1)
     ends = [MODEL.state.unpack(moved(state, u)) for state in (other, x)]
     dQ = wrong - s["q_wb"]
-    expected = delta_C(dQ, wrong) @ ends[0]["stretch_velocity"]
+    expected = delta_C(dQ, wrong) @ ends[0]["since_propagation_velocity"]
     assert np.allclose(ends[0]["velocity_w"] - ends[1]["velocity_w"], expected, atol=1e-3 * np.linalg.norm(expected))
     rate = ends[0]["omega_ie_w"] + ends[0]["omega_ew_w"]
-    carried = attitude.numeric.multiply(np.r_[1, -rate / 2], attitude.numeric.multiply(dQ, ends[0]["stretch_turn"]))
+    carried = attitude.numeric.multiply(np.r_[1, -rate / 2], attitude.numeric.multiply(dQ, ends[0]["since_propagation_turn"]))
     assert np.allclose(ends[0]["q_wb"] - ends[1]["q_wb"], carried, atol=3e-5)
 
 
@@ -197,14 +197,14 @@ def test_integrals_of_the_interval_against_quadrature():
     rate, force, dt, count = np.array([0.4, -0.3, 0.5]), np.array([1.0, 2.0, -9.0]), 0.01, 10
     start = MODEL.state.unpack(random_state(rng))
     still = {"gyro_bias": np.zeros(3), "accel_bias": np.zeros(3)}
-    before = {"previous_delta_angle": rate * dt, "previous_delta_velocity": force * dt, "stretch_turn": [1, 0, 0, 0]}
+    before = {"previous_delta_angle": rate * dt, "previous_delta_velocity": force * dt, "since_propagation_turn": [1, 0, 0, 0]}
     u = constant(count, rate * dt, force * dt)
     end = MODEL.state.unpack(moved(MODEL.state.pack({**start, **still, **before}), u))
     time, weight = np.polynomial.legendre.leggauss(12)
     time, weight = (time + 1) * count * dt / 2, weight * count * dt / 2
     turned = Rotation.from_rotvec(time[:, None] * rate).apply(force)
-    assert np.allclose(end["stretch_velocity"], weight @ turned, rtol=1e-6, atol=1e-8)
-    assert np.allclose(end["stretch_distance"], weight * (count * dt - time) @ turned, rtol=1e-3, atol=1e-6)
+    assert np.allclose(end["since_propagation_velocity"], weight @ turned, rtol=1e-6, atol=1e-8)
+    assert np.allclose(end["since_propagation_distance"], weight * (count * dt - time) @ turned, rtol=1e-3, atol=1e-6)
 
 
 def test_the_curvature_bounds_what_the_sensitivity_omits():

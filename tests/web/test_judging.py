@@ -60,9 +60,9 @@ def test_verdicts_and_sentences_are_those_of_a_run(tmp_path):
 )
 def test_findings_are_those_of_a_run(scenario, id, scales, tmp_path):
     plant = build(load(scenario))
-    estimator = plant.adapted(get(id), None, whole=False)
+    estimator = plant.adapted(get(id), None, offline=False)
     table, random = estimator.model.outputs, np.random.default_rng(3)
-    parameters = plant.parameters_of(estimator, whole=False)
+    parameters = plant.parameters_of(estimator, offline=False)
     given, expected = [], []
     for case in range(60):
         scale = scales[case % len(scales)]

@@ -44,11 +44,12 @@ class Aid:
     gate: name of the parameter row of its innovation gate, in standard deviations.
     correlated: ``(p, x, since) -> (m)``: variance to add because a part of the error is that of the measurement `since` seconds
         before.  None: white.
-    patience: measurements refused in a row before the gate opens: a filter that refuses one after the other is itself wrong.
-    watch: ``(p, x, u, delta_angle, delta_velocity, change_w) -> rows`` of its `state` after a sample of corrected increments
-        (rad, m/s, b) that changed the velocity by `change_w` (m/s, w).
+    max_rejections: measurements refused in a row before the gate opens: a filter that refuses one after the other is wrong
+        itself.
+    on_sample: ``(p, x, u, delta_angle, delta_velocity, change_w) -> rows`` of its `state` after a sample of corrected
+        increments (rad, m/s, b) that changed the velocity by `change_w` (m/s, w).
     steps: further steps between the sample and the propagation of the covariance.
-    wakes: name of a row that `watch` gives: where it is 1 the covariance is propagated at this sample.
+    triggers: name of a row that `on_sample` gives: where it is 1 the covariance is propagated at this sample.
     flag: state row by which its step runs, if a step of its own sets it; empty: one is made.
     groups: the components that are counted apart; empty: all together.
     renamed: names of rows of `reported`, if they are not ID_NAME, by NAME.
@@ -73,10 +74,10 @@ class Aid:
     age: Callable[[Any], Any] | None = None
     gate: str = ""
     correlated: Callable[[Any, Any, Any], Any] | None = None
-    patience: int = 10
-    watch: Callable[..., Mapping[str, Any]] | None = None
+    max_rejections: int = 10
+    on_sample: Callable[..., Mapping[str, Any]] | None = None
     steps: Mapping[str, Step] = field(default_factory=dict)
-    wakes: str = ""
+    triggers: str = ""
     flag: str = ""
     groups: tuple[slice, ...] = ()
     renamed: Mapping[str, str] = field(default_factory=dict)

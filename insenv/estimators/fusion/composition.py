@@ -45,11 +45,11 @@ NAVIGATION = 9
 OWN = Table((
     Row("covariance_interval", "Longest interval between covariance propagations", "s", start=0.05, lower=0, upper=1),
 ))  # fmt: skip
-STRETCH = Table((
-    Row("stretch", "Time since the covariance was propagated", "s"),
-    Row("stretch_velocity_w", "Integral of the specific force over that time", "m/s", (3,), "w"),
-    Row("stretch_angle", "Rotation over that time", "rad", (3,), "b"),
-    Row("stretch_change_w", "Change of velocity over that time", "m/s", (3,), "w"),
+SINCE_PROPAGATION = Table((
+    Row("since_propagation", "Time since the covariance was propagated", "s"),
+    Row("since_propagation_velocity_w", "Integral of the specific force over that time", "m/s", (3,), "w"),
+    Row("since_propagation_angle", "Rotation over that time", "rad", (3,), "b"),
+    Row("since_propagation_change_w", "Change of velocity over that time", "m/s", (3,), "w"),
     Row("omega_ie_w", "Earth rate at the last sample", "rad/s", (3,), "w"),
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("covariance_due", "1 when the covariance is to be propagated"),
@@ -130,8 +130,8 @@ class Composition:
         for state in self.states:
             columns = self._entered(state, values, u)
             for what, _, _ in self._parts(state):
-                own = Row(f"stretch_{what}_{state.name}", f"Effect of {state.name} on the {what} over that time", "SI",
-                          (3, state.size), "w")  # fmt: skip
+                meaning = f"Effect of {state.name} on the {what} over that time"
+                own = Row(f"since_propagation_{what}_{state.name}", meaning, "SI", (3, state.size), "w")
                 found[state.name, what] = next((row for other, row in begun if _same(other, columns[what])), own)
                 begun.append((columns[what], own))
         return found
@@ -161,7 +161,7 @@ class Composition:
         own += Table((
             Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(self.n),)),
         ))  # fmt: skip
-        return _united(own + STRETCH, self._sum_rows, history.STATE, *(aid.kept for aid in self.aids))
+        return _united(own + SINCE_PROPAGATION, self._sum_rows, history.STATE, *(aid.kept for aid in self.aids))
 
     @cached_property
     def inputs(self) -> Table:
@@ -199,13 +199,13 @@ class Composition:
         values = {state.name: getattr(x, state.name) for state in self.states}
         delta_angle, delta_velocity = corrected_increments(self.states, values, u)
         moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
-        stretch, change = x.stretch + u.dt, moved.rows["velocity_w"] - x.velocity_w
+        since_propagation, change = x.since_propagation + u.dt, moved.rows["velocity_w"] - x.velocity_w
         found = {
             **moved.rows,
-            "stretch": stretch,
-            "stretch_velocity_w": x.stretch_velocity_w + moved.delta_velocity_w,
-            "stretch_angle": x.stretch_angle + delta_angle,
-            "stretch_change_w": x.stretch_change_w + change,
+            "since_propagation": since_propagation,
+            "since_propagation_velocity_w": x.since_propagation_velocity_w + moved.delta_velocity_w,
+            "since_propagation_angle": x.since_propagation_angle + delta_angle,
+            "since_propagation_change_w": x.since_propagation_change_w + change,
             "omega_ie_w": moved.omega_ie_w,
             "omega_ew_w": moved.omega_ew_w,
             **history.followed(x, x.velocity_w, moved.rows["velocity_w"], u.dt),
@@ -215,13 +215,13 @@ class Composition:
             for what, _, _ in self._parts(state):
                 name = self._sums[state.name, what].name
                 found[name] = getattr(x, name) + ca.densify(moved.C_wb @ columns[what])
-        event = ca.SX(stretch + u.dt / 2 > p.covariance_interval)
+        event = ca.SX(since_propagation + u.dt / 2 > p.covariance_interval)
         for aid in self.aids:
             due = aid.due(p, x, u)
             found |= {aid.due_row: due, aid.row("since"): getattr(x, aid.row("since")) + u.dt}
-            if aid.watch is not None:
-                found |= aid.watch(p, x, u, delta_angle, delta_velocity, change)
-            event = ca.logic_or(event, due if not aid.wakes else ca.logic_or(due, found[aid.wakes]))
+            if aid.on_sample is not None:
+                found |= aid.on_sample(p, x, u, delta_angle, delta_velocity, change)
+            event = ca.logic_or(event, due if not aid.triggers else ca.logic_or(due, found[aid.triggers]))
         return {**found, "covariance_due": select(event, 1.0, 0.0)}
 
     def _entered(self, state: ErrorState, values: dict[str, Any], u: Any) -> dict[str, Any]:
@@ -239,20 +239,22 @@ class Composition:
     @cached_property
     def interval(self) -> Table:
         """State rows that `transition` takes: what the samples summed up since the covariance was propagated."""
-        names = ("stretch", "stretch_velocity_w", "omega_ie_w", "omega_ew_w")
-        return rows.chosen(STRETCH, *names) + self._sum_rows
+        names = ("since_propagation", "since_propagation_velocity_w", "omega_ie_w", "omega_ew_w")
+        return rows.chosen(SINCE_PROPAGATION, *names) + self._sum_rows
 
     def transition(self, p: Any, x: Any) -> Any:
         """A (n x n), integral of the error dynamics over an interval; x: the rows `interval`."""
         A = ca.SX(self.n, self.n)
-        interval = Interval(x.stretch, x.stretch_velocity_w, x.omega_ie_w, x.omega_ew_w)
+        interval = Interval(x.since_propagation, x.since_propagation_velocity_w, x.omega_ie_w, x.omega_ew_w)
         A[:NAVIGATION, :NAVIGATION] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
         for state in self.states:
             place = self.places[state.name]
             for what, part, sign in self._parts(state):
                 A[part, place] = sign * getattr(x, self._sums[state.name, what].name)
             if state.time:
-                A[place, place] = ca.diag(self._kept(p, state, x.stretch) - 1)  # may be longer than a correlation time
+                A[place, place] = ca.diag(
+                    self._kept(p, state, x.since_propagation) - 1
+                )  # may be longer than a correlation time
         return A
 
     def _parts(self, state: ErrorState) -> list[tuple[str, slice, int]]:
@@ -267,16 +269,16 @@ class Composition:
 
     def covariance(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
         """Propagate the covariance and the estimated errors over the samples since the last time."""
-        by_rotation, by_thrust = variances(p, x.stretch_angle, x.stretch_change_w)
+        by_rotation, by_thrust = variances(p, x.since_propagation_angle, x.since_propagation_change_w)
         noise = [
             ca.SX.zeros(3),
-            ca.repmat(p.velocity_random_walk**2 * x.stretch + by_thrust, 3, 1),
-            ca.repmat(p.angle_random_walk**2 * x.stretch + by_rotation, 3, 1),
+            ca.repmat(p.velocity_random_walk**2 * x.since_propagation + by_thrust, 3, 1),
+            ca.repmat(p.angle_random_walk**2 * x.since_propagation + by_rotation, 3, 1),
         ]
         found: dict[str, Any] = {}
         for state in self.states:
             if state.time:
-                kept = self._kept(p, state, x.stretch)
+                kept = self._kept(p, state, x.since_propagation)
                 noise.append(driven_variance(repeated(getattr(p, state.sigma), state.size), kept))
                 found[state.name] = kept * getattr(x, state.name)
             else:
@@ -284,7 +286,7 @@ class Composition:
         return {
             **found,
             "covariance": propagate(x.covariance, self.transition(p, x), ca.vertcat(*noise)),
-            "stretch": 0,
+            "since_propagation": 0,
             **{row.name: ca.SX.zeros(*(row.shape + (1,))[:2]) for row in self.state if row.name in _EMPTIED},
             **{row.name: ca.SX.zeros(*row.shape) for row in self._sum_rows},
         }
@@ -358,7 +360,7 @@ class Composition:
 _ENTERS = (("angle", TILT, 1), ("velocity", VELOCITY, -1))
 _DEPTH = 9
 """Levels of an expression that are compared."""
-_EMPTIED = ("stretch_angle", "stretch_change_w", "stretch_velocity_w")
+_EMPTIED = ("since_propagation_angle", "since_propagation_change_w", "since_propagation_velocity_w")
 
 
 def _same(one: Any, other: Any) -> bool:

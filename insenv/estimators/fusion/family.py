@@ -237,7 +237,7 @@ def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration
         ),
         findings=lambda parameters: (*findings(parameters), *unknown_start.findings(way, parameters)),
         finds_attitude=True,
-        oldest_s=min(estimator.oldest_s, OLDEST),
+        max_measurement_age_s=min(estimator.max_measurement_age_s, OLDEST),
         settable=filter.parameters,  # not those of the alignment
     )
 
@@ -267,7 +267,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
         applicability=notes,
         findings=lambda parameters: surprising(filter.states, parameters),
         causes=filter.causes,
-        oldest_s=history.OLDEST,
+        max_measurement_age_s=history.OLDEST,
     )
 
 

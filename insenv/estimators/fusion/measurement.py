@@ -33,7 +33,7 @@ def update(
     stored, correction = x.covariance, ca.SX.zeros(n)
     refusals = getattr(x, aid.row("refusals"))
     # a filter that rejects one measurement after the other is itself wrong: the gate stays open until they agree again
-    gated = select(refusals < aid.patience, 1.0, 0.0)
+    gated = select(refusals < aid.max_rejections, 1.0, 0.0)
     scalars, ratios, outside = [], [], ca.SX(0)
     for i in range(aid.size):
         left = innovation[i] - H[i, :] @ correction

@@ -71,11 +71,11 @@ class Omitted:
             since = getattr(x, self.aid.row("since"))
             since = select(since < NEVER, since, getattr(x, self.time))
             unmeasured = maximum(since - MEASURED_OFTEN, 0.0)
-            growth = 2 * unmeasured * x.stretch * _moment(_variances(x.covariance)[2])
+            growth = 2 * unmeasured * x.since_propagation * _moment(_variances(x.covariance)[2])
             rate, speed = (x.omega_ie_w + x.omega_ew_w)[:2], x.velocity_w[:2]
             for part, square in ((POSITION, ca.sumsqr(speed)), (TILT, BY_RATE * ca.sumsqr(rate))):
                 _add(changed, part, growth * square * ca.vertcat(1, 1, 0))
-            before, after = getattr(x, self.gained), getattr(x, self.gained) + x.stretch_velocity_w
+            before, after = getattr(x, self.gained), getattr(x, self.gained) + x.since_propagation_velocity_w
             grown = variances(x.covariance, after) - variances(x.covariance, before)
             _add(changed, VELOCITY, getattr(x, self.seeking) * ca.vertcat(*[maximum(v, 0.0) for v in ca.vertsplit(grown)]))
             return {**changed, self.gained: after}

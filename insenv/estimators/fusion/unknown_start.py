@@ -264,7 +264,7 @@ class _Seeking:
         if self.way is alignment.BY_LOG:
             return begun
         aid = self.aid
-        outlying = ca.logic_and(self.outlying(p, x, u), getattr(x, aid.row("refusals")) < aid.patience)
+        outlying = ca.logic_and(self.outlying(p, x, u), getattr(x, aid.row("refusals")) < aid.max_rejections)
         left = {name: getattr(x, name) for name in begun} | {_VELOCITY: 0.0, aid.due_row: 0.0, f"{PREFIX}covariance_due": 0.0}
         counted = {aid.row(name): getattr(x, aid.row(name)) for name in ("refusals", "refused_count", "count")}
         left, begun = left | {name: value + 1 for name, value in counted.items()}, counted | begun

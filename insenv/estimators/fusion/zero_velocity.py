@@ -106,9 +106,9 @@ AT_EACH_SAMPLE = Aid(
     inputs=rows.STANDING_INPUT,
     parameters=PARAMETERS,
     state=STATE,
-    watch=watched,
+    on_sample=watched,
     steps={"still": Step(detected, when="still_due")},
-    wakes="still_due",
+    triggers="still_due",
     flag="standing_now",
 )
 """A vehicle known to be at rest has a zero velocity at each sample."""

@@ -105,16 +105,16 @@ def start_covariance(p: Any, q: Any) -> Any:
 
 
 def transition(p: Any, x: Any, part: Nonlinear) -> Any:
-    """Phi (16x16) over the interval of the state `x` (rows `stretch*`) with its nonlinear part; (6), (7) integrated.
+    """Phi (16x16) over the interval of the state `x` (rows `since_propagation*`) with its nonlinear part; (6), (7) integrated.
 
     Biases decay in their own blocks alone: what they do to the rest changes by the interval over their correlation time.
     """
-    T, q, C = x.stretch, x.stretch_q_wb, part.C
+    T, q, C = x.since_propagation, x.since_propagation_q_wb, part.C
     frame = ca.vertcat(1, -(x.omega_ie_w + x.omega_ew_w) * (T / 2))
-    carry = left(frame) @ right(x.stretch_turn)
-    into_quaternion = U(q) @ x.stretch_C / 2  # dQ that a gyro bias causes, in its coordinates at the interval's start
+    carry = left(frame) @ right(x.since_propagation_turn)
+    into_quaternion = U(q) @ x.since_propagation_C / 2  # dQ that a gyro bias causes, in its coordinates at the interval's start
     middle = part.G @ into_quaternion / 2  # on average half of it acts on the velocity
-    along = C @ x.stretch_C
+    along = C @ x.since_propagation_C
     coriolis = -skew(2 * x.omega_ie_w + x.omega_ew_w) * T
     # vertical only: Q is relative to the computed vertical, which a position error turns; dw_ew carries that effect
     gradient = ca.diag(ca.vertcat(0, 0, 2)) * (NOMINAL_GRAVITY / MEAN_RADIUS * T)

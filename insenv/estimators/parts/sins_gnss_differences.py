@@ -57,7 +57,7 @@ STATE = frozen_frame.FRAME + Table((
     Row("rest_position", "Its integral", "m", (3,), "n0"),
     Row("rest_half_turn", "Row half_turn at the last fix's epoch", "1", (2,), start=(1, 0)),
     Row("dt", "Interval of the last sample", "s", start=1.0),
-    Row("stretch", "Time since the last fix's epoch", "s"),
+    Row("since_propagation", "Time since the last fix's epoch", "s"),
     Row("chain_sins", "Chain of the SINS: position, velocity, acceleration and its rate", "SI", (CHAIN, 3), "i"),
     Row("chain_gnss", "Chain of GNSS", "SI", (CHAIN, 3), "n0"),
     Row("chain_covariance", "Covariance of the chain of one axis, upper triangle by columns", "SI",
@@ -87,14 +87,14 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "position_i": x.position_i + (x.velocity_i + gained / 2) * u.dt,
         "force_i": gained / u.dt,
         "dt": u.dt,
-        "stretch": x.stretch + u.dt,
+        "since_propagation": x.since_propagation + u.dt,
     }
 
 
 def measured(p: Any, x: Any, u: Any) -> SimpleNamespace:
     """Position and velocity at the epoch of a fix, `computed` by the SINS (i) and `shown` by GNSS (n0); and the rows of state
     that follow: `rest_velocity`, `rest_position`, `half_turn`."""
-    T, age = x.stretch - u.gnss_age, u.gnss_age
+    T, age = x.since_propagation - u.gnss_age, u.gnss_age
     rest_velocity, rest_position = _rest(x, T)
     half_turn = turned(x.half_turn, -age)
     q = q_n0n(half_turn, x.axis_n)
@@ -121,7 +121,7 @@ def raw(x: Any, u: Any, at: SimpleNamespace, since_last: Any) -> Any:
     """
     back = attitude.conjugate(q_n0n(at.half_turn, x.axis_n))
     into_n = attitude.multiply(back, x.q_n0i)
-    T, of_sins_and_gnss = x.stretch - u.gnss_age, []
+    T, of_sins_and_gnss = x.since_propagation - u.gnss_age, []
     for q, (position, velocity), last in ((into_n, at.computed, x.last_computed), (back, at.shown, x.last_shown)):
         velocity_then = since_last * last[1, :].T
         moved = position - since_last * last[0, :].T - velocity_then * T
@@ -131,7 +131,7 @@ def raw(x: Any, u: Any, at: SimpleNamespace, since_last: Any) -> Any:
 
 def fix(p: Any, x: Any, u: Any, at: SimpleNamespace) -> dict[str, Any]:
     """One fix, at its own epoch: propagate the chains of SINS and GNSS to it and correct them.  at: `measured`."""
-    T, age, computed, shown = x.stretch - u.gnss_age, u.gnss_age, at.computed, at.shown
+    T, age, computed, shown = x.since_propagation - u.gnss_age, u.gnss_age, at.computed, at.shown
     Phi = _transition(T)
     P = Phi @ symmetric.full(x.chain_covariance, CHAIN) @ Phi.T + _noise(p, x, T)
     sins, gnss = Phi @ x.chain_sins, Phi @ x.chain_gnss
@@ -154,7 +154,7 @@ def fix(p: Any, x: Any, u: Any, at: SimpleNamespace) -> dict[str, Any]:
         "rest_half_turn": at.half_turn,
         "last_computed": ca.horzcat(*computed).T,
         "last_shown": ca.horzcat(*shown).T,
-        "stretch": age,
+        "since_propagation": age,
         "chain_sins": sins,
         "chain_gnss": gnss,
         "chain_covariance": symmetric.triangle(P),

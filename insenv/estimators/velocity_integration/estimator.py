@@ -81,7 +81,7 @@ def _estimator(way: VelocityIntegration) -> Estimator:
         fix_velocity=way is BY_FIXES,
         prepare=partial(prepare, way),
         findings=partial(findings, way),
-        oldest_s=OLDEST,
+        max_measurement_age_s=OLDEST,
         adapt=_adapted,
     )
 
@@ -95,7 +95,9 @@ def _adapted(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
     if "dvl" in drive.sensors:
         current = known.rows.get("dvl_current_sigma", 0.0)
         log = f"and its Doppler log is through water that flows, with a current of {current:.3g} m/s"
-    return replace(ESTIMATOR, lacks=f"the velocity of GNSS or of a Doppler log that tracks the ground: {fixes}, {log}")
+    return replace(
+        ESTIMATOR, missing_sensors=f"the velocity of GNSS or of a Doppler log that tracks the ground: {fixes}, {log}"
+    )
 
 
 _BY_WAY = {way: _estimator(way) for way in (BY_FIXES, BY_LOG)}

@@ -84,11 +84,11 @@ PARAMETERS = (
     + Table((rows.START_BIASES["start_gyro_bias"], rows.START_BIASES["start_gyro_bias_error"]))
 )
 
-STRETCH = Table((
-    Row("stretch", "Time since the last step of the covariance", "s"),
-    Row("stretch_alpha", "Change of alpha in it", "m/s", (3,), "i"),
-    Row("stretch_C_ib", "Integral of the attitude since the start over it", "s", (3, 3), "i"),
-    Row("stretch_angle", "Sum of the delta angles in it", "rad", (3,), "b"),
+SINCE_PROPAGATION = Table((
+    Row("since_propagation", "Time since the last step of the covariance", "s"),
+    Row("since_propagation_alpha", "Change of alpha in it", "m/s", (3,), "i"),
+    Row("since_propagation_C_ib", "Integral of the attitude since the start over it", "s", (3, 3), "i"),
+    Row("since_propagation_angle", "Sum of the delta angles in it", "rad", (3,), "b"),
 ))  # fmt: skip
 
 STATE = (
@@ -103,7 +103,7 @@ STATE = (
     + Table((
         Row("force", "Specific force as it was `rate_lag` ago: half the age of the last measurement", "m/s^2", (3,), "i"),
         Row("dt", "Interval of the last sample", "s", start=0.01),
-        *STRETCH,
+        *SINCE_PROPAGATION,
         Row("covariance_due", "1 when the covariance is to be propagated", "1"),
         Row("covariance", "Of the errors: upper triangle", "SI", (symmetric.triangle_size(N),)),
         Row("epoch", "Time of the last measurement", "s"),
@@ -167,8 +167,8 @@ class VelocityIntegration:
         """One inertial sample, less the gyro bias known at the start."""
         u = Values(**{**vars(u), "delta_angle": u.delta_angle - p.start_gyro_bias * u.dt})
         changed, force = frozen_frame.advanced(x, u)
-        stretch = x.stretch + u.dt
-        due = ca.logic_or(getattr(u, self.source.arrives), stretch + u.dt / 2 > COVARIANCE_S)
+        since_propagation = x.since_propagation + u.dt
+        due = ca.logic_or(getattr(u, self.source.arrives), since_propagation + u.dt / 2 > COVARIANCE_S)
         return {
             **changed,
             **lever_arm.followed(x, u.delta_angle * (1 / u.dt), u.dt, x.samples == 0),
@@ -176,10 +176,10 @@ class VelocityIntegration:
             "alpha": x.alpha + force,
             "force": lever_arm.lagging(x, x.force, force * (1 / u.dt), u.dt, x.samples == 0),
             "dt": u.dt,
-            "stretch": stretch,
-            "stretch_alpha": x.stretch_alpha + force,
-            "stretch_C_ib": x.stretch_C_ib + attitude.to_dcm(x.q_ib) * u.dt,
-            "stretch_angle": x.stretch_angle + u.delta_angle,
+            "since_propagation": since_propagation,
+            "since_propagation_alpha": x.since_propagation_alpha + force,
+            "since_propagation_C_ib": x.since_propagation_C_ib + attitude.to_dcm(x.q_ib) * u.dt,
+            "since_propagation_angle": x.since_propagation_angle + u.delta_angle,
             "covariance_due": select(due, 1.0, 0.0),
         }
 
@@ -294,15 +294,15 @@ def variance_n(P: Any, C_ni: Any) -> Any:
 def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Propagate the covariance: drift' = C b_g + noise, (delta alpha)' = -f x drift + C b_a + noise."""
     A = ca.SX(N, N)
-    A[ALPHA, DRIFT] = -skew(x.stretch_alpha)
-    A[DRIFT, GYRO] = A[ALPHA, ACCEL] = x.stretch_C_ib
-    by_rotation, _ = variances(p, x.stretch_angle, ca.SX.zeros(3))
+    A[ALPHA, DRIFT] = -skew(x.since_propagation_alpha)
+    A[DRIFT, GYRO] = A[ALPHA, ACCEL] = x.since_propagation_C_ib
+    by_rotation, _ = variances(p, x.since_propagation_angle, ca.SX.zeros(3))
     noise = ca.vertcat(
-        ca.repmat(p.angle_random_walk**2 * x.stretch + by_rotation, 3, 1),
-        ca.repmat(p.velocity_random_walk**2 * x.stretch, 3, 1),
+        ca.repmat(p.angle_random_walk**2 * x.since_propagation + by_rotation, 3, 1),
+        ca.repmat(p.velocity_random_walk**2 * x.since_propagation, 3, 1),
         ca.SX.zeros(N - 6),
     )
-    return {"covariance": propagate(x.covariance, A, noise), **rows.at_start(STRETCH)}
+    return {"covariance": propagate(x.covariance, A, noise), **rows.at_start(SINCE_PROPAGATION)}
 
 
 def collected(stored: Any, dalpha: Any, keep: Any, share: Any, product: Any, error: Any, variance: Any) -> Any:

@@ -136,7 +136,7 @@ class Plan:
     def chosen(self) -> Estimator:
         """The estimator.  Raises `InputError` if this process does not know it."""
         try:
-            return self.plant.adapted(self.estimator, whole=False)
+            return self.plant.adapted(self.estimator, offline=False)
         except InputError as error:
             raise InputError(
                 f"{error}; a worker process knows installed estimators (entry-point group 'insenv.estimators'), but not those "
@@ -310,13 +310,13 @@ def make_plan(
     tried = plan.tried
     if duration_s is None and "duration_s" not in plan.scenario:
         plan = replace(plan, duration_s=_shortest(plan, scenario, [changed for _, _, changed in tried]))
-    vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered
+    vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, offline=False)  # an object that need not be registered
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too
-    plan.plant.parameters_of(estimator, whole=False)
+    plan.plant.parameters_of(estimator, offline=False)
     for variation, which, changed in tried:
         try:
             plant = build(parse(changed, plan.name), plan.first_seed, plan.duration_s)
-            plant.parameters_of(estimator, whole=False)
+            plant.parameters_of(estimator, offline=False)
         except InputError as error:
             raise InputError(f"vary {variation}{f', {which}' if which else ''}: {error}") from None
         if plant.model is not plan.plant.model:

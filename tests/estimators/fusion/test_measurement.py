@@ -9,6 +9,7 @@ from insenv import geodesy
 from insenv.core.model import Values
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.available import all_aids, all_states, composition, states_by_aid
+from insenv.estimators.fusion.instruments import EstimatedMotion
 from insenv.estimators.fusion.measurement import update
 from insenv.estimators.fusion.navigation import Navigation, corrected, corrected_increments
 
@@ -145,6 +146,20 @@ def test_sensitivities_equal_differences_through_the_feedback(id, age):
         allowed = 2e-5 * max(1.0, np.abs(H).max()) if k < 3 else 2e-6 * max(1.0, np.abs(H).max()) + 2e-4 * np.abs(change)
         assert np.all(np.abs(-change - H[:, k]) < allowed), (id, k, -change, H[:, k])
     assert np.abs(H).max() > 0
+
+
+def test_instruments_see_the_estimated_motion():
+    """Displacement from the start, and a velocity through water that flows, in closed form."""
+    q_ew = np.ravel(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.4))
+    x, u = constants(**{**STATE, **kept_motion(), "q_ew": q_ew}), constants(**INPUTS)
+    height, R_M = float(STATE["height"]), float(geodesy.numeric.radii(np.sin(0.8))[0])
+    p = Values(start_latitude=0.8 - 1e-5, start_longitude=0.3, start_height=height - 5.0)
+    motion = EstimatedMotion(Navigation(x, u, (), {}, ca.SX.zeros(9)), 0.0, p)
+    np.testing.assert_allclose(number(motion.displacement_n), [1e-5 * (R_M + height), 0.0, -5.0], atol=1e-3)
+    C_nb = number(motion.to_navigation(ca.SX.eye(3))).reshape(3, 3)
+    arm, flow = ca.DM([1.0, 2.0, 3.0]), np.array([0.3, -0.2, 0.0])
+    through, over = (number(motion.body_velocity(arm, each)) for each in (ca.DM(flow), None))
+    np.testing.assert_allclose(through, over - C_nb.T @ flow, atol=1e-12)
 
 
 def test_a_late_fix_shows_the_accelerometers():

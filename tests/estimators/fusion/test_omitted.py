@@ -79,15 +79,16 @@ def test_a_fix_counts_the_turn_of_its_arm_and_of_the_specific_force_over_its_age
 
 def test_between_fixes_gravity_the_way_and_the_earth_rate_turn_with_the_attitude():
     """The velocity by what has grown since the filter was started anew; place and level by the time without a velocity."""
-    level, heading, stretch, since = 0.05, 0.4, 0.1, 12.0
+    level, heading, since_propagation, since = 0.05, 0.4, 0.1, 12.0
     force, before, rate = np.array([0.3, -0.2, -0.98]), np.array([1.0, 2.0, -49.0]), np.array([3e-5, -5e-5, 1e-5])
     found = added(
-        "covariance", level, heading, stretch=stretch, stretch_velocity_w=force, omega_ie_w=rate, gnss_since=since,
+        "covariance", level, heading, since_propagation=since_propagation, since_propagation_velocity_w=force, omega_ie_w=rate,
+        gnss_since=since,
         **{unknown_start._GAINED: before},
     )  # fmt: skip
     after, tilted = before + force, moment(2**0.5 * level)
     grown = moment(heading) * np.r_[(after**2 - before**2)[:2], 0.0] + tilted * (after @ after - before @ before)
-    unmeasured = 2 * (since - omitted.MEASURED_OFTEN) * stretch * moment(heading)
+    unmeasured = 2 * (since - omitted.MEASURED_OFTEN) * since_propagation * moment(heading)
     assert found[VELOCITY] == pytest.approx(np.maximum(grown, 0.0), rel=1e-6)
     assert found[POSITION] == pytest.approx(unmeasured * 2500.0 * np.array([1.0, 1.0, 0.0]), rel=1e-6)
     assert found[TILT] == pytest.approx(unmeasured * omitted.BY_RATE * (rate[:2] @ rate[:2]) * np.array([1, 1, 0]), rel=1e-6)

@@ -123,6 +123,12 @@ def test_equations_are_the_derivatives_of_what_is_shown(id, seed):
         np.testing.assert_allclose(np.abs(columns), np.abs(difference), rtol=1e-5, atol=1e-7 * scale)
 
 
+def test_a_detected_outlier_is_a_measurement_that_is_missing():
+    plant = build(load({**CAR, "heading": {"grade": "perfect", "noise_m": [0.01, 0.02, 0.03], "outlier_probability": 0.75}}))
+    (aid,) = aids_of(plant.model.parameters.unpack(plant.model.parameters.pack(plant.parameters)), plant.sample_interval)
+    np.testing.assert_allclose(aid.noise, [0.02, 0.04, 0.06], rtol=1e-12)
+
+
 def test_epochs_of_a_step_without_those_in_outages():
     aid = aid_of("odometer")  # every 10 samples of 0.01 s
     begin, end = np.array([0, 9, 10, 95, 200]), np.array([9, 10, 40, 130, 200])

@@ -12,7 +12,7 @@ from command_line import SHORT
 from places import ROOT
 
 from insenv.base import starting
-from insenv.cli.interruptions import Interruptions, ignore_from_now_on
+from insenv.cli.signals import Interruptions, ignore_from_now_on
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
