@@ -48,13 +48,15 @@ def kept_pass(kept, p, own=SMOOTHING):
     """The record of a forward pass of 15 states, every instant smoothed, as a `Pass`; transitions from the error model."""
     flat = ca.SX.sym("i", own.interval.size)
     rows = own.interval.symbols(flat)
-    interval = Interval(rows.last_stretch, rows.last_stretch_velocity_w, rows.last_omega_ie_w, rows.last_omega_ew_w)
+    interval = Interval(
+        rows.last_since_propagation, rows.last_since_propagation_velocity_w, rows.last_omega_ie_w, rows.last_omega_ew_w
+    )
     A = ca.SX(15, 15)
     A[:9, :9] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
-    A[TILT, GYRO] = rows.last_stretch_angle_gyro_bias
-    A[DV, ACCEL] = -rows.last_stretch_angle_gyro_bias  # - integral of C_wb, of either bias
+    A[TILT, GYRO] = rows.last_since_propagation_angle_gyro_bias
+    A[DV, ACCEL] = -rows.last_since_propagation_angle_gyro_bias  # - integral of C_wb, of either bias
     for part, time in ((GYRO, p["gyro_correlation_time"]), (ACCEL, p["accel_correlation_time"])):
-        A[part, part] = ca.SX.eye(3) * ca.expm1(-rows.last_stretch / time)
+        A[part, part] = ca.SX.eye(3) * ca.expm1(-rows.last_since_propagation / time)
     function = ca.Function("A", [flat], [ca.densify(A)])
     density = np.repeat([0, p["velocity_random_walk"], p["angle_random_walk"], p["gyro_bias_sigma"], p["accel_bias_sigma"]], 3)
     density = density**2
@@ -73,7 +75,7 @@ def kept_pass(kept, p, own=SMOOTHING):
                 E[i] = given[i] * (1 + given[i, i])
                 E[i, i] = 1 + given[i, i]
                 Phi = E @ Phi
-            duration = rows["last_stretch"][0]
+            duration = rows["last_since_propagation"][0]
             Q = np.diag(density * np.r_[np.full(9, duration), -np.expm1(-2 * duration / times)])
             used = np.any([rows[name] == 1 for name in rows if name.startswith("scalar_")], axis=0)
             # all in the axes after the turns of this instant, so that the other form need not know of any
