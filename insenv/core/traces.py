@@ -130,7 +130,11 @@ def _path(identity: str) -> Path | None:
 
 def _limit(folder: Path) -> None:
     """Remove the oldest files beyond `MAX_FILES`."""
-    files = sorted((entry.stat().st_mtime, entry.path) for entry in os.scandir(folder))
-    for _, path in files[:-MAX_FILES]:
+    files = []
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            with contextlib.suppress(OSError):  # another process may have removed it
+                files.append((entry.stat().st_mtime, entry.path))
+    for _, path in sorted(files)[:-MAX_FILES]:
         with contextlib.suppress(OSError):
             os.unlink(path)
