@@ -69,7 +69,7 @@ TARGETS = (
         "every command of the pages, examples, the wheel",
         pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/project", f"--ignore={SITE_TESTS}"),
     ),
-    Target("learning", "training", pytest=("-m", "slow", "tests/studies/learning", "tests/envs/test_sb3.py")),
+    Target("learning", "training", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/studies/learning", "tests/envs/test_sb3.py")),
     Target(
         "site",
         "the documentation site, opened page by page",

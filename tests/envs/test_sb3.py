@@ -64,8 +64,7 @@ def number_after(text, printed):
 
 
 @pytest.mark.slow
-def test_what_is_trained_is_better_on_held_out_seeds(tmp_path):
-    """A tuner than the untuned filter, an aligner than analytic, and a driver as good as the best fixed pattern."""
+def test_a_trained_tuner_is_better_than_the_untuned_filter_on_held_out_seeds(tmp_path):
     printed = trained("train_tuner", "tuner.png", tmp_path)
     gain, error = number_after("PPO minus untuned, seed by seed:", printed)
     untuned, correct = (
@@ -73,10 +72,16 @@ def test_what_is_trained_is_better_on_held_out_seeds(tmp_path):
     )
     assert gain > 4 * error and correct > untuned + 0.5, printed  # it is not mistuned
 
+
+@pytest.mark.slow
+def test_a_trained_aligner_is_better_than_analytic_on_held_out_seeds(tmp_path):
     printed = trained("train_aligner", "aligner.png", tmp_path, "--minutes", "3")
     learnt, classical = number_after("PPO", printed), number_after("analytic", printed)
     assert learnt[0] - classical[0] > 4.0 * np.hypot(learnt[1], classical[1]), printed
 
+
+@pytest.mark.slow
+def test_a_trained_driver_is_as_good_as_the_best_fixed_pattern_on_held_out_seeds(tmp_path):
     printed = trained("train_manoeuvre", "manoeuvre-curve.png", tmp_path)
     gain, error = number_after("PPO minus the pattern chosen, seed by seed:", printed)
     assert gain > -2.0 * error, printed
