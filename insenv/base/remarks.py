@@ -40,6 +40,10 @@ class Caveat(Remark):
     """A remark on stated standard deviations, with which an estimate counts as aligned all the same."""
 
 
+class Doubt(Remark):
+    """A remark that speaks against the stated standard deviations: an estimate with one is not called consistent."""
+
+
 def declared(code: str, text: str, kind: type[Remark] = Remark) -> Remark:
     """A remark without a rule of its own.  Raises `ValueError` for a code that has another text."""
     if TEXTS.setdefault(code, text) != text:

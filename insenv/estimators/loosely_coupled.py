@@ -18,6 +18,7 @@ from insenv.estimators.fusion import history
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.gnss import WHITE
 from insenv.estimators.fusion.inertial import ACCEL_BIAS, GYRO_BIAS
+from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.fusion.zero_velocity import AT_EACH_SAMPLE
 from insenv.estimators.parts import applicability
@@ -41,6 +42,7 @@ _FILTER = Estimator(
     sensors=("gnss",),
     error=FILTER.consistency_error,
     applicability=applicability.together(applicability.linear_start, applicability.unmodelled_motion, applicability.noiseless),
+    findings=lambda parameters: restarts(FILTER.aids),
     causes=FILTER.causes,
     max_measurement_age_s=history.OLDEST,
 )

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
-from insenv.base.remarks import Remark, remark
+from insenv.base.remarks import Doubt, Remark, remark
 from insenv.core.tables import Vector
 
 FIXES = 5
@@ -80,6 +80,7 @@ def contradiction_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]
     "fixes-contradict",
     "the fixes contradict the estimate from {begin:.1f} to {end:.1f} s: {component} is off by {innovation:+.2g} {unit}, "
     "{ratio:.1f} times what estimate and fix state together: the stated sigmas are too small there{more}",
+    Doubt,
 )
 def contradicted(intervals: Sequence[Contradiction]) -> dict[str, Any] | None:
     """The worst of the intervals in which fixes contradict the estimate."""
@@ -95,6 +96,7 @@ def contradicted(intervals: Sequence[Contradiction]) -> dict[str, Any] | None:
     "between {before:.2f} and {after:.2f} s the receiver's {component} changes by {change:+.2g} m/s more than the inertial "
     "unit measures: the unit misses an impact, such as a touch-down, or the receiver jumps; the stated sigmas do not hold for "
     "some time after it{more}",
+    Doubt,
 )
 def velocity_jump(jumps: Sequence[Jump]) -> dict[str, Any] | None:
     """The largest jump of the velocity."""
@@ -204,6 +206,7 @@ SIDEWAYS = np.radians(30.0)
     "moves-sideways",
     "the heading is {angle:+.0f} deg from the direction of travel: if this vehicle moves forward, the unit is turned about the "
     "vertical by that; look at `axes` and `mounting_angles_deg`, which fixes of GNSS do not show",
+    Doubt,
 )
 def sideways_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> dict[str, Any] | None:
     """Heading less course is steadily far from 0.

@@ -10,13 +10,13 @@ the estimate to follow is in neither, and makes the NIS smaller than 1 (`slow_er
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from insenv.base.remarks import Remark, declared, remark
+from insenv.base.remarks import Doubt, Remark, declared, remark
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation.nis import APART as APART
 from insenv.evaluation.nis import BLOCKS as BLOCKS
@@ -26,6 +26,8 @@ from insenv.evaluation.nis import WRONG as WRONG
 from insenv.evaluation.nis import Verdict as Verdict
 
 GROUPS = ("position", "velocity")
+CONTRADICTED = "contradicted"
+"""Verdict on a filter whose innovations are as it states, and whose estimate something else contradicts."""
 LINES = {
     "called": "{verdict}, factor {factor}",
     "summary": "{called}: {share} % of {count} {what} refused, {nis}",
@@ -106,11 +108,13 @@ class Health:
     """The health of a filter over a run: by GNSS (`NO_FIXES`: none came), and by every other aid that measured, by id.
 
     fixes, refused, nis: of GNSS.  groups: NIS of position and of velocity ("position", "velocity").  verdict, factor: the worst
-    of those of GNSS and of `aids`.
+    of those of GNSS and of `aids`; `CONTRADICTED` if none of these is wrong and something else contradicts the estimate.
+    contradicted: the codes of the remarks that do.
     """
 
     gnss: AidHealth
     aids: Mapping[str, AidHealth] = field(default_factory=dict)
+    contradicted: tuple[str, ...] = ()
 
     fixes = property(lambda self: self.gnss.measurements)
     refused = property(lambda self: self.gnss.refused)
@@ -118,8 +122,18 @@ class Health:
     groups = property(lambda self: dict(zip(GROUPS, self.gnss.groups, strict=True)))
 
     @property
-    def verdict(self) -> Verdict:
-        return max((self.gnss.verdict, *(aid.verdict for aid in self.aids.values())), key=VERDICTS.index)
+    def verdict(self) -> str:
+        worst = max((self.gnss.verdict, *(aid.verdict for aid in self.aids.values())), key=VERDICTS.index)
+        return CONTRADICTED if self.contradicted and worst not in WRONG else worst
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the verdict says that the filter states too little."""
+        return self.verdict in (*WRONG, CONTRADICTED)
+
+    def doubted(self, remarks: Iterable[Remark]) -> Health:
+        """The health of a run on which these are the remarks."""
+        return replace(self, contradicted=tuple(dict.fromkeys(each.code for each in remarks if isinstance(each, Doubt))))
 
     @property
     def factor(self) -> float:
@@ -135,6 +149,7 @@ class Health:
             "factor": self.factor,
             **{name: nis.as_json() for name, nis in self.groups.items()},
             "aids": {id: aid.as_json() for id, aid in self.aids.items()},
+            "contradicted": list(self.contradicted),
         }
 
     @property
@@ -267,5 +282,5 @@ def figure(value: float) -> str:
     return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
 
-def _called(verdict: Verdict, factor: float) -> str:
+def _called(verdict: str, factor: float) -> str:
     return LINES["called"].format(verdict=verdict, factor=figure(factor)) if verdict in WRONG else verdict

@@ -29,10 +29,11 @@ import numpy as np
 from insenv.core.tables import Table, Vector
 from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.contradiction import FIXES, RATIO, SHORTEST_S
-from insenv.evaluation.health import WRONG, Verdict, health
+from insenv.evaluation.health import WRONG, health
 
 LONGEST_S = 10.0
 SIGNIFICANT = 3.0
+RESTARTS = "gnss_restart_count"
 HOLD_S = 10.0
 """Time for which the health must have been good after it was not: near a bound a verdict changes from fix to fix."""
 MOST_RECORDS = 512
@@ -55,8 +56,9 @@ class LiveHealth:
         self._information = 0.0
         self._compared: tuple[float, Vector] | None = None
         self._judged_at = float("-inf")
-        self._unwell_at = float("-inf")
-        self.verdict: Verdict = "untested"
+        self._unwell_at = self._restarted_at = float("-inf")
+        self._restarts, self._time = 0.0, 0.0
+        self.verdict = "untested"
 
     def take(self, time: float, outputs: Mapping[str, Any], fix_velocity_sigma: Vector | None) -> None:
         """Take the filter's outputs after a fix at `time` (s); those of a filter that has diverged to NaN are ignored.
@@ -66,7 +68,11 @@ class LiveHealth:
         latest = np.concatenate([np.ravel(outputs[name]) for name in self._rows.names])
         if not np.isfinite(latest).all():
             return
-        self._latest = latest
+        self._latest, self._time = latest, time
+        restarts = float(outputs.get(RESTARTS, 0.0))
+        if restarts > self._restarts:
+            self._restarted_at = time
+        self._restarts = restarts
         if self._count % self._every == 0:
             self._records.append(self._latest)
             if len(self._records) > MOST_RECORDS:
@@ -126,7 +132,10 @@ class LiveHealth:
 
     @property
     def contradicted(self) -> bool:
-        """Whether the median test ratio of a component is beyond `RATIO` over the latest fixes."""
+        """Whether the median test ratio of a component is beyond `RATIO` over the latest fixes, or the filter has started anew
+        by them less than `HOLD_S` ago."""
+        if self._time - self._restarted_at < HOLD_S:
+            return True
         if len(self._ratios) < FIXES:
             return False
         return bool(np.max(np.abs(np.median(np.array([ratio for _, ratio in self._ratios]), axis=0))) > RATIO)

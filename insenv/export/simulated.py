@@ -145,6 +145,7 @@ def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings,
             "file": file_of("imu"),
             **log_tables.IMU,
             "rate_hz": scenario.rate_hz,
+            "noise_in_motion": False,  # what its samples show in motion is motion
             "unit": {"grade": scenario.imu.grade, **_common(scenario.imu, _SHEET_KEYS, exclude_defaults=True)},
         },
         "reference": {"file": file_of("reference"), **log_tables.reference_keys(reference)},

@@ -91,6 +91,12 @@ class ImuSection(FileSection):
     unit: UnitSection | None = key(
         None, "data sheet of the unit, with the keys of a scenario's [imu], for one that is not in the catalogue"
     )
+    noise_in_motion: bool = key(
+        True,
+        "whether estimators of a moving vehicle take the white noise of the samples in motion where it exceeds that of the "
+        "unit",
+        strict=True,
+    )
     interval: Column | None = key(
         None, "column of the length of the interval that each sample covers [s]; absent: from the time stamps"
     )

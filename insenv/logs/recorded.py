@@ -15,6 +15,7 @@ from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
+from insenv.logs.noise import densities_in_motion, in_motion
 from insenv.logs.units import Array
 from insenv.sensors import registry
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
@@ -182,8 +183,28 @@ class RecordedLog(InertialSamples):
         return assumed_unit(self, self.rest)
 
     def sensors(self, in_place: bool) -> ImuDataSheet:
-        """What estimators are tuned by: the grade of the description, the unit's own rows, or what is assumed of it."""
-        return imu_data_sheet(self._unit_rows, in_place)
+        """What estimators are tuned by: the grade of the description, the unit's own rows, or what is assumed of it.
+
+        On the move the white noise is that of the log in motion, where it exceeds what these say.
+        """
+        rows = self._unit_rows
+        return imu_data_sheet(rows if in_place else {**rows, **self.raised_noise}, in_place)
+
+    @cached_property
+    def raised_noise(self) -> dict[str, Any]:
+        """Densities of white noise of the log in motion (SI), by row, that exceed those of the unit.
+
+        Empty where the log states the parameters of its unit itself, or its description says that it has no such noise.
+        """
+        if self.unit is not None or not self.description.imu.noise_in_motion:
+            return {}
+        gnss, rows = self.gnss, self._unit_rows
+        time, speed = np.zeros(0), np.zeros(0)
+        if gnss is not None and gnss.velocity_n is not None and gnss.velocity_sigma is not None:
+            shown = gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
+            time, speed = gnss.time[shown], np.hypot(*gnss.velocity_n[shown, :2].T)
+        measured = densities_in_motion(self, in_motion(self, time, speed))
+        return {row: np.maximum(rows[row], value) for row, value in measured.items() if value > np.max(rows[row])}
 
     def motion_errors(self) -> dict[str, Any]:
         """Scale factor and misalignment of the unit, 1 sigma, as the fields of `Knowledge` of that name."""

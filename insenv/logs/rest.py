@@ -15,6 +15,7 @@ from insenv import geodesy
 from insenv.estimators import ImuDataSheet
 from insenv.geodesy import OMEGA_IE
 from insenv.logs.inertial import InertialSamples
+from insenv.logs.noise import shaken
 from insenv.logs.recorded import NO_INFORMATION, GnssFixes, Readings, RecordedLog
 from insenv.logs.units import Array
 
@@ -25,16 +26,14 @@ from insenv.logs.units import Array
 # shows every start from rest, and fixes show a log that begins under way.
 
 REST_WINDOW_S = 1.0
-REST_RATE = 0.02
-"""Largest standard deviation of a body rate of a vehicle at rest with its motor idling (rad/s)."""
-REST_FORCE = 0.5
-"""Largest standard deviation of the specific force, likewise (m/s^2)."""
 REST_TURN = 0.02
 """Largest change of a mean body rate at rest (rad/s): a steady turn has a small standard deviation."""
 REST_PUSH = 0.2
 """Largest change of a mean specific force at rest (m/s^2): people getting in tilt a car by some 0.5 deg, 0.1 m/s^2."""
 REST_SPEED = 0.5
 """Largest speed over ground that a receiver shows at rest (m/s)."""
+REST_SIGMAS, LARGEST_REST_SPEED = 3.0, 1.0
+"""The same by the standard deviation that the receiver states, up to this speed (m/s)."""
 REST_SAMPLES = 100
 LEAVING_SIGMAS = 4.0
 """Standard deviations of a fix by which a vehicle has left its place."""
@@ -71,7 +70,7 @@ def rest_until(
     for begin in range(first, len(end) - per_window + 1, per_window):
         window = slice(begin, begin + per_window)
         rate, force = rate_ib_b[window], specific_force_b[window]
-        if rate.std(axis=0).max() > REST_RATE or force.std(axis=0).max() > REST_FORCE:
+        if shaken(rate, force):
             break
         mean = np.concatenate([rate.mean(axis=0), force.mean(axis=0)])
         if count:
@@ -92,10 +91,12 @@ def rest_until(
 
 def _has_speed(gnss: GnssFixes, velocity_n: Array, begin: float, end: float) -> bool:
     """Whether a velocity from `begin` to `end` (s) shows motion."""
-    now = (gnss.time >= begin) & (gnss.time <= end)
+    now, allowed = (gnss.time >= begin) & (gnss.time <= end), np.full(len(gnss.time), REST_SPEED)
     if gnss.velocity_sigma is not None:
-        now &= gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
-    return bool(now.any() and np.hypot(*velocity_n[now, :2].T).max() > REST_SPEED)
+        sigma = gnss.velocity_sigma[:, :2].max(axis=1)
+        now &= sigma < NO_INFORMATION
+        allowed = np.clip(REST_SIGMAS * sigma, REST_SPEED, LARGEST_REST_SPEED)
+    return bool(np.any(np.hypot(*velocity_n[now, :2].T) > allowed[now]))
 
 
 def _left_at(gnss: GnssFixes, since: float, begin: float, end: float) -> float | None:

@@ -9,7 +9,6 @@ from math import isfinite
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
-from insenv.evaluation.nis import WRONG
 from insenv.report.document import Block, Grid, Line
 from insenv.report.run_data import RunData
 
@@ -161,7 +160,7 @@ def _of_result(result: Result, report: RunData) -> Iterator[Block]:
         yield Line(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
     if result.health is not None:
         for place, sentence in enumerate(result.health.lines):
-            yield Line(f"{'  ' if place else 'health: '}{sentence}", "yellow" if result.health.verdict in WRONG else "")
+            yield Line(f"{'  ' if place else 'health: '}{sentence}", "yellow" if result.health.wrong else "")
     for note in result.notes:
         yield Line(f"note: {note}")
     if result.unit:

@@ -61,6 +61,26 @@ def latitude_at_rest(log: RecordedLog, first: int, latitude: float) -> dict[str,
     return {"stated": latitude_text(latitude), "measured": latitude_text(about, digits=2)}
 
 
+@remark(
+    "noise-in-motion",
+    "in motion the samples have more white noise than the unit's data sheet says: {noise}. Vibration does that, and motion "
+    "faster than the samples; estimators are tuned to it ([imu] noise_in_motion = false: to the data sheet)",
+)
+def noise_in_motion(log: RecordedLog) -> dict[str, Any] | None:
+    """The white noise of the log in motion exceeds that of its unit."""
+    raised, stated = log.raised_noise, log.sensors(in_place=True)
+    figures = {
+        "angle_random_walk": ("gyros", "deg/sqrt(h)", np.degrees(60.0), stated.angle_random_walk),
+        "velocity_random_walk": ("accelerometers", "m/s/sqrt(h)", 60.0, stated.velocity_random_walk),
+    }
+    said = [
+        f"{triad} {float(np.max(raised[row])) * factor:.2g} {unit} instead of {sheet * factor:.2g}"
+        for row, (triad, unit, factor, sheet) in figures.items()
+        if row in raised
+    ]
+    return {"noise": ", ".join(said)} if said else None
+
+
 _NO_PLACE_SHOWN = declared(
     "latitude-unseen",
     "nothing in the log shows whether the vehicle is at latitude {latitude}; elsewhere the heading is wrong",

@@ -1,8 +1,8 @@
 """Initial knowledge of the estimators of a recorded log: from the log itself, or from its reference solution.
 
 From the log: roll and pitch from the mean specific force while the vehicle stands, heading from gyros that sense the
-Earth's rotation (`insenv.runs.rest`) or from its first motion (`insenv.runs.first_motion`).  Under way: position and velocity
-from the fix at the start, and an unknown attitude.
+Earth's rotation (`insenv.runs.rest`) or from the motion (`insenv.runs.heading_bank`).  Under way: position and velocity from
+the fix at the start, the attitude from the motion too, or unknown.
 
 The standard deviations are those of the log's [initial], or else those stated here.
 """
@@ -21,9 +21,10 @@ from insenv.base.remarks import Remark, declared, remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
-from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
+from insenv.runs.heading_bank import attitude_by_motion, heading_of
 from insenv.runs.log_remarks import latitude_text
 from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
+from insenv.vehicles import registry as vehicles
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,7 @@ STARTS = ("coarse", "reference", "stated")
 """Sources of the initial state: the log alone, its reference solution (of navigation), or its [initial]."""
 ON_ITS_BACK = 0.5  # share of gravity that points down at rest
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
+HEADING_SIGMA = float(np.radians(5.0))  # of a given heading
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
 ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
@@ -174,7 +176,7 @@ def _place(log: RecordedLog, in_place: bool, first: int) -> Start:
         **place,
         heading=stated.get("heading", 0.0),
         **({} if in_place else _bias_at_rest(log, first, place["latitude"])),
-        **_sigmas(stated, heading_sigma=COURSE_SIGMA if "heading" in stated else np.pi, tilt_sigma=np.pi),
+        **_sigmas(stated, heading_sigma=HEADING_SIGMA if "heading" in stated else np.pi, tilt_sigma=np.pi),
     )
     return Start(known, far)
 
@@ -270,6 +272,14 @@ def _stands(log: RecordedLog, first: int) -> bool:
     return speed <= (SURE_SPEED if inside else REST_SPEED)  # a steady drive on a straight road looks like a rest
 
 
+def _shows_attitude(log: RecordedLog) -> bool:
+    """Whether the motion of a vehicle under way may show its attitude: waves do not by positions alone, to 2 in 13 ships."""
+    gnss, kind = log.gnss, log.description.vehicle_kind
+    if gnss is None or gnss.velocity_n is not None:
+        return gnss is not None
+    return kind is not None and not vehicles.traits_of(kind).floats
+
+
 _UNDER_WAY = declared("start-under-way", "{where}: the start has {source}; its level is {level}, its heading is {heading}")
 
 
@@ -315,12 +325,23 @@ def _under_way(log: RecordedLog, first: int) -> Start:
             tilt_sigma=LEVEL_SIGMA if levelled else np.pi,
         ),
     )
+    shown = _shows_attitude(log) and not (levelled and "heading" in stated)
+    answer = attitude_by_motion(log, first, replace(known, heading_sigma=np.pi)) if shown else None
+    of_motion: tuple[Remark, ...] = ()
+    if answer is not None:
+        known = replace(
+            known,
+            tilt_sigma=answer.tilt_sigma,
+            heading_sigma=known.heading_sigma if "heading" in stated else answer.heading_sigma,
+            **{name: stated.get(name, getattr(answer, name)) for name in ("roll", "pitch", "heading")},
+        )
+        refusal, of_motion = "", (answer.remark(),)
     level, heading = (
         "unknown" if sigma >= np.pi else f"known to {np.degrees(sigma):.3g} deg"
         for sigma in (known.tilt_sigma, known.heading_sigma)
     )
     note = _UNDER_WAY.filled(where=where, source=source, level=level, heading=heading)
-    return Start(known, (*place.notes, note), "" if levelled and "heading" in stated else refusal)
+    return Start(known, (*place.notes, *of_motion, note), "" if levelled and "heading" in stated else refusal)
 
 
 def _from_log(log: RecordedLog, first: int) -> Start:
@@ -340,21 +361,32 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         position_sigma=position_sigma,
         velocity_sigma=np.full(3, REST_VELOCITY_SIGMA),
         tilt_sigma=rest.tilt_sigma(sensors) if levelled else LEVEL_SIGMA,
-        heading_sigma=COURSE_SIGMA,
+        heading_sigma=HEADING_SIGMA,
     )
     if far:
         sigmas["position_sigma"] = position_sigma  # the given one is that of the given place
     tilt_sigma, heading = sigmas["tilt_sigma"], 0.0
     of_motion: tuple[Remark, ...] = ()
-    if "heading" in stated:
-        angles = roll, pitch, stated["heading"]
-        heading, sigmas["heading_sigma"], of_motion = checked_by_motion(
-            log, first, angles, rest.rate, sigmas["heading_sigma"], tilt_sigma
-        )
-    elif gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < COURSE_SIGMA:
+    found_by_gyros = gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < HEADING_SIGMA
+    if "heading" not in stated and found_by_gyros:
         sigmas["heading_sigma"] = np.pi
     elif sigmas["heading_sigma"] < np.pi:
-        heading = heading_by_course(log, first, (roll, pitch), rest.rate)
+        level = start_at_rest(rest, (roll, pitch), latitude, 0.0, np.pi, sensors, tilt_sigma)
+        begun = _known(
+            log,
+            False,
+            **dict(zip(PLACE, (latitude, longitude, height), strict=True)),
+            roll=roll,
+            pitch=pitch,
+            # the place is that of the antenna
+            **{**sigmas, "heading_sigma": np.pi, "position_sigma": position_sigma + float(np.linalg.norm(log.lever_arm_b))},
+            gyro_bias=level.gyro_bias,
+            gyro_bias_error=level.gyro_bias_error,
+        )
+        # rocking in place shows nothing of a heading, and a linearised filter takes it to: the bank begins where the rest ends
+        leaves = max(first, int(np.searchsorted(log.imu_time, log.rest[1] - REST_WINDOW_S)) if log.rest else first)
+        answer = attitude_by_motion(log, min(leaves, len(log.imu_time) - 1), begun)
+        heading, sigmas["heading_sigma"], of_motion = heading_of(stated, sigmas["heading_sigma"], answer)
     start = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
 
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, start.heading))

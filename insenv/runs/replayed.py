@@ -19,13 +19,13 @@ from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
-from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
+from insenv.logs import RecordedLog, Reference, load
 from insenv.logs.description import EvaluationSection
-from insenv.logs.recorded import delivered
 from insenv.logs.rest import travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
-from insenv.runs.log_remarks import latitude_at_rest, standstill_missed, unseen
+from insenv.runs.log_remarks import latitude_at_rest, noise_in_motion, standstill_missed, unseen
+from insenv.runs.log_samples import sample_columns
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of, members, result_of
 from insenv.scenario.chunks import RECORDS, chunks, recording_interval
@@ -90,6 +90,8 @@ def replay(
     ]
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
         notes.append(Remark("unit-assumed", log.assumed.sentence))
+    if any(_takes_sensors(e, given[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
+        notes += noise_in_motion(log)
     if log.gaps.count:
         notes.append(_BRIDGED.filled(count=log.gaps.count, samples=log.gaps.samples))
     if dropped:
@@ -196,54 +198,6 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
         if arrival is not None and age is not None
     }
     return Drive("the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, fix_velocity=measured, ages=ages)
-
-
-def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:
-    """Samples in `window` as columns by the names of the estimators' inputs, and the number of fixes left out.
-
-    A fix belongs to the first sample that ends at or after its arrival, or its time where the log states no arrival; its
-    age, `gnss_age`, counts to the end of that sample.  A sample has at most one fix: of several, the last.
-    """
-    columns = {
-        "delta_angle": log.delta_angle[window],
-        "delta_velocity": log.delta_velocity[window],
-        "dt": log.dt[window],
-        **instruments.sample_columns(log.instruments, log.imu_time[window], log.dt[window]),
-    }
-    if log.gnss is None:
-        return columns, 0
-    fixes, dropped = _fix_columns(log.gnss, log.imu_time[window], log.dt[window])
-    return {**columns, **fixes}, dropped
-
-
-def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Array], int]:
-    fix, sample, age = delivered(gnss.time, gnss.arrival, gnss.age, end, dt)
-    arrived = gnss.time if gnss.arrival is None else gnss.arrival
-    inside = np.count_nonzero((arrived > end[0] - dt[0]) & (arrived <= end[-1]))
-    valid = np.zeros(len(end))
-    valid[sample] = 1
-
-    ages = np.zeros(len(end))
-    ages[sample] = age
-
-    def spread(values: Array, otherwise: float = 0.0) -> Array:
-        column = np.full((len(end), *values.shape[1:]), otherwise)
-        column[sample] = values[fix]
-        return column
-
-    columns = {
-        "gnss_valid": valid,
-        "gnss_age": ages,
-        "gnss_latitude": spread(gnss.latitude),
-        "gnss_longitude": spread(gnss.longitude),
-        "gnss_height": spread(gnss.height),
-        "gnss_position_sigma": spread(gnss.position_sigma, 1.0),
-    }
-    if gnss.velocity_n is not None and gnss.velocity_sigma is not None:
-        columns["gnss_velocity_valid"] = valid
-        columns["gnss_velocity_n"] = spread(gnss.velocity_n)
-        columns["gnss_velocity_sigma"] = spread(gnss.velocity_sigma, 1.0)
-    return columns, int(inside - len(fix))
 
 
 _UNIT = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")

@@ -184,6 +184,7 @@ def result_of(
     def covered(values: Mapping[str, Array]) -> dict[str, Array]:
         return {name: value[inside] for name, value in values.items()}
 
+    said = coded(notes, "note")
     bound, course = {}, {}
     if limit is not None and not estimator.smooths:  # it is that of what is known by the time; a smoother knows the whole run
         bound, course = limit.rms(time, from_s), limit.at(time)
@@ -197,8 +198,8 @@ def result_of(
         from_s=from_s,
         limit_sigma={name: value for name, value in course.items() if name in error},
         us_per_sample=us_per_sample,
-        notes=coded(notes, "note"),
-        health=health,
+        notes=said,
+        health=None if health is None else health.doubted(said),
         settled=settled,
         unit=unit,
     ).judged()

@@ -183,15 +183,15 @@ def drive(tmp_path_factory):
 def test_a_log_that_is_described_truly_is_consistent(drive):
     result = insenv.replay(drive, "loosely-coupled").results[0]
     assert result.health.verdict == "consistent" and result.health.fixes == 239
-    assert not any("fix" in note for note in result.notes)
+    assert not any("innovations" in note or "contradict" in note for note in result.notes)
 
 
 @pytest.mark.parametrize(
     ("right", "wrong", "verdict"),
     [
-        ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [1.2, 0.3, -1.0]", "diverged"),
+        ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [1.2, 0.3, -1.0]", "overconfident"),
         ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [-1.2, -0.7, -1.0]", "overconfident"),
-        ("time_offset_s = 0.0", "time_offset_s = 0.3", "diverged"),
+        ("time_offset_s = 0.0", "time_offset_s = 0.3", "overconfident"),
     ],
 )
 def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong, verdict):
@@ -216,7 +216,9 @@ def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong,
     ],
 )
 def test_a_log_of_a_worse_unit_or_receiver_than_told_is_not_passed_over(tmp_path, told, verdict):
-    health = insenv.replay(written_log(tmp_path, **told), "loosely-coupled").results[0].health
+    path = written_log(tmp_path, **told)
+    path.write_text(path.read_text("utf-8").replace("static_until_s", "heading_deg = 90.0\nstatic_until_s"), encoding="utf-8")
+    health = insenv.replay(path, "loosely-coupled").results[0].health
     assert health.verdict == verdict and health.factor > 2
 
 
@@ -226,10 +228,11 @@ def test_strict_fails_after_the_report_is_written(drive, tmp_path):
     late.write_text(drive.read_text("utf-8").replace("time_offset_s = 0.0", "time_offset_s = 0.3"), encoding="utf-8")
     assert call("replay", drive, *arguments, "--strict")[0] == 0
     status, text, said = call("replay", late, *arguments)
-    assert status == 0 and "health: diverged" in text and not said
+    assert status == 0 and "health: overconfident" in text and not said
     status, text, said = call("replay", late, *arguments, "--strict", "--json")
-    assert status == 1 and said == "insenv: --strict: diverged: loosely-coupled from its fixes\n"
-    assert json.loads(text)["results"][0]["health"]["verdict"] == "diverged"
+    contradicted = "contradicted: loosely-coupled by filter-restarted, fixes-contradict"
+    assert status == 1 and said == f"insenv: --strict: overconfident: loosely-coupled about its fixes; {contradicted}\n"
+    assert json.loads(text)["results"][0]["health"]["verdict"] == "overconfident"
     assert (tmp_path / "late.json").exists()
 
 
@@ -240,7 +243,7 @@ def test_a_wrong_barometer_and_a_wrong_odometer_of_a_log_are_named(tmp_path, mon
     told = ("--set", "fusion.odometer_noise_mps=0.002")
     status, text, said = call("replay", path, "-e", "fusion", "--json", "--strict", *told)
     (found,) = json.loads(text)["results"]
-    assert status == 1 and said.startswith("insenv: --strict: diverged: fusion from its fixes and odometer")
+    assert status == 1 and said.startswith("insenv: --strict: diverged: fusion from odometer")
     assert found["health"]["aids"]["odometer"]["verdict"] == found["health"]["verdict"] == "diverged"
     assert found["health"]["aids"]["barometer"]["refused"] == 10
     (of_bias,) = (note for note in found["notes"] if "barometer_bias_sigma" in note)

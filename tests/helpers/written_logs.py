@@ -46,7 +46,7 @@ def written_log(
     )
     columns = {"imu": log_tables.imu_columns(log), "gnss": log_tables.gnss_columns(fixes)}
     sections: dict[str, dict[str, Any]] = {
-        "imu": {**log_tables.IMU, "grade": grade},
+        "imu": {**log_tables.IMU, "grade": grade, "noise_in_motion": False},
         "gnss": {**log_tables.gnss_keys(fixes), "lever_arm_m": LEVER_ARM_M, "time_offset_s": 0.0},
     }
     for each in log.instruments:

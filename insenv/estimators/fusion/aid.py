@@ -46,6 +46,8 @@ class Aid:
         before.  None: white.
     max_rejections: measurements refused in a row before the gate opens: a filter that refuses one after the other is wrong
         itself.
+    restarts: whether measurements that are refused and agree with each other start position and velocity anew, before that
+        (`insenv.estimators.fusion.restart`); its components are position and velocity in n.
     on_sample: ``(p, x, u, delta_angle, delta_velocity, change_w) -> rows`` of its `state` after a sample of corrected
         increments (rad, m/s, b) that changed the velocity by `change_w` (m/s, w).
     steps: further steps between the sample and the propagation of the covariance.
@@ -75,6 +77,7 @@ class Aid:
     gate: str = ""
     correlated: Callable[[Any, Any, Any], Any] | None = None
     max_rejections: int = 10
+    restarts: bool = False
     on_sample: Callable[..., Mapping[str, Any]] | None = None
     steps: Mapping[str, Step] = field(default_factory=dict)
     triggers: str = ""
@@ -113,7 +116,13 @@ class Aid:
             Row(self.row("nis_used_count"), "Number of these components", "1", parts),
             Row(self.row("nis_refused"), "Sum of the squared test ratios of the components refused", "1", parts),
             Row(self.row("nis_refused_count"), "Number of these components", "1", parts),
+            *self._restarts,
         ))  # fmt: skip
+
+    @property
+    def _restarts(self) -> tuple[Row, ...]:
+        meaning = f"Times that position and velocity started anew, because refused measurements of {self.title} agreed"
+        return (Row(self.row("restart_count"), meaning, "1"),) if self.restarts else ()
 
     def shown(self, x: Any) -> dict[str, Any]:
         """The output rows, from the state."""
@@ -123,12 +132,14 @@ class Aid:
     def kept(self) -> Table:
         """State rows: those of `reported`, the ages and counts of the gate, and its own."""
         flag = () if self.flag else (Row(self.due_row, f"1 when {self.title} measures at this sample"),)
+        agreed = Row(self.row("agreed"), "Those of them, the last ones, that agree with each other", "1")
         return (
             self.reported
             + Table((
                 *flag,
                 Row(self.row("since"), "Time since its last measurement", "s", start=NEVER),
                 Row(self.row("refusals"), "Measurements in a row with an innovation beyond the gate", "1"),
+                *((agreed,) if self.restarts else ()),
             ))
             + self.state
         )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import declared
+from insenv.base.remarks import Doubt, declared
 from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
@@ -26,6 +26,7 @@ from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.in_place import SHAKEN
 from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNTOLD_ARM
+from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
@@ -153,6 +154,7 @@ _SURPRISING = declared(
     "estimate-surprising",
     "the estimate of {state} is {ratio} times the standard deviation told of it ({sigma}): the instrument, its description or "
     "that sigma is wrong",
+    Doubt,
 )
 
 
@@ -265,7 +267,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
         error=filter.consistency_error,
         prepare=lambda known: prepared(known, filter.parameters, names),
         applicability=notes,
-        findings=lambda parameters: surprising(filter.states, parameters),
+        findings=lambda parameters: (*surprising(filter.states, parameters), *restarts(filter.aids)),
         causes=filter.causes,
         max_measurement_age_s=history.OLDEST,
     )

@@ -108,6 +108,7 @@ WHITE = Aid(
     age=lambda u: u.gnss_age,
     gate="innovation_gate",
     correlated=_correlated,
+    restarts=True,
     groups=(slice(0, 3), slice(3, 6)),
     renamed={
         "innovation": "innovation",

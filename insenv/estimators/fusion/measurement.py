@@ -12,6 +12,8 @@ from insenv.core.elementary import maximum, select
 from insenv.estimators.fusion.aid import Aid, Spread
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation, linear
+from insenv.estimators.fusion.restart import counted as restarted
+from insenv.estimators.fusion.restart import restart
 from insenv.estimators.parts.error_model import TILT
 from insenv.estimators.parts.kalman import Update, innovation_variance, measure
 from insenv.estimators.parts.rows import COUNTED, counted
@@ -34,6 +36,9 @@ def update(
     refusals = getattr(x, aid.row("refusals"))
     # a filter that rejects one measurement after the other is itself wrong: the gate stays open until they agree again
     gated = select(refusals < aid.max_rejections, 1.0, 0.0)
+    begun = restart(aid, x, innovation, variance, present, since, n) if aid.restarts else None
+    if begun is not None:
+        stored, gated = begun.stored, gated * (1 - begun.now)
     scalars, ratios, outside = [], [], ca.SX(0)
     for i in range(aid.size):
         left = innovation[i] - H[i, :] @ correction
@@ -51,6 +56,7 @@ def update(
         **counted(x, [aid.row(name) for name in COUNTED], aid.parts, present, accepted, test_ratio),
         aid.row("refusals"): select(outside > 0, refusals + 1, 0),
         aid.row("since"): age,
+        **({} if begun is None else restarted(aid, x, begun, outside)),
     }
     return Update(tuple(scalars), correction, stored), reported
 

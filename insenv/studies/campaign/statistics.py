@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.remarks import Remark, as_json, coded
-from insenv.evaluation.health import VERDICTS, AidHealth, Health, Verdict
+from insenv.evaluation.health import VERDICTS, AidHealth, Health
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.tables import runs_of
 from insenv.studies.campaign.plan import Plan
@@ -261,7 +261,7 @@ def _of_aid(found: list[AidHealth]) -> dict[str, Any]:
     return _shares([one.verdict for one in found], [(one.measurements, one.refused, one.nis.mean) for one in found])
 
 
-def _shares(verdicts: list[Verdict], measured: list[tuple[int, int, float]]) -> dict[str, Any]:
+def _shares(verdicts: Sequence[str], measured: list[tuple[int, int, float]]) -> dict[str, Any]:
     """Share of the runs by verdict; mean NIS and share refused of the runs that measured (measurements, refused, NIS)."""
     shares: dict[str, Any] = {verdict: verdicts.count(verdict) / len(verdicts) for verdict in VERDICTS}
     count = sum(number for number, _, _ in measured)

@@ -1,10 +1,13 @@
 """The unit of a log without a grade: noise from the log itself, biases by class."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulated_log import simulated_log
 
-from insenv.logs.assumed_unit import noise_at_rest, noise_in_motion
+from insenv.logs.noise import in_motion, noise_at_rest, noise_in_motion
+from insenv.runs.log_remarks import noise_in_motion as noise_remark
 from insenv.scenario import load
 from insenv.sensors import imu_grade
 
@@ -63,3 +66,40 @@ def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
     if grade != "perfect":
         assert taken.angle_random_walk == pytest.approx(float(np.max(own["angle_random_walk"])), rel=0.3)
         assert taken.velocity_random_walk == pytest.approx(float(np.max(own["velocity_random_walk"])), rel=0.3)
+
+
+def flying(shake, seconds=120.0, dt=0.01):
+    """A log whose second half moves at 20 m/s, with white noise of `shake` (m/s^1.5) on the accelerometers there."""
+    log = simulated_log(still_car("tactical"), duration_s=seconds, grade="tactical", initial={"static_until_s": 25.0})
+    half = log.imu_time > seconds / 2
+    noise = np.random.default_rng(4).normal(size=log.delta_velocity.shape) * shake * np.sqrt(dt)
+    velocity = np.where((log.gnss.time > seconds / 2)[:, None], [20.0, 0.0, 0.0], 0.0)
+    gnss = replace(log.gnss, velocity_n=velocity, velocity_sigma=np.full(velocity.shape, 0.1))
+    return replace(log, gnss=gnss, delta_velocity=log.delta_velocity + half[:, None] * noise)
+
+
+def test_noise_in_motion_is_that_of_the_moving_part():
+    shaken = flying(0.05)
+    raised = shaken.raised_noise["velocity_random_walk"]
+    assert float(np.max(raised)) == pytest.approx(0.06, rel=0.2)  # the car itself shakes
+    assert shaken.sensors(in_place=False).velocity_random_walk == pytest.approx(float(np.max(raised)), rel=1e-3)
+    assert shaken.sensors(in_place=True).velocity_random_walk < 0.01
+    (said,) = noise_remark(shaken)
+    assert said.code == "noise-in-motion" and f"accelerometers {60 * float(np.max(raised)):.2g} m/s/sqrt(h)" in said
+
+
+def test_a_log_may_say_that_it_has_no_such_noise():
+    log = flying(0.05)
+    imu = log.description.imu.model_copy(update={"noise_in_motion": False})
+    calm = replace(log, description=log.description.model_copy(update={"imu": imu}))
+    assert calm.raised_noise == {} and noise_remark(calm) == ()
+
+
+def test_what_hovers_moves_although_it_has_no_speed():
+    log = flying(1.0)
+    none = np.zeros(0)
+    half = log.imu_time > 60.0
+    by_speed = in_motion(log, log.gnss.time, np.hypot(*log.gnss.velocity_n[:, :2].T))
+    for moving in (by_speed, in_motion(log, none, none), in_motion(log, log.gnss.time, 0.0 * log.gnss.time)):
+        assert np.mean(moving[half]) > 0.95 and np.mean(moving[~half]) < 0.05
+    assert not in_motion(flying(0.0), none, none).any()

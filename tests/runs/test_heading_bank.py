@@ -1,4 +1,4 @@
-"""Headings of a start that the first motion contradicts, or does not."""
+"""The heading of a start by the motion: found, and checked where one is given."""
 
 from dataclasses import replace
 
@@ -7,8 +7,7 @@ import pytest
 from standing_car import HEADING, beyond, car_log, started
 
 from insenv import geodesy, replay
-from insenv.logs.rest import rest_of
-from insenv.runs.first_motion import heading_by_force
+from insenv.base.errors import InputError
 
 
 def rtk(log):
@@ -36,12 +35,12 @@ def test_a_heading_that_the_motion_contradicts_is_replaced(grade, wrong, duratio
     log = rtk(car_log(grade, duration_s))
     for error in wrong:
         found = replay(started(log, heading_deg=HEADING + error), ["loosely-coupled"]).results[0]
-        assert "course of the first motion" in found.notes[0] and "navigation starts with" in found.notes[0]
+        assert "contradicts the motion" in found.notes[0] and "navigation starts with" in found.notes[0]
         for name in ("roll_deg", "pitch_deg", "heading_deg", "north_m", "vn_mps"):
             assert beyond(found, name, found.time > 40.0) < 0.01, (name, error)
         assert found.health.verdict == "consistent"
     right = replay(started(log, heading_deg=HEADING), ["loosely-coupled"]).results[0]
-    assert not any("course" in note for note in right.notes)
+    assert not any("contradicts the motion" in note for note in right.notes)
 
 
 def test_a_vehicle_that_moves_sideways_keeps_its_heading():
@@ -57,10 +56,25 @@ def test_a_vehicle_that_moves_sideways_keeps_its_heading():
     assert found.sigma["heading_deg"][0] < 6.0
 
 
-def test_the_velocity_that_a_tilt_integrates_at_rest_does_not_count():
-    """Thirty seconds at rest with a roll that is 0.01 rad wrong integrate 3 m/s to the side."""
-    log = car_log("tactical", 60.0, wait_s=30.0, calm=True)
-    rest = rest_of(log, np.flatnonzero(log.imu_time <= 30.0), 0)
-    roll, pitch = rest.level
-    heading, sigma = heading_by_force(log, 0, (roll + 0.01, pitch), rest.rate, log.sensors(in_place=True), 0.01)
-    assert abs(heading - np.radians(HEADING)) < 2 * sigma < np.radians(30.0)
+@pytest.mark.parametrize(("grade", "velocity"), [("tactical", True), ("consumer", True), ("industrial", False)])
+def test_the_motion_shows_the_heading_of_a_start(grade, velocity):
+    """At rest for ten seconds, and under way; the sigma that is stated holds."""
+    log = car_log(grade, 110.0)
+    if not velocity:
+        log = replace(log, gnss=replace(log.gnss, velocity_n=None, velocity_sigma=None))
+    under_way = started(log, start_s=22.0, static_until_s=None)
+    for one, apart in ((log, 3.0), (under_way, 3.0)):
+        result = replay(one, ["loosely-coupled"]).results[0]
+        assert any("of twelve filters side by side" in note for note in result.notes)
+        assert result.sigma["heading_deg"][0] < 11.0
+        assert abs(result.errors["heading_deg"][0]) < apart * result.sigma["heading_deg"][0]
+        assert all(beyond(result, name, result.time > 30.0) < 0.02 for name in ("roll_deg", "pitch_deg", "heading_deg"))
+
+
+def test_what_stays_has_no_heading():
+    """Half a minute at rest: every heading fits the fixes alike, and a given one is kept."""
+    log = car_log("tactical", 30.0, wait_s=40.0)
+    with pytest.raises(InputError, match="heading from motion: the fixes do not show it"):
+        replay(started(log, static_until_s=28.0), ["loosely-coupled"])
+    kept = replay(started(log, static_until_s=28.0, heading_deg=HEADING + 40.0), ["loosely-coupled"]).results[0]
+    assert kept.errors["heading_deg"][0] == pytest.approx(40.0, abs=1.0)

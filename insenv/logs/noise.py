@@ -1,0 +1,122 @@
+"""White noise of an inertial unit from its own log: at rest, and where the vehicle moves.
+
+The mean rates y over averaging times tau have white noise of variance N^2 / tau. Their k-th differences have (2k)!/(k!)^2
+times that, and remove a polynomial of degree k - 1: a constant rate for k = 1 (then N^2 / tau is the Allan variance), smooth
+motion for a high k.
+
+Fourth differences are used. At rest they are taken over `REST_TIMES`: slow enough for an engine's vibration to average out
+and for the low-pass filter in front of many logs to be passed, fast enough for the rocking of a parked vehicle to be smooth.
+The median of their sizes is insensitive to a knock on the vehicle. In motion they are taken over shorter times, in the
+quietest tenth of the log. Of several averaging times the one with the largest noise counts, because a low-pass filter hides
+noise at the shortest.
+
+What an engine and the air do to a unit acts as white noise on what is computed from its samples, as far as it is faster than
+they are, bends its sensors or turns them against the vehicle. In flight it is ten to a hundred times the noise at rest.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.logs.inertial import InertialSamples
+from insenv.logs.units import Array
+
+ORDER = 4
+REST_TIMES = (0.04, 0.08, 0.16)
+"""Averaging times at rest (s)."""
+MOTION_TIMES = (0.0, 0.02, 0.04, 0.08)
+"""Averaging times in motion (s); 0: of one sample."""
+WINDOW_S = 2.0
+QUIET = 0.1
+REST_RATE = 0.02
+"""Largest standard deviation of a body rate of a vehicle at rest with its motor idling (rad/s)."""
+REST_FORCE = 0.5
+"""Largest standard deviation of the specific force, likewise (m/s^2)."""
+MOVING_SPEED = 2.0
+"""Speed over the ground (m/s) from which a vehicle moves."""
+LEAST_MOTION_S = 20.0
+"""Time in motion (s) from which a log shows its noise there."""
+_MEDIAN = 0.6744897501960817  # of |z| for a standard normal z
+_MIN_DIFFERENCES = 8  # differences below which a time is not used
+
+
+def noise_at_rest(increments: Array, interval: float) -> float:
+    """White noise density of the noisiest axis of a unit at rest (rad/s^0.5 or m/s^1.5); 0 without scatter.
+
+    increments (n, 3): rad or m/s, over samples of `interval` (s); 100 samples or more.
+    """
+    densities = [0.0]
+    for tau in REST_TIMES:
+        samples = _samples(tau, interval)
+        differences = _differences(increments, interval, samples)
+        if len(differences) >= _MIN_DIFFERENCES or not densities[1:]:
+            sizes = np.median(np.abs(differences), axis=0) / _MEDIAN if len(differences) else np.zeros(3)
+            densities.append(float(sizes.max() * np.sqrt(samples * interval)))
+    return max(densities)
+
+
+def noise_in_motion(increments: Array, interval: float, moving: NDArray[np.bool_] | None = None) -> float:
+    """The same of a vehicle that moves: of its quietest tenth, which manoeuvres disturb least.
+
+    moving (n,): the samples that count; None: all.
+    """
+    windows = [part for part in _windows(len(increments), interval) if moving is None or moving[part].all()]
+    densities = [0.0]
+    for tau in MOTION_TIMES:
+        samples = _samples(tau, interval)
+        differences = [_differences(increments[part], interval, samples) for part in windows]
+        if differences and len(differences[0]) >= _MIN_DIFFERENCES:
+            sizes = [np.sqrt(np.mean(each**2, axis=0)) for each in differences]
+            densities.append(float(np.quantile(sizes, QUIET, axis=0).max() * np.sqrt(samples * interval)))
+    return max(densities)
+
+
+def _windows(count: int, interval: float) -> list[slice]:
+    length = min(max(round(WINDOW_S / interval), 6 * _MIN_DIFFERENCES), count)
+    return [slice(i, i + length) for i in range(0, count - length + 1, length)]
+
+
+def shaken(rate_ib_b: Array, specific_force_b: Array) -> bool:
+    """Whether samples (n, 3), rad/s and m/s^2, scatter more than those of a vehicle at rest with its motor idling."""
+    return bool(rate_ib_b.std(axis=0).max() > REST_RATE or specific_force_b.std(axis=0).max() > REST_FORCE)
+
+
+def in_motion(samples: InertialSamples, time: Array, speed: Array) -> NDArray[np.bool_]:
+    """Which samples (n,) are of a vehicle that moves; none if too few are.
+
+    time (m,) s, speed (m,) m/s: over the ground, empty where nothing shows it.  By the speed, or else by the scatter of the
+    samples, as of a vehicle that hovers.
+    """
+    interval = float(np.median(samples.dt))
+    if speed.size:
+        moving = np.interp(samples.imu_time, time, speed) > MOVING_SPEED
+        if samples.dt[moving].sum() >= LEAST_MOTION_S:
+            return moving
+    moving = np.zeros(len(samples.dt), dtype=bool)
+    for part in _windows(len(samples.dt), interval):
+        dt = samples.dt[part, None]
+        moving[part] = shaken(samples.delta_angle[part] / dt, samples.delta_velocity[part] / dt)
+    return moving if samples.dt[moving].sum() >= LEAST_MOTION_S else np.zeros_like(moving)
+
+
+def densities_in_motion(samples: InertialSamples, moving: NDArray[np.bool_]) -> dict[str, float]:
+    """White noise densities of gyros and accelerometers (SI) by row, over the `moving` samples (n,)."""
+    interval = float(np.median(samples.dt))
+    increments = {"angle_random_walk": samples.delta_angle, "velocity_random_walk": samples.delta_velocity}
+    return {row: noise_in_motion(each, interval, moving) for row, each in increments.items()}
+
+
+def _samples(tau: float, interval: float) -> int:
+    return max(round(tau / interval), 1)
+
+
+def _differences(increments: Array, interval: float, samples: int) -> Array:
+    """Differences of the mean rates over `samples` samples, scaled to the standard deviation of one mean rate."""
+    count = len(increments) // samples
+    means = increments[: count * samples].reshape(count, samples, -1).sum(axis=1) / (samples * interval)
+    if count <= ORDER:
+        return np.zeros((0, increments.shape[1]))
+    return np.diff(means, ORDER, axis=0) / np.sqrt(comb(2 * ORDER, ORDER))
