@@ -162,6 +162,7 @@ def _keep(report: Report, output: Output, more: Files, documents: Mapping[str, A
 
 def _show(report: Report, output: Output, strict: bool) -> int:
     """Print the report; the exit status: with `strict` that of failed work if an estimate states too little."""
+    from insenv.base.remarks import Remark
     from insenv.cli.output import print_line
     from insenv.evaluation.nis import Verdict
     from insenv.report import run_document
@@ -181,8 +182,9 @@ def _show(report: Report, output: Output, strict: bool) -> int:
         "errors larger than stated": [r.estimator for r in report.results if r.too_sure()],
     }
     lines = [f"{fault}: {', '.join(ids)}" for fault, ids in faults.items() if ids]
+    refused = [note for note in report.notes if isinstance(note, Remark) and note.code == "estimator-refused"]
     if not strict or not lines:
-        return DONE
+        return FAILED if refused else DONE
     print_line(f"insenv: --strict: {'; '.join(lines)}", stderr=True)
     return FAILED
 

@@ -55,8 +55,8 @@ By default a single ratio of this size is refused.
 """
 LATE_SHARE = 0.75
 """Diverged is a filter that has parted from its measurements over the whole run, or over those after this share of them."""
-FEWEST_LATE = 8
-"""Measurements below which no filter is called diverged for the last of them."""
+FEWEST = 8
+"""Measurements below which the NIS calls no filter overconfident, and the last ones none diverged: a short rest has one."""
 _SMALLEST_DIVISOR = 1e-300
 """Smallest divisor: a value divided by it is not used."""
 
@@ -116,9 +116,10 @@ def judged(ends: Any, late: Any, blocks: Any, bounds: Bounds) -> Judgement:
     parted = [used_late[k] > APART**2 * maximum(used_number_late[k], 1.0) for k in groups]
     diverged = _any(
         refused > REFUSED_DIVERGED * count,
-        (count_late >= FEWEST_LATE) * _any(refused_late > REFUSED_DIVERGED * count_late, *parted),
+        (count_late >= FEWEST) * _any(refused_late > REFUSED_DIVERGED * count_late, *parted),
     )
-    overconfident = _any(refused > REFUSED_OVERCONFIDENT * count, *(one.above for one in nis))
+    above = [(count >= FEWEST) * one.above for one in nis]
+    overconfident = _any(refused > REFUSED_OVERCONFIDENT * count, *above)
     tested = _any(*(used_number[k] + left_number[k] > 0 for k in groups))
     mean_squares = [(used[k] + left[k]) / maximum(used_number[k] + left_number[k], 1.0) for k in groups]
     verdict = select(tested, select(diverged, 3, select(overconfident, 2, 1)), 0)

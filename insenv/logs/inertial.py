@@ -128,7 +128,7 @@ def missing_samples(time: Array, interval: float) -> np.ndarray:
     return np.where(steps > LATE_STEPS * interval, np.maximum(missing, 0), 0)
 
 
-_MIN_FORCE, _MAX_FORCE = 8.8, 10.8
+_MIN_FORCE, _MAX_FORCE = 8.0, 14.0  # m/s^2: an aircraft that circles with 45 deg of bank has 13.9
 """Expected range of the median specific force of a vehicle on the Earth [m/s2]."""
 
 

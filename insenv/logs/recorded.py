@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -187,8 +187,11 @@ class RecordedLog(InertialSamples):
 
         On the move the white noise is that of the log in motion, where it exceeds what these say.
         """
-        rows = self._unit_rows
-        return imu_data_sheet(rows if in_place else {**rows, **self.raised_noise}, in_place)
+        sheet, raised = imu_data_sheet(self._unit_rows, in_place), self.raised_noise
+        if in_place or not raised:
+            return sheet
+        standing = {f"standing_{row}": getattr(sheet, row) for row in raised}
+        return replace(imu_data_sheet({**self._unit_rows, **raised}, in_place), **standing)
 
     @cached_property
     def raised_noise(self) -> dict[str, Any]:

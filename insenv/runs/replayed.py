@@ -54,7 +54,10 @@ def replay(
         ``{"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}``.
     progress: called with the numbers of samples done and in all.
 
-    Raises `InputError` for a wrong log or a wrong argument; `InsenvError` if an estimator diverges.
+    An estimator that the log is not for is left out, with a note, if there is another one.
+
+    Raises `InputError` for a wrong log or a wrong argument, or if the log is for none of them; `InsenvError` if an estimator
+    diverges.
     """
     check_progress(progress)
     name = log.description.title if isinstance(log, RecordedLog) else str(log)
@@ -84,6 +87,7 @@ def replay(
     duration = float(log.dt[first : first + total].sum())
     results = tuple(_result(f, begun, ready, reference, times, duration) for f, begun in zip(followers, starts, strict=True))
     notes = [
+        *ready.refused,
         *coded(log.notes, "log"),
         *members(ready.families, chosen),
         *latitude_at_rest(log, first, starts[0].knowledge.latitude),
@@ -109,6 +113,8 @@ def replay(
     )
 
 
+REFUSED = "estimator-refused"
+_REFUSED = declared(REFUSED, "{id} is left out: {why}")
 _BRIDGED = declared("gaps-bridged", "gaps bridged by interpolation: {count} ({samples} samples in all)")
 _DROPPED = declared("fixes-dropped", "fixes not used, because a later one is in the same sample: {count}")
 
@@ -119,7 +125,8 @@ class Prepared:
 
     first: number of the first sample; columns: samples from it on, by name of the estimators' inputs; dropped: fixes left out;
     begin_s: start time; families, chosen: estimators as asked for, and adapted to the log; starts: what each knows at the
-    start; tunings: parameter rows (SI) that the log sets, by estimator id; given: those in force.
+    start; tunings: parameter rows (SI) that the log sets, by estimator id; given: those in force.  refused: who else was asked
+    for, and why the log is not for it.
     """
 
     log: RecordedLog
@@ -132,6 +139,7 @@ class Prepared:
     starts: list[Start]
     tunings: dict[str, dict[str, Any]]
     given: dict[str, dict[str, Any]]
+    refused: tuple[Remark, ...] = ()
 
 
 def prepared(
@@ -151,23 +159,33 @@ def prepared(
     for id, table in description.estimator.items():
         tunings[id] = {**tunings.get(id, {}), **tuning(id, table)}
     drive = _drive(log, begin_s)
-    for estimator in families:
-        if estimator.adapt is None:  # a family is what `adapted` makes of it
-            estimator.check(drive, tunings.get(estimator.id))
-
     columns, dropped = sample_columns(log, slice(first, None))
     chosen_settings = setting_rows(settings, families)
-    starts = [initial_knowledge(log, e, start, first) for e in families]
-    chosen = [
-        e.adapted(s.knowledge, drive, choices_in(e, {**own_settings(e, description.estimator), **own_settings(e, settings)}))
-        for e, s in zip(families, starts, strict=True)
-    ]
-    for estimator, begun in zip(chosen, starts, strict=True):
+
+    def ready(family: Estimator) -> tuple[Estimator, Start]:
+        if family.adapt is None:  # a family is what `adapted` makes of it
+            family.check(drive, tunings.get(family.id))
+        begun = initial_knowledge(log, family, start, first)
+        own = {**own_settings(family, description.estimator), **own_settings(family, settings)}
+        estimator = family.adapted(begun.knowledge, drive, choices_in(family, own))
         estimator.check(drive, tunings.get(estimator.id))
         if begun.refusal and not estimator.finds_attitude:
             raise InputError(begun.refusal)
-    given = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for e in chosen}
-    return Prepared(log, first, begin_s, columns, dropped, families, chosen, starts, tunings, given)
+        return estimator, begun
+
+    taken, refused = [], []
+    for family in families:
+        try:
+            taken.append((family, *ready(family)))
+        except InputError as error:
+            if len(families) == 1:
+                raise
+            refused.append(_REFUSED.filled(id=family.id, why=str(error)))
+    if not taken:
+        raise InputError("\n".join(refused))
+    given = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for _, e, _ in taken}
+    asked, chosen, starts = (list(part) for part in zip(*taken, strict=True))
+    return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, given, tuple(refused))
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:

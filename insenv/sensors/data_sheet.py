@@ -25,6 +25,7 @@ class ImuDataSheet:
     times s.  These biases contain what gravity makes of the g-sensitivity, and of the scale factor and the misalignment of the
     accelerometers.  bare_*: the same without, for a filter that estimates those; 0: not stated.
     *_scale_sigma, *_misalignment_sigma: 1; gyro_g_sensitivity_sigma rad s/m; 0: none, or not stated.
+    standing_*: the white noises at rest, where vibration makes those in motion larger; 0: as those.
     """
 
     angle_random_walk: float = 1e-6
@@ -42,6 +43,8 @@ class ImuDataSheet:
     gyro_misalignment_sigma: float = 0.0
     accel_misalignment_sigma: float = 0.0
     gyro_g_sensitivity_sigma: float = 0.0
+    standing_angle_random_walk: float = 0.0
+    standing_velocity_random_walk: float = 0.0
 
 
 def imu_data_sheet(rows: Mapping[str, Any], in_place: bool) -> ImuDataSheet:
@@ -103,6 +106,7 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
             notes[f"{prefix}{triad}_correlation_time"] = 2 * square / np.maximum(driving, 2 * square / CONSTANT)
         notes[f"{triad}_scale_sigma"], notes[f"{triad}_misalignment_sigma"] = scale, coupled
     notes["gyro_g_sensitivity_sigma"] = largest("gyro_g_sensitivity")[0]
+    notes |= {f"standing_{white}": np.zeros(count) for white in ("angle_random_walk", "velocity_random_walk")}
     return notes
 
 

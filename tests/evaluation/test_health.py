@@ -57,6 +57,11 @@ def test_the_bounds_hold_the_mean_as_often_as_they_say(rho, least):
     assert white < 0.55 or rho < 0.9
 
 
+@pytest.mark.parametrize(("fixes", "verdict"), [(2, "consistent"), (7, "consistent"), (8, "overconfident")])
+def test_few_measurements_call_no_filter_overconfident(fixes, verdict):
+    assert health(of_fixes(np.full((fixes, 6), 3.0))).verdict == verdict
+
+
 @pytest.mark.parametrize("fixes", [1, 2 * BLOCKS - 1, 2 * BLOCKS, 10_000])
 def test_health_of_few_and_many_fixes(fixes):
     found = health(of_fixes(np.ones((fixes, 6))))

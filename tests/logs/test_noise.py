@@ -83,15 +83,12 @@ def test_noise_in_motion_is_that_of_the_moving_part():
     raised = shaken.raised_noise["velocity_random_walk"]
     assert float(np.max(raised)) == pytest.approx(0.06, rel=0.2)  # the car itself shakes
     assert shaken.sensors(in_place=False).velocity_random_walk == pytest.approx(float(np.max(raised)), rel=1e-3)
-    assert shaken.sensors(in_place=True).velocity_random_walk < 0.01
+    at_rest = shaken.sensors(in_place=True).velocity_random_walk
+    assert at_rest < 0.01 and at_rest == shaken.sensors(in_place=False).standing_velocity_random_walk
     (said,) = noise_remark(shaken)
     assert said.code == "noise-in-motion" and f"accelerometers {60 * float(np.max(raised)):.2g} m/s/sqrt(h)" in said
-
-
-def test_a_log_may_say_that_it_has_no_such_noise():
-    log = flying(0.05)
-    imu = log.description.imu.model_copy(update={"noise_in_motion": False})
-    calm = replace(log, description=log.description.model_copy(update={"imu": imu}))
+    imu = shaken.description.imu.model_copy(update={"noise_in_motion": False})
+    calm = replace(shaken, description=shaken.description.model_copy(update={"imu": imu}))
     assert calm.raised_noise == {} and noise_remark(calm) == ()
 
 

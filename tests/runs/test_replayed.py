@@ -59,6 +59,14 @@ def test_the_error_names_what_a_log_lacks_to_start_an_estimator(changes, id, sta
         replay(parked(**changes), id, start=start)
 
 
+def test_an_estimator_that_the_log_is_not_for_does_not_stop_the_others():
+    report = replay(log := parked(), ["loosely-coupled", "q-method"])
+    assert [result.estimator for result in report.results] == ["q-method"]
+    assert report.notes[0].startswith("loosely-coupled is left out: heading from")
+    with pytest.raises(InsenvError, match=r"(?s)loosely-coupled is left out.*wander-sins is left out"):
+        replay(log, ["loosely-coupled", "wander-sins"])
+
+
 def test_a_diverging_estimator_is_told_with_its_time():
     log = load_log(ROOT / "examples" / "logs" / "plain.toml")
     delta_angle = log.delta_angle.copy()

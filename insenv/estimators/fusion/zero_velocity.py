@@ -37,6 +37,10 @@ PARAMETERS = rows.STANDING_SIGMA + Table((
     Row("standing_window", "Window over which rest is detected; 0: no detection", "s", start=1.0, lower=0, upper=60.0),
     Row("standing_rate", "Angular rate that engine, wind and people cause at rest", "rad/s", start=5e-3, lower=0, upper=10.0),
     Row("standing_force", "Specific force that they cause", "m/s^2", start=0.05, lower=0, upper=100.0),
+    Row("standing_angle_random_walk", "White noise of the gyros at rest, where it is less than angle_random_walk; 0: as that",
+        "rad/s^0.5", lower=0, upper=1.0),
+    Row("standing_velocity_random_walk", "White noise of the accelerometers at rest, likewise; 0: velocity_random_walk",
+        "m/s^1.5", lower=0, upper=100.0),
 ))  # fmt: skip
 
 STATE = Table((
@@ -70,9 +74,15 @@ def likelihood(p: Any, x: Any) -> Any:
     """The likelihood ratio L of the full window."""
     n, dt = x.still_samples, x.still_time / x.still_samples
     scatter = x.still_velocity_square - ca.sumsqr(x.still_velocity) / n
-    force = scatter / (n * dt * dt) / (3 * (p.velocity_random_walk**2 / dt + p.standing_force**2))
-    rate = x.still_angle_square / (n * dt * dt) / (3 * (p.angle_random_walk**2 / dt + p.standing_rate**2))
+    force = scatter / (n * dt * dt) / (3 * (_at_rest(p, "velocity_random_walk") ** 2 / dt + p.standing_force**2))
+    rate = x.still_angle_square / (n * dt * dt) / (3 * (_at_rest(p, "angle_random_walk") ** 2 / dt + p.standing_rate**2))
     return force + rate
+
+
+def _at_rest(p: Any, row: str) -> Any:
+    """A density of white noise of a unit that nothing shakes."""
+    own = getattr(p, f"standing_{row}")
+    return select(own > 0, own, getattr(p, row))
 
 
 def detected(p: Any, x: Any, u: Any) -> dict[str, Any]:
