@@ -93,8 +93,7 @@ def test_noise_in_motion_is_that_of_the_moving_part():
 
 
 def test_what_hovers_moves_although_it_has_no_speed():
-    log = flying(1.0)
-    none = np.zeros(0)
+    log, none = flying(1.0), np.zeros(0)
     half = log.imu_time > 60.0
     by_speed = in_motion(log, log.gnss.time, np.hypot(*log.gnss.velocity_n[:, :2].T))
     for moving in (by_speed, in_motion(log, none, none), in_motion(log, log.gnss.time, 0.0 * log.gnss.time)):

@@ -15,8 +15,7 @@ BENT_S = 30.0, 33.0
 def bent(log, mps2=5.0):
     """The log with a vertical accelerometer that vibration bends for three seconds."""
     wrong = (log.imu_time > BENT_S[0]) & (log.imu_time <= BENT_S[1])
-    down = np.array([0.0, 0.0, mps2])
-    return replace(log, delta_velocity=log.delta_velocity + np.where(wrong, log.dt, 0.0)[:, None] * down)
+    return replace(log, delta_velocity=log.delta_velocity + np.outer(np.where(wrong, log.dt, 0.0), [0.0, 0.0, mps2]))
 
 
 @pytest.mark.parametrize("id", ["loosely-coupled", "fusion"])

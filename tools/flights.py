@@ -1,0 +1,119 @@
+"""Seven recorded flights of small aircraft: errors of an estimator beside what it states (docs/logs.md, Vibration).
+
+    pip install onavdata==0.2.5
+    python tools/flights.py                         # fusion, grade autopilot
+    python tools/flights.py -e fusion-smoother -g consumer
+
+The reference is the filter of the data set on the same sensors, good to about a degree.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import insenv
+from insenv.base.errors import InsenvError
+
+FOLDER = "data/2014-09-09 UofMN Conservancy 7 UAV Flights/Processed and Parsed Data"
+LOG = """\
+title = "{name}"
+vehicle_kind = "aircraft"
+[imu]
+file = "imu.csv"
+time = "t"
+gyro = ["gx", "gy", "gz"]
+accel = ["ax", "ay", "az"]
+kind = "rate"
+stamp = "instant"
+gyro_unit = "rad/s"
+accel_unit = "m/s2"
+axes = "FRD"
+{grade}
+[gnss]
+file = "gnss.csv"
+time = "t"
+latitude = "lat"
+longitude = "lon"
+height = "h"
+position_unit = "deg"
+position_sigma_m = [2.5, 2.5, 5.0]
+lever_arm_m = [0, 0, 0]
+velocity = ["vn", "ve", "vd"]
+velocity_sigma_mps = [0.3, 0.3, 0.5]
+[reference]
+file = "reference.csv"
+time = "t"
+roll = "roll"
+pitch = "pitch"
+heading = "yaw"
+attitude_unit = "rad"
+"""
+
+
+def table(flight: Any, name: str) -> np.ndarray:
+    """One file of a flight, (rows, columns)."""
+    with zipfile.ZipFile(io.BytesIO((flight / f"{name}.txt.zip").read_bytes())) as archive:
+        return np.genfromtxt(io.BytesIO(archive.read(archive.namelist()[0])), delimiter=",", skip_header=1)
+
+
+def written(flight: Any, folder: Path, grade: str) -> Path:
+    """The path of a log with the samples, the fixes (rows repeat the last one until the next) and the reference."""
+    accel, gyro, place, velocity, angles = (
+        table(flight, name) for name in ("accel_data", "gyro_data", "gps_traj_data", "gps_velocity_data", "nav_attitude_data")
+    )
+    fixes = np.hstack([place, velocity[:, 1:]])
+    fresh = np.append(True, np.any(np.diff(fixes[:, 1:], axis=0) != 0, axis=1)) & np.isfinite(fixes).all(axis=1)
+    parts = {"imu": (np.hstack([accel, gyro[:, 1:]]), "t,ax,ay,az,gx,gy,gz")}
+    parts |= {"gnss": (fixes[fresh], "t,lat,lon,h,vn,ve,vd"), "reference": (angles, "t,yaw,pitch,roll")}
+    for name, (values, header) in parts.items():
+        np.savetxt(folder / f"{name}.csv", values, delimiter=",", header=header, comments="", fmt="%.12g")
+    log = folder / "log.toml"
+    log.write_text(LOG.format(name=flight.name, grade=f'grade = "{grade}"' if grade else ""), encoding="utf-8")
+    return log
+
+
+def row(log: Path, estimator: str, name: str) -> str:
+    """Errors and stated sigmas, rms, of the last two thirds of a flight, and the share of the errors beyond three sigmas."""
+    result = insenv.replay(log, estimator).results[0]
+    late = result.time > result.time[0] + (result.time[-1] - result.time[0]) / 3
+    channels = [f"{angle}_deg" for angle in ("roll", "pitch", "heading")]
+    error, sigma = (np.stack([values[each][late] for each in channels]) for values in (result.errors, result.sigma))
+    size, stated = (", ".join(f"{np.sqrt(np.mean(each**2)):.2f}" for each in values) for values in (error, sigma))
+    beyond = ", ".join(f"{100 * share:.0f}" for share in np.mean(np.abs(error) > 3 * sigma, axis=1))
+    verdict = result.health.verdict if result.health else ""
+    return f"| {name} | {size} | {stated} | {beyond} % | {verdict} |"
+
+
+def lines(estimator: str = "fusion", grade: str = "autopilot") -> Iterator[str]:
+    """The table, line by line."""
+    yield from ("| flight | error, deg | stated | beyond 3 sigma | verdict |", "|---|---|---|---|---|")
+    for flight in sorted((resources.files("onavdata") / FOLDER).iterdir(), key=lambda each: each.name):
+        with tempfile.TemporaryDirectory() as folder:
+            log = written(flight, Path(folder), grade)
+            try:
+                yield row(log, estimator, flight.name)
+            except InsenvError as error:
+                yield f"| {flight.name} | {error} | | | |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("-e", "--estimator", default="fusion")
+    parser.add_argument("-g", "--grade", default="autopilot", help="of the inertial unit; '' for none")
+    given = parser.parse_args()
+    for line in lines(given.estimator, given.grade):
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
