@@ -272,12 +272,17 @@ def _stands(log: RecordedLog, first: int) -> bool:
     return speed <= (SURE_SPEED if inside else REST_SPEED)  # a steady drive on a straight road looks like a rest
 
 
-def _shows_attitude(log: RecordedLog) -> bool:
-    """Whether the motion of a vehicle under way may show its attitude: waves do not by positions alone, to 2 in 13 ships."""
+def _shows_attitude(log: RecordedLog, at_rest: bool = False) -> bool:
+    """Whether the motion may show the attitude.  Positions alone do not tell waves or wind from a heading, nor a ship's start
+    from one at rest.
+    """
     gnss, kind = log.gnss, log.description.vehicle_kind
     if gnss is None or gnss.velocity_n is not None:
         return gnss is not None
-    return kind is not None and not vehicles.traits_of(kind).floats
+    if kind is None:
+        return at_rest
+    traits = vehicles.traits_of(kind)
+    return not traits.floats if at_rest else traits.wheels
 
 
 _UNDER_WAY = declared("start-under-way", "{where}: the start has {source}; its level is {level}, its heading is {heading}")
@@ -385,7 +390,8 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         )
         # rocking in place shows nothing of a heading, and a linearised filter takes it to: the bank begins where the rest ends
         leaves = max(first, int(np.searchsorted(log.imu_time, log.rest[1] - REST_WINDOW_S)) if log.rest else first)
-        answer = attitude_by_motion(log, min(leaves, len(log.imu_time) - 1), begun)
+        leaves = min(leaves, len(log.imu_time) - 1)
+        answer = attitude_by_motion(log, leaves, begun) if _shows_attitude(log, at_rest=True) else None
         heading, sigmas["heading_sigma"], of_motion = heading_of(stated, sigmas["heading_sigma"], answer)
     start = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
 
