@@ -44,7 +44,7 @@ LARGEST = 25.0
 """Largest squared test ratio of a component that counts: five standard deviations."""
 MARGIN = 40.0
 """Cost by which another heading must be worse: it is e^20 times less likely."""
-PLAUSIBLE = 2.0
+PLAUSIBLE = 6.0
 """Mean squared test ratio of the best filter, of 1 if all is as stated, beyond which none of them is right."""
 SAME = float(np.radians(20.0))
 """Headings that differ by less are one answer (rad)."""
