@@ -166,6 +166,7 @@ def _show(report: Report, output: Output, strict: bool) -> int:
     from insenv.cli.output import print_line
     from insenv.evaluation.nis import Verdict
     from insenv.report import run_document
+    from insenv.runs.replayed import REFUSED
 
     output.show(run_document(report), "--out DIR writes the page, the figure and every array of the run")
 
@@ -182,7 +183,7 @@ def _show(report: Report, output: Output, strict: bool) -> int:
         "errors larger than stated": [r.estimator for r in report.results if r.too_sure()],
     }
     lines = [f"{fault}: {', '.join(ids)}" for fault, ids in faults.items() if ids]
-    refused = [note for note in report.notes if isinstance(note, Remark) and note.code == "estimator-refused"]
+    refused = [note for note in report.notes if isinstance(note, Remark) and note.code == REFUSED]
     if not strict or not lines:
         return FAILED if refused else DONE
     print_line(f"insenv: --strict: {'; '.join(lines)}", stderr=True)

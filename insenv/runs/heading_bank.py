@@ -34,6 +34,7 @@ from insenv.estimators import Estimator, Knowledge, get
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.logs import RecordedLog
 from insenv.runs.log_samples import sample_columns
+from insenv.runs.rest import wrapped
 from insenv.scenario.chunks import input_rows
 
 Array = NDArray[np.float64]
@@ -102,7 +103,7 @@ def _by_bank(columns: Mapping[str, Array], known: Knowledge) -> Answer | None:
     fixes = np.flatnonzero(columns["gnss_valid"])
     passed = np.cumsum(columns["dt"])
     start = replace(known, heading_sigma=SPACING / 2, tilt_sigma=min(known.tilt_sigma, LARGEST_TILT))
-    headings = [_wrapped(SPACING * k) for k in range(COUNT)]
+    headings = [float(wrapped(SPACING * k)) for k in range(COUNT)]
     bank = [_filter(estimator, replace(start, heading=heading)) for heading in headings]
     cost, number, begin, decided = np.zeros(COUNT), 0, 0, np.inf
     for fix in fixes[passed[fixes] <= LONGEST_S]:
@@ -146,7 +147,7 @@ def heading_of(stated: Mapping[str, Any], sigma: float, answer: Answer | None) -
     heading = stated["heading"]
     if answer is None:
         return heading, sigma, ()
-    apart = abs(float(_wrapped(heading - answer.heading)))
+    apart = abs(float(wrapped(heading - answer.heading)))
     if apart <= CONFLICT * np.hypot(sigma, answer.measured_sigma):
         return heading, sigma, ()
     found, found_sigma = np.degrees(answer.heading) % 360.0, np.degrees(answer.heading_sigma)
@@ -162,13 +163,8 @@ def _cost(end: Mapping[str, Array]) -> float:
 def _decided(cost: Array, best: int, ends: list[dict[str, Array]]) -> bool:
     """Whether no filter with another heading is about as good as the best."""
     now = np.array([attitude.numeric.to_euler(end["q_nb"])[2] for end in ends])
-    apart = np.abs(_wrapped(now - now[best])) > SAME
+    apart = np.abs(wrapped(now - now[best])) > SAME
     return bool(np.all(cost[apart] > cost[best] + MARGIN))
-
-
-def _wrapped(angle: Any) -> Any:
-    """An angle (rad) from -pi to pi."""
-    return np.angle(np.exp(1j * angle))
 
 
 def _filter(estimator: Estimator, known: Knowledge) -> Any:

@@ -8,6 +8,7 @@ the heading by it, poor ones their bias; in between both are what the two source
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def start_at_rest(
     variance = _rate_sigma(rest, sensors, tilt_sigma * earth[2]) ** 2
     weight = earth[0] * float(np.hypot(rate[0], rate[1])) / variance  # 1/rad^2: information of the gyros at their heading
     compass = float(np.arctan2(-rate[1], rate[0]))
-    conflict = _wrapped(heading - compass)
+    conflict = float(wrapped(heading - compass))
     if sigma < np.pi and abs(conflict) > CONFLICT * np.hypot(sigma, weight**-0.5):
         sigma = abs(conflict)  # the given heading is wrong, or the rest was none
     else:
@@ -73,7 +74,7 @@ def start_at_rest(
         slope = -weight * np.sin(heading + turn - compass) - given * turn
         curvature = weight * np.cos(heading + turn - compass) + given
         turn += float(slope / curvature) if curvature > 0 else 0.0
-    best = _wrapped(heading + turn)
+    best = float(wrapped(heading + turn))
     left = min(float((weight * np.cos(best - compass) + given) ** -0.5), sigma, np.pi)
 
     bias, mean = sensors.gyro_bias_sigma, _drifted(rest, sensors)
@@ -106,5 +107,6 @@ def _drifted(rest: Rest, sensors: ImuDataSheet) -> float:
     return float(np.sqrt(max(rest.rate_sigma**2, white) + drive * (rest.duration / 3 + rest.age)))
 
 
-def _wrapped(angle: float) -> float:
-    return float(np.angle(np.exp(1j * angle)))
+def wrapped(angle: float | Array) -> Any:
+    """An angle (rad), or an array of them, from -pi to pi."""
+    return np.angle(np.exp(1j * angle))

@@ -5,6 +5,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from changed_scenario import changed
 from scipy.spatial.transform import Rotation
 from simulated_log import simulated_log
 
@@ -24,12 +25,6 @@ from insenv.studies.campaign.plan import make_plan
 ID = "velocity-integration"
 CAR, SHIP = "car-unknown-heading", "ship-log-alignment"
 ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
-
-
-def changed(name, **sections):
-    """A scenario with other keys in sections, given as ``section={key: value}``."""
-    scenario = load(name)
-    return scenario.model_copy(update={key: getattr(scenario, key).model_copy(update=new) for key, new in sections.items()})
 
 
 def perfect(name, sensor, **keys):

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from interpreted import interpreted  # noqa: F401
 from scipy.stats import chi2
 
@@ -50,14 +51,6 @@ def bound_with(plant, rest, mooring=None):
     layout = Layout(unit_of(rows), () if wander is None else (wander,), fixes, mooring)
     times, sigmas = zip(*recursion(blocks, layout, prior_of(plant)), strict=True)
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
-
-
-def changed(name, **sections):
-    """A scenario with keys of its sections replaced, and its duration."""
-    scenario = load(name).model_dump(mode="json", exclude_none=True)
-    for section, values in sections.items():
-        scenario[section] = {**scenario.get(section, {}), **values} if isinstance(values, dict) else values
-    return load(scenario)
 
 
 @pytest.mark.parametrize(

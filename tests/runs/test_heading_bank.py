@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from standing_car import HEADING, beyond, car_log, started
 
-from insenv import geodesy, replay
+from insenv import attitude, geodesy, replay
 from insenv.base.errors import InputError
+from insenv.runs.heading_bank import _decided
 
 
 def rtk(log):
@@ -42,13 +43,14 @@ def test_a_heading_that_the_motion_contradicts_is_replaced(grade, wrong, duratio
 def test_a_vehicle_that_moves_sideways_keeps_its_heading():
     """A drone flies in any direction: its course does not contradict the heading."""
     log = car_log("tactical", 50.0)
-    turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # the unit's x axis points to the right side
+    # the unit's x axis points to the right side and 13 deg forward: between two headings of the bank
+    turn = attitude.numeric.to_dcm(attitude.numeric.from_euler(0.0, 0.0, np.radians(77.0))).T
     log = replace(log, delta_angle=log.delta_angle @ turn.T, delta_velocity=log.delta_velocity @ turn.T)
     log = replace(log, lever_arm_b=turn @ log.lever_arm_b)
-    found = replay(started(log, heading_deg=HEADING + 90.0), ["loosely-coupled"]).results[0]
+    found = replay(started(log, heading_deg=HEADING + 77.0), ["loosely-coupled"]).results[0]
     assert not any("navigation starts with" in note for note in found.notes)
     assert any("from the direction of travel: if this vehicle moves forward" in note for note in found.notes)
-    assert found.errors["heading_deg"][-1] == pytest.approx(90.0, abs=1.0)  # the reference has that of the car
+    assert found.errors["heading_deg"][-1] == pytest.approx(77.0, abs=1.0)  # the reference has that of the car
     assert found.sigma["heading_deg"][0] < 6.0
 
 
@@ -62,9 +64,16 @@ def test_the_motion_shows_the_heading_of_a_start(grade, velocity):
     under_way = started(log, start_s=22.0, static_until_s=None)
     for one in (log, under_way):
         result = replay(one, ["loosely-coupled"]).results[0]
-        assert any("of twelve filters side by side" in note for note in result.notes)
+        note = next(note for note in result.notes if "of twelve filters side by side" in note)
+        assert float(note.split()[-2]) < (38.0 if one is log else 65.0)  # the fixes together, none by itself
         assert abs(result.errors["heading_deg"][0]) < 3.0 * result.sigma["heading_deg"][0] < 33.0
         assert all(beyond(result, name, result.time > 30.0) < 0.02 for name in ("roll_deg", "pitch_deg", "heading_deg"))
+
+
+def test_the_bank_decides_by_a_margin_over_every_other_heading():
+    ends = [{"q_nb": attitude.numeric.from_euler(0.0, 0.0, heading)} for heading in (0.5, 0.6, 2.0)]
+    assert _decided(np.array([10.0, 11.0, 51.0]), 0, ends)
+    assert not _decided(np.array([10.0, 11.0, 49.0]), 0, ends)
 
 
 def test_what_stays_has_no_heading():

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from command_line import call, strict
 
 import insenv
@@ -24,14 +25,6 @@ from insenv.studies.budget_result import budget_page
 OMEGA = 7.292115e-5
 PERFECT = {"grade": "perfect", "gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0}
 TRUE_START = {"draw_errors": False, **dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), 0.0)}
-
-
-def changed(name, **sections):
-    """A scenario with some values replaced, by section."""
-    data = json.loads(load(name).model_dump_json())
-    for section, values in sections.items():
-        data[section] = {**data[section], **values} if isinstance(values, dict) else values
-    return load(data)
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from command_line import call, strict
 from simulated_log import simulated_log
 
@@ -23,11 +24,9 @@ MISTUNED = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "vrw_ug_sqrt_hz": 5.0}}
 
 def car():
     """A drive with a receiver at 1 Hz, 50 inertial samples a second; its gyros have 0.15 deg/sqrt(h)."""
-    data = json.loads(load("car-city-drive").model_dump_json())
-    data |= {"rate_hz": 50.0, "estimator": {}}
-    data["gnss"] |= {"latency_s": 0.0, "epoch_offset_s": 0.0, "outages_s": [], "outlier_probability": 0.0}
-    data["vehicle"] |= {"engine": []}
-    return load(data)
+    gnss = {"latency_s": 0.0, "epoch_offset_s": 0.0, "outages_s": [], "outlier_probability": 0.0}
+    scenario = changed("car-city-drive", rate_hz=50.0, gnss=gnss, vehicle={"engine": []})
+    return scenario.model_copy(update={"estimator": {}})
 
 
 def log_of_car(duration_s):

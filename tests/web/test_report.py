@@ -5,6 +5,7 @@ import base64
 import numpy as np
 import pytest
 from browser import LAPTOP, PHONE
+from changed_scenario import changed
 from live_pages import answers
 from selenium.webdriver import ActionChains
 from selenium.webdriver.common.by import By
@@ -19,9 +20,8 @@ DURATION = 60.0
 
 @pytest.fixture(scope="module")
 def driven():
-    values = insenv.load("car-city-drive").model_dump(mode="json", exclude_unset=True)
-    values["gnss"]["outages_s"] = [[20.0, 40.0]]
-    return insenv.run(values, ["loosely-coupled", "wander-sins"], duration_s=DURATION)
+    scenario = changed("car-city-drive", gnss={"outages_s": [[20.0, 40.0]]})
+    return insenv.run(scenario, ["loosely-coupled", "wander-sins"], duration_s=DURATION)
 
 
 def panels_of(document):

@@ -5,6 +5,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from changed_scenario import changed
 from scipy.spatial.transform import Rotation
 
 import insenv
@@ -18,12 +19,6 @@ from insenv.scenario.chunks import input_rows
 
 UNKNOWN = {"heading_sigma_deg": 180.0}
 NAVIGATION = ("north_m", "east_m", "down_m", "vn_mps", "ve_mps", "vd_mps")
-
-
-def changed(name, **sections):
-    """A scenario with other keys in sections, given as ``section={key: value}``."""
-    scenario = load(name)
-    return scenario.model_copy(update={key: getattr(scenario, key).model_copy(update=new) for key, new in sections.items()})
 
 
 def columns_of(scenario, seed, duration_s):
@@ -199,7 +194,6 @@ def test_the_way_by_a_log_is_as_uncertain_as_stated(knowledge, dvl, seconds):
     assert ratio(result, NAVIGATION[:3]) < 4.0
 
 
-TOLD = {"estimator": {"fusion": UNKNOWN}}
 FAR, NEAR = ({"position_sigma_m": (sigma, sigma, 1e2)} for sigma in (2e4, 1e3))
 
 
@@ -208,12 +202,7 @@ FAR, NEAR = ({"position_sigma_m": (sigma, sigma, 1e2)} for sigma in (2e4, 1e3))
     [
         (changed("car-city-drive", knowledge=UNKNOWN, gnss={"velocity": False}), 2.0, "too small sigmas", "heading found"),
         (load("aircraft-inflight-alignment"), 20.0, "the heading is not found to 7 deg", "heading found"),
-        (
-            load("car-city-drive").model_copy(update={"estimator": {"fusion": UNKNOWN}}),
-            2.0,
-            "180 deg of heading",
-            "heading found",
-        ),
+        (changed("car-city-drive", estimator={"fusion": UNKNOWN}), 2.0, "180 deg of heading", "heading found"),
         (changed("ship-log-alignment", knowledge=FAR), 2.0, "is uncertain by 20 km", "heading found"),
         (changed("ship-log-alignment", knowledge=NEAR), 2.0, "", "place at the start"),
     ],
@@ -228,9 +217,8 @@ def test_notes_on_the_start(scenario, seconds, said, unsaid):
 @pytest.mark.parametrize(("name", "grade"), [("car-unknown-heading", "consumer"), ("ship-at-sea", "autopilot")])
 def test_gyros_of_low_cost_do_not_make_it_too_sure(name, grade):
     """Biases of 720 deg/h, and a degree a second, of which the level was 9 sigma off; 16 runs."""
-    summary = insenv.campaign(
-        changed(name, imu={"grade": grade}), "fusion", 16, seed=20000, duration_s=120.0 if grade == "autopilot" else 90.0
-    )
+    scenario, duration_s = changed(name, imu={"grade": grade}), 120.0 if grade == "autopilot" else 90.0
+    summary = insenv.campaign(scenario, "fusion", 16, seed=20000, duration_s=duration_s)
     north, level = summary.courses["north_m"], summary.courses["roll_deg"]
     assert level.rms[-1] < 1.5 * level.stated[-1]
     if grade != "autopilot":

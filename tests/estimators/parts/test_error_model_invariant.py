@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from changed_scenario import changed
 from scipy.spatial.transform import Rotation
 
 import insenv
@@ -36,8 +37,7 @@ def test_a_parked_car_learns_no_heading_from_being_level(monkeypatch, filter):
 
 
 def test_a_heading_30_deg_off_is_found_while_driving():
-    scenario = insenv.load("car-unknown-heading").model_dump(exclude_unset=True)
-    scenario["knowledge"] |= {"heading_sigma_deg": 30.0, "heading_error_deg": 30.0}
+    scenario = changed("car-unknown-heading", knowledge={"heading_sigma_deg": 30.0, "heading_error_deg": 30.0})
     found = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=60.0).results[0] for seed in range(300, 308)]
     errors = np.abs([result.errors["heading_deg"][-1] for result in found])
     assert np.median(errors) < 0.4

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from interpreted import interpreted  # noqa: F401
 
 from insenv.evaluation.limits.bound import blocks_of, layout_of
@@ -51,8 +52,7 @@ def test_the_filters_errors_have_the_limit_and_the_smoothers_are_their_unpredict
     """What later measurements correct is independent of what they leave: the variances add.  With an odometer, fixes that are
     late, rest and every state of a unit."""
     windows, draws = [[10.0, 60.0], [70.0, 90.0]], 1000
-    values = load("car-odometer").model_dump(exclude_unset=True)
-    car = load({**values, "rate_hz": 20.0, "vehicle": {**values["vehicle"], "engine": []}})
+    car = changed("car-odometer", rate_hz=20.0, vehicle={"engine": []})
     paths = drawn(car, windows, draws, duration_s=100.0)
     assert all(any(a <= t < b for a, b in windows) for t in paths.time)
     corrected = np.mean((paths.filtered - paths.smoothed) ** 2, axis=2)

@@ -1,13 +1,11 @@
 """Sensitivities to varied keys: against the shares of functions of two uniform numbers, and of a known dependence."""
 
-import json
-
 import numpy as np
 import pytest
 from campaigns import plan_of
+from changed_scenario import changed
 
 import insenv
-from insenv.scenario import load
 from insenv.studies.campaign.sensitivity import sensitivities
 
 
@@ -50,10 +48,9 @@ def test_the_noise_of_the_runs_is_left_to_one():
 def test_a_campaign_says_which_key_matters(monkeypatch):
     """The heading of an analytic alignment depends on the gyro bias to the east, b / (Omega cos L), and not on the height."""
     monkeypatch.setattr("insenv.studies.campaign.limits.VARIED_RUNS", 1)
-    data = json.loads(load("static-ecef").model_dump_json())
-    data["start"] |= {"heading_deg": 0.0}
+    scenario = changed("static-ecef", start={"heading_deg": 0.0}, rate_hz=5.0)
     vary = {"imu.gyro_bias_deg_h.1": (0.0, 2.0), "start.height_m": (0.0, 100.0)}
-    found = insenv.campaign(load(data | {"rate_hz": 5.0}), "analytic", 64, seed=1, duration_s=10.0, vary=vary)
+    found = insenv.campaign(scenario, "analytic", 64, seed=1, duration_s=10.0, vary=vary)
     own = {one.key: one for one in found.sensitivity if one.channel == "heading_deg"}
     assert own["imu.gyro_bias_deg_h.1"].correlation > 0.95 and own["imu.gyro_bias_deg_h.1"].first.value > 0.8
     assert abs(own["start.height_m"].correlation) < 0.4 and own["start.height_m"].first.value < 0.2
