@@ -104,7 +104,7 @@ class Drive:
     where: in messages (``"scenario 'ship-swaying'"``).  sensors: ids of those beside the inertial unit.  in_place: whether
     the vehicle stays where it is; None: unknown.  offline: whether the run can be gone through again from its end.
     vehicle: its kind ("car", "ship", ...); empty: unknown.
-    motion: where it does not stay, what shows that, for messages.
+    motion: where it does not stay, what shows that, for messages.  stands: whether all of it is known to be a rest.
     fix_velocity: whether the fixes of its GNSS, if it has one, have a velocity.
     ages: largest age (s) of the measurements of sensors when they arrive, by id, where it is not 0.
     """
@@ -115,6 +115,7 @@ class Drive:
     offline: bool = True
     vehicle: str = ""
     motion: str = ""
+    stands: bool = False
     fix_velocity: bool = True
     ages: Mapping[str, float] = field(default_factory=dict, hash=False)
 

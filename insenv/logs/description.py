@@ -233,13 +233,20 @@ class GnssSection(PositionSection, MeasurementSection):
     speed_sigma_mps: Positive | None = key(None, "constant standard deviation of the speed", "m/s", validate_default=True)
     lever_arm_m: Vector3 = key(..., "from the IMU to the antenna: forward, right, down", "m")
     lever_arm_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m")
-    delay_sigma_s: Number = key(0.0, "error of the time of validity, 1 sigma", "s", ge=0, le=3600)
+    delay_sigma_s: Number | None = key(
+        None,
+        "error of the time of validity, 1 sigma; if absent 0.1 with gyros of 100 deg/h and more, of which the class assumed if "
+        "there is no grade counts, and 0 with better ones",
+        "s",
+        ge=0,
+        le=3600,
+    )
     wander_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "part of the position error that changes slowly, 1 sigma, N, E, D", "m")
     wander_time_s: Positive = key(60.0, "correlation time of that part", "s", le=1e9)
 
     def stated_errors(self) -> dict[str, Any]:
         """Stated errors of the receiver beside the fields of `Knowledge`: rows of `sensors.gnss.GNSS_STATED`."""
-        rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s}
+        rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s or 0.0}
         return {name: value for name, value in rows.items() if np.asarray(value).any()}
 
     @field_validator("position_sigma_m")

@@ -28,13 +28,14 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, declared
+from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, Knowledge, get
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.logs import RecordedLog
 from insenv.runs.log_samples import sample_columns
 from insenv.runs.rest import wrapped
+from insenv.runs.standing_readings import Heading
 from insenv.scenario.chunks import input_rows
 
 Array = NDArray[np.float64]
@@ -131,19 +132,35 @@ _REPLACED = declared(
 )
 
 
-def heading_of(stated: Mapping[str, Any], sigma: float, answer: Answer | None) -> tuple[float, float, tuple[Remark, ...]]:
-    """Heading at the start and its standard deviation (rad): the stated one, unless the motion contradicts it, or the motion's.
+_AT_REST = declared(
+    "heading-by-instrument",
+    "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of {called} while the vehicle stands",
+)
+_INSTRUMENT_CONTRADICTED = declared(
+    "heading-instrument-contradicted",
+    "{called} shows a heading of {shown:.4g} deg while the vehicle stands, and the motion one of {heading:.4g} deg: navigation "
+    "starts with that of the motion; look at the axes of {called}, and at iron and currents near it",
+    Doubt,
+)
 
-    stated: of [initial], by the fields of `Knowledge`; sigma: of its heading.  Raises `InputError` if there is no heading.
+
+def heading_of(
+    stated: Mapping[str, Any], sigma: float, answer: Answer | None, shown: Heading | None
+) -> tuple[float, float, tuple[Remark, ...]]:
+    """Heading at the start and its standard deviation (rad): the stated one, unless the motion contradicts it; or else that of
+    the motion or of an instrument at rest, whichever is surer.
+
+    stated: of [initial], by the fields of `Knowledge`; sigma: of its heading.  answer: of the motion.  shown: by an instrument.
+    Raises `InputError` if there is no heading.
     """
     if "heading" not in stated:
-        if answer is None:
+        if answer is None and shown is None:
             raise InputError(
-                "heading from motion: the fixes do not show it, or with none do they agree as grade and sigmas say; give "
-                "[initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large misalignment (aqe-sukf), or use "
-                "--start reference"
+                "heading at the start: no instrument shows it, nor fixes of a motion that does, or with none do they agree as "
+                "grade and sigmas say; give [initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large "
+                "misalignment (aqe-sukf), or use --start reference"
             )
-        return answer.heading, answer.heading_sigma, (answer.remark(),)
+        return _shown(answer, shown)
     heading = stated["heading"]
     if answer is None:
         return heading, sigma, ()
@@ -153,6 +170,25 @@ def heading_of(stated: Mapping[str, Any], sigma: float, answer: Answer | None) -
     found, found_sigma = np.degrees(answer.heading) % 360.0, np.degrees(answer.heading_sigma)
     said = _REPLACED.filled(heading=np.degrees(heading), apart=np.degrees(apart), found=found, sigma=found_sigma)
     return answer.heading, answer.heading_sigma, (said,)
+
+
+def _shown(answer: Answer | None, shown: Heading | None) -> tuple[float, float, tuple[Remark, ...]]:
+    """The surer of both headings, and what is said of it."""
+    if shown is None:
+        assert answer is not None
+        return answer.heading, answer.heading_sigma, (answer.remark(),)
+    # a filter with the instrument among its aids uses the same readings once more
+    sigma = float(np.clip(WIDENED * shown.sigma, LEAST_SIGMA, max(LINEAR_HEADING, shown.sigma)))
+    heading = np.degrees(shown.heading) % 360.0
+    if answer is not None:
+        apart = abs(float(wrapped(shown.heading - answer.heading)))
+        if apart > CONFLICT * np.hypot(shown.sigma, answer.measured_sigma):
+            moving = np.degrees(answer.heading) % 360.0
+            said = _INSTRUMENT_CONTRADICTED.filled(called=shown.called, shown=heading, heading=moving)
+            return answer.heading, answer.heading_sigma, (answer.remark(), said)
+        if answer.heading_sigma <= sigma:
+            return answer.heading, answer.heading_sigma, (answer.remark(),)
+    return shown.heading, sigma, (_AT_REST.filled(heading=heading, sigma=np.degrees(sigma), called=shown.called),)
 
 
 def _cost(end: Mapping[str, Array]) -> float:

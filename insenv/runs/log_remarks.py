@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -133,3 +134,24 @@ def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dic
     if not count[-1]:
         return {"used": "zero velocity is all that would hold this velocity, and was never used", "kinds": kinds}
     return {"used": f"zero velocity is all that holds this velocity, and was last used at {last:.4g} s", "kinds": kinds}
+
+
+LATE_SIGMAS, LATE_S = 5.0, 0.02
+"""A delay of fixes is said from so many standard deviations and so many seconds on."""
+
+
+@remark(
+    "fixes-delayed",
+    "the fixes are valid {size:.2g} s {side} than the log says (1 sigma {sigma:.1g} s), which the filter takes out: "
+    "time_offset_s = {offset:.2g} in [gnss], or gnss_time_offset_s with a flight log, says it to all estimators",
+)
+def fixes_delayed(log: RecordedLog, outputs: Mapping[str, Array]) -> dict[str, Any] | None:
+    """The time of validity of the fixes is not that of the log.  outputs: of a filter, by name (records, ...)."""
+    if "gnss_delay_estimate_sigma" not in outputs or log.gnss is None:
+        return None
+    delay, sigma = (float(np.ravel(outputs[name])[-1]) for name in ("gnss_delay", "gnss_delay_estimate_sigma"))
+    if abs(delay) < max(LATE_SIGMAS * sigma, LATE_S):
+        return None
+    section = log.description.gnss
+    offset = (0.0 if section is None else section.time_offset_s) - delay
+    return {"size": abs(delay), "side": "earlier" if delay > 0 else "later", "sigma": sigma, "offset": offset}

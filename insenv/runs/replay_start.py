@@ -24,6 +24,7 @@ from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, res
 from insenv.runs.heading_bank import attitude_by_motion, heading_of
 from insenv.runs.log_remarks import latitude_text
 from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
+from insenv.runs.standing_readings import heading_at_rest
 from insenv.vehicles import registry as vehicles
 
 Array = NDArray[np.float64]
@@ -392,7 +393,8 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         leaves = max(first, int(np.searchsorted(log.imu_time, log.rest[1] - REST_WINDOW_S)) if log.rest else first)
         leaves = min(leaves, len(log.imu_time) - 1)
         answer = attitude_by_motion(log, leaves, begun) if _shows_attitude(log, at_rest=True) else None
-        heading, sigmas["heading_sigma"], of_motion = heading_of(stated, sigmas["heading_sigma"], answer)
+        shown = heading_at_rest(log, (roll, pitch), tilt_sigma, height)
+        heading, sigmas["heading_sigma"], of_motion = heading_of(stated, sigmas["heading_sigma"], answer, shown)
     start = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
 
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, start.heading))

@@ -21,13 +21,14 @@ from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
 from insenv.logs import RecordedLog, Reference, load
 from insenv.logs.description import EvaluationSection
-from insenv.logs.rest import travel
+from insenv.logs.rest import REST_WINDOW_S, travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
-from insenv.runs.log_remarks import latitude_at_rest, noise_in_motion, standstill_missed, unseen
+from insenv.runs.log_remarks import fixes_delayed, latitude_at_rest, noise_in_motion, standstill_missed, unseen
 from insenv.runs.log_samples import sample_columns
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of, members, result_of
+from insenv.runs.standing_readings import with_datum
 from insenv.scenario.chunks import RECORDS, chunks, recording_interval
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ def replay(
     duration = float(log.dt[first : first + total].sum())
     results = tuple(_result(f, begun, ready, reference, times, duration) for f, begun in zip(followers, starts, strict=True))
     notes = [
-        *ready.refused,
+        *ready.notes,
         *coded(log.notes, "log"),
         *members(ready.families, chosen),
         *latitude_at_rest(log, first, starts[0].knowledge.latitude),
@@ -125,8 +126,8 @@ class Prepared:
 
     first: number of the first sample; columns: samples from it on, by name of the estimators' inputs; dropped: fixes left out;
     begin_s: start time; families, chosen: estimators as asked for, and adapted to the log; starts: what each knows at the
-    start; tunings: parameter rows (SI) that the log sets, by estimator id; given: those in force.  refused: who else was asked
-    for, and why the log is not for it.
+    start; tunings: parameter rows (SI) that the log sets, by estimator id; given: those in force.  notes: who else was asked
+    for, and why the log is not for it; what the log contradicts of its instruments.
     """
 
     log: RecordedLog
@@ -139,7 +140,7 @@ class Prepared:
     starts: list[Start]
     tunings: dict[str, dict[str, Any]]
     given: dict[str, dict[str, Any]]
-    refused: tuple[Remark, ...] = ()
+    notes: tuple[Remark, ...] = ()
 
 
 def prepared(
@@ -150,6 +151,7 @@ def prepared(
         raise InputError(f"start {start!r}: allowed is {', '.join(STARTS[:-1])} or {STARTS[-1]}")
     families = get_all(estimators)
     log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
+    log, differing = with_datum(log)
     description = log.description
     begin_s = start_time(log, start)
     first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
@@ -185,7 +187,7 @@ def prepared(
         raise InputError("\n".join(refused))
     given = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for _, e, _ in taken}
     asked, chosen, starts = (list(part) for part in zip(*taken, strict=True))
-    return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, given, tuple(refused))
+    return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, given, (*differing, *refused))
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:
@@ -215,7 +217,10 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
         for id, (arrival, age) in timed.items()
         if arrival is not None and age is not None
     }
-    return Drive("the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, fix_velocity=measured, ages=ages)
+    stands = log.rest is not None and log.rest[0] - REST_WINDOW_S <= begin_s and log.rest[1] > end_s - 2 * REST_WINDOW_S
+    return Drive(
+        "the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, stands=stands, fix_velocity=measured, ages=ages
+    )
 
 
 _UNIT = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
@@ -283,6 +288,7 @@ def _result(follower: Follower, begun: Start, ready: Prepared, reference: Track,
             *understated,
             *unseen(log, estimator, ready.begin_s, begun.knowledge.latitude),
             *standstill_missed(log, follower, times),
+            *fixes_delayed(log, outputs),
             *follower.notes(times - (times[-1] - duration_s), duration_s, health, outputs),
             *contradiction_notes(times, outputs),
             *sideways_notes(times, outputs),

@@ -53,7 +53,7 @@ def aids_of(drive: Drive) -> tuple[str, ...]:
     """
     traits = drive.traits
     wheels = traits.wheels and "odometer" in drive.sensors
-    parked = bool(drive.in_place and traits.parks and not held(drive.sensors))
+    parked = bool(drive.in_place and (traits.parks or drive.stands) and not held(drive.sensors))
     stays = traits.turns_in_place or parked
     own = {"zero_velocity": not stays and not traits.floats, "non_holonomic": wheels, "in_place": stays}
     every = all_aids().items()
