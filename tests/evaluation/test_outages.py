@@ -20,7 +20,7 @@ def circle(t, off, drift, arm):
 
 def outages(drift=0.0, resumed=(30.0, 52.0), **more):
     time, at = np.arange(0.25, 60.0, 0.25), np.arange(0.0, 60.0) + 0.1
-    rows = {"position_sigma": [3.0, 3.0, 3.0], "attitude_sigma": [0.0, 0.0, 0.5], **more}
+    rows = {"position_sigma": [3.0, 3.0, 3.0], "attitude_sigma": [0.4, 0.0, 0.5], **more}
     outputs = circle(time, OFF, drift, 0 * ARM) | {name: np.tile(row, (len(time), 1)) for name, row in rows.items()}
     latitude, longitude, height, *_ = circle(at - (DELAY if "gnss_delay" in more else 0.0), 0.0, 0.0, ARM).values()
     fixes = Fixes(at, latitude, longitude, height, np.full((60, 3), 4.0))
@@ -28,19 +28,20 @@ def outages(drift=0.0, resumed=(30.0, 52.0), **more):
     return outages_of(time, outputs, fixes, np.array([[20.0, 30.0], [50.0, 52.0]]), np.array(resumed), told)
 
 
-def test_errors_are_those_of_the_estimated_antenna_when_fixes_are_valid_and_a_drift_contradicts_what_is_stated():
+def test_errors_are_those_of_the_estimated_antenna_at_the_time_of_the_fix_and_a_drift_is_named():
     found = outages()
     for one in (*found.each, *outages(gnss_lever_arm=ARM, gnss_delay=DELAY).each):
         assert one.error == pytest.approx(np.tile(OFF, (10 if one.begin == 20.0 else 2, 1)), abs=2e-4)
-    level = np.hypot(1.0, 2.0 * np.cos(0.1) - 1.5 * np.sin(0.1))  # the arm seen from above, the heading known to 0.5 rad
+    n, e, d = attitude.numeric.rotate(attitude.numeric.from_euler(0.1, 0.0, 2.91), ARM) ** 2
+    variances = 3.0**2 + 4.0**2 + np.array([0.25 * e, 0.16 * d + 0.25 * n, 0.16 * e])
     more = outages(gnss_delay=DELAY, gnss_delay_estimate_sigma=0.3, gnss_lever_arm_estimate_sigma=np.full(3, 0.7))
-    variances = [one.each[0].statistics()["stated"]["horizontal_m"] ** 2 for one in (found, more)]
-    assert variances == pytest.approx(2 * (9.0 + 16.0) + (0.5 * level) ** 2 + np.array([0.0, 3.0**2 + 2 * 0.7**2]), rel=1e-4)
+    assert found.each[0].sigma[-1] ** 2 == pytest.approx(variances, rel=1e-4)
+    assert np.sum(more.each[0].sigma[-1] ** 2) == pytest.approx(variances.sum() + 3.0**2 + 3 * 0.7**2, rel=2e-3)
     assert [len(one.time) for one in outages(resumed=(29.2, np.inf)).each] == [9, 2]  # one record is after the next fix
     assert found.too_sure() == () and found.beyond == 0
     found, ends = outages(drift=3.0), np.array([3.0 + 3.0 * 9.1, 3.0 + 3.0 * 31.1])
     down = [found.each[0].statistics()[kind]["down_m"] for kind in ("end", "max", "ratio")]
-    assert down == pytest.approx([ends[0], ends[0], ends[0] / 5.0], rel=1e-4)
+    assert down == pytest.approx([ends[0], ends[0], ends[0] / found.each[0].sigma[-1, 2]], rel=1e-4)
     assert found.summary()["end"]["down_m"] == pytest.approx(np.sqrt(np.mean(ends**2)), rel=1e-4)
-    assert ["the errors at the ends of the outages are 13.8 times" in note for note in found.too_sure()] == [True]
+    assert ["the errors at the ends of the outages are 13.7 times" in note for note in found.too_sure()] == [True]
     assert found.beyond == 5 + 4 + 6 + 6  # north, east and down in the first outage, all in the second
