@@ -50,7 +50,8 @@ class Antenna:
 @dataclass(frozen=True)
 class Outage:
     """One outage, from `begin` to `end` (s): at each withheld fix in it the time (k,) s, the error (k, 3) of the estimated
-    antenna, estimate minus fix, m, north, east, down, and the standard deviation (k, 3) of both together, m.
+    antenna, estimate minus fix, m, north, east, down, and the standard deviation (k, 3) of both together, m; NaN of an estimate
+    that states none.
     """
 
     begin: float
@@ -87,8 +88,9 @@ class Outages:
 
     @property
     def ratios(self) -> Array:
-        """Errors at all withheld fixes over their standard deviations (m, 3), north, east, down."""
-        return np.concatenate([one.error / one.sigma for one in self.each])
+        """Errors at all withheld fixes over their standard deviations (m, 3), north, east, down; empty if none are stated."""
+        ratios = np.concatenate([one.error / one.sigma for one in self.each])
+        return ratios[np.isfinite(ratios).all(axis=1)]
 
     @property
     def beyond(self) -> int:
@@ -100,7 +102,7 @@ class Outages:
         return {
             "each": [{"begin_s": one.begin, "end_s": one.end, "fixes": len(one.time), **one.statistics()} for one in self.each],
             "all": self.summary(),
-            "beyond_3_sigma": self.beyond / self.ratios.size,
+            "beyond_3_sigma": self.beyond / self.ratios.size if self.ratios.size else None,
         }
 
     @remark(
@@ -112,8 +114,9 @@ class Outages:
         """The rms of the ratios is beyond `BEYOND`, at the ends of the outages, as of a filter, or over all of them."""
         ends = np.array([one.error[-1] / one.sigma[-1] for one in self.each])
         of = {"at the ends of the outages": ends, "in the outages": self.ratios}
-        ratio, where = max((float(np.sqrt(np.mean(ratios**2))), where) for where, ratios in of.items())
-        return {"ratio": ratio, "where": where} if ratio > BEYOND else None
+        rms = {where: float(np.sqrt(np.mean(ratios**2))) for where, ratios in of.items() if np.isfinite(ratios).any()}
+        where = max(rms, key=rms.__getitem__, default="")
+        return {"ratio": rms[where], "where": where} if rms and rms[where] > BEYOND else None
 
 
 def _with_horizontal(values: Array) -> dict[str, Array]:
@@ -124,15 +127,13 @@ def _with_horizontal(values: Array) -> dict[str, Array]:
 def outages_of(
     time: Array, outputs: Mapping[str, Array], fixes: Fixes, windows: Array, resumed: Array, antenna: Antenna
 ) -> Outages | None:
-    """The outages of an estimate with the outputs (n, ...) by row name at the times (n,) s of its records.
+    """The outages of a navigation with the outputs (n, ...) by row name at the times (n,) s of its records.
 
     windows (k, 2): begin and end of the outages, s.  resumed (k,): when fixes are used again, s: an error counts only if the
     records on both sides of it are before that.
 
-    None of an estimate without a position, without a stated sigma of it, or whose records cover none of the fixes.
+    None of an estimate whose records cover none of the fixes.
     """
-    if not {"latitude", "longitude", "height", "velocity_n", "q_nb", "position_sigma"} <= set(outputs):
-        return None
     valid = fixes.time
     if DELAY.name in outputs:
         valid = valid - np.interp(valid, time, np.ravel(outputs[DELAY.name]))
@@ -185,7 +186,8 @@ def _differences(
         row = f"{name}_estimate_sigma"
         return between(outputs[row]) if row in outputs else np.broadcast_to(otherwise, (len(rows), size))
 
-    variance = between(outputs["position_sigma"]) ** 2 + fixes.position_sigma[rows] ** 2
+    own = between(outputs["position_sigma"]) if "position_sigma" in outputs else np.nan
+    variance = own**2 + fixes.position_sigma[rows] ** 2
     variance = variance + np.einsum("kij,kj->ki", C_nb**2, stated(LEVER_ARM.name, antenna.lever_arm_sigma, 3) ** 2)
     variance = variance + (velocity * stated(DELAY.name, antenna.delay_sigma, 1)) ** 2
     if "attitude_sigma" in outputs:

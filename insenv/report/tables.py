@@ -161,10 +161,11 @@ def outage_rows(outages: Outages) -> list[tuple[str, ...]]:
 
 def beyond_line(outages: Outages) -> str:
     """What the columns mean, and the share of the errors beyond three sigma."""
-    return (
-        "errors against the withheld fixes, at the end of each outage and the largest; stated: 1 sigma of estimate and fix "
-        f"together; {outages.beyond} of {outages.ratios.size} errors north, east, down are beyond {BEYOND:g} sigma"
-    )
+    compared = "errors against the withheld fixes, at the end of each outage and the largest"
+    if not outages.ratios.size:
+        return compared
+    beyond = f"{outages.beyond} of {outages.ratios.size} errors north, east, down are beyond {BEYOND:g} sigma"
+    return f"{compared}; stated: 1 sigma of estimate and fix together; {beyond}"
 
 
 def force_line(force: SpecificForce) -> str:

@@ -129,6 +129,7 @@ def replay(
 REFUSED = "estimator-refused"
 _REFUSED = declared(REFUSED, "{id} is left out: {why}")
 _BRIDGED = declared("gaps-bridged", "gaps bridged by interpolation: {count} ({samples} samples in all)")
+_UNSEEN = declared("outages-unseen", "outages with no record of the estimate between fixes that it used, left out: {count}")
 _EMPTY = declared("outages-empty", "outages left out, because the log itself has no fix in them: {count}")
 _DROPPED = declared("fixes-dropped", "fixes not used, because a later one is in the same sample: {count}")
 
@@ -304,6 +305,15 @@ def _outages(ready: Prepared, times: Array, outputs: Mapping[str, Array]) -> Out
     return outages_of(times, outputs, fixes, lost.windows, lost.resumed, antenna)
 
 
+def _of_outages(lost: Withheld | None, found: Outages | None) -> tuple[Remark, ...]:
+    """What is said of outages, and of those in which nothing was compared."""
+    if lost is None:
+        return ()
+    unseen = len(lost.windows) - (0 if found is None else len(found.each))
+    left_out = (_UNSEEN.filled(count=unseen),) if unseen else ()
+    return (*left_out, *(() if found is None else found.too_sure()))
+
+
 def _result(
     follower: Follower,
     begun: Start,
@@ -341,7 +351,7 @@ def _result(
             *follower.notes(times - (times[-1] - duration_s), duration_s, health, outputs),
             *contradiction_notes(times, outputs),
             *sideways_notes(times, outputs),
-            *(outages.too_sure() if outages is not None else ()),
+            *_of_outages(ready.withheld, outages),
             *(force.reference_contradicted() if force is not None else ()),
         ),
         health=health,
