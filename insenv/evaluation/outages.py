@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.remarks import Doubt, remark
-from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
 
 Array = NDArray[np.float64]
 
@@ -40,11 +39,16 @@ class Fixes:
 
 @dataclass(frozen=True)
 class Antenna:
-    """What is stated of the antenna: lever arm (3,) m, b, and its standard deviation; that of the delay of the fixes, s."""
+    """What is stated of the antenna: lever arm (3,) m, b, and its standard deviation; that of the delay of the fixes, s.
+
+    lever_arm_row, delay_row: the outputs in which an estimate of these stands, if an estimator makes one.
+    """
 
     lever_arm: Array
     lever_arm_sigma: Any = 0.0
     delay_sigma: float = 0.0
+    lever_arm_row: str = ""
+    delay_row: str = ""
 
 
 @dataclass(frozen=True)
@@ -135,8 +139,8 @@ def outages_of(
     None of an estimate whose records cover none of the fixes.
     """
     valid = fixes.time
-    if DELAY.name in outputs:
-        valid = valid - np.interp(valid, time, np.ravel(outputs[DELAY.name]))
+    if antenna.delay_row in outputs:
+        valid = valid - np.interp(valid, time, np.ravel(outputs[antenna.delay_row]))
     later = np.searchsorted(time, valid)
     found = []
     for (begin, end), again in zip(windows, resumed, strict=True):
@@ -164,6 +168,9 @@ def _differences(
         early, late = (values[end].reshape(len(rows), -1) for end in ends)
         return np.asarray(early + share * (late - early))
 
+    def estimated(row: str, otherwise: Any, size: int) -> Array:
+        return between(outputs[row]) if row in outputs else np.broadcast_to(otherwise, (len(rows), size))
+
     place = tuple(getattr(fixes, name)[rows] for name in ("latitude", "longitude", "height"))
     early, late = (
         geodesy.numeric.position_error(*(outputs[name][end] for name in ("latitude", "longitude", "height")), *place)
@@ -179,17 +186,12 @@ def _differences(
     )
     velocity = between(outputs["velocity_n"])
     C_nb = attitude.numeric.to_dcm(attitude_between(outputs["q_nb"][ends[0]], outputs["q_nb"][ends[1]], share))
-    arm = between(outputs[LEVER_ARM.name]) if LEVER_ARM.name in outputs else np.broadcast_to(antenna.lever_arm, (len(rows), 3))
-    arm_n = np.einsum("kij,kj->ki", C_nb, arm)
+    arm_n = np.einsum("kij,kj->ki", C_nb, estimated(antenna.lever_arm_row, antenna.lever_arm, 3))
 
-    def stated(name: str, otherwise: Any, size: int) -> Array:
-        row = f"{name}_estimate_sigma"
-        return between(outputs[row]) if row in outputs else np.broadcast_to(otherwise, (len(rows), size))
-
-    own = between(outputs["position_sigma"]) if "position_sigma" in outputs else np.nan
-    variance = own**2 + fixes.position_sigma[rows] ** 2
-    variance = variance + np.einsum("kij,kj->ki", C_nb**2, stated(LEVER_ARM.name, antenna.lever_arm_sigma, 3) ** 2)
-    variance = variance + (velocity * stated(DELAY.name, antenna.delay_sigma, 1)) ** 2
+    arm_sigma = estimated(f"{antenna.lever_arm_row}_estimate_sigma", antenna.lever_arm_sigma, 3)
+    delay_sigma = estimated(f"{antenna.delay_row}_estimate_sigma", antenna.delay_sigma, 1)
+    variance = estimated("position_sigma", np.nan, 3) ** 2 + fixes.position_sigma[rows] ** 2
+    variance = variance + np.einsum("kij,kj->ki", C_nb**2, arm_sigma**2) + (velocity * delay_sigma) ** 2
     if "attitude_sigma" in outputs:
         north, east, down = (between(outputs["attitude_sigma"]) ** 2).T
         n, e, d = (arm_n**2).T

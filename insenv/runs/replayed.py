@@ -16,6 +16,7 @@ from insenv.base.output import as_path
 from insenv.base.remarks import Remark, coded, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
+from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
 from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
@@ -301,7 +302,7 @@ def _outages(ready: Prepared, times: Array, outputs: Mapping[str, Array]) -> Out
     fixes = Fixes(*(getattr(lost.fixes, name) for name in ("time", "latitude", "longitude", "height", "position_sigma")))
     told = ready.log.told
     arm_sigma, delay_sigma = (told.get(name, 0.0) for name in ("antenna_lever_arm_sigma", "gnss_delay_sigma"))
-    antenna = Antenna(ready.log.lever_arm_b, arm_sigma, delay_sigma)
+    antenna = Antenna(ready.log.lever_arm_b, arm_sigma, delay_sigma, LEVER_ARM.name, DELAY.name)
     return outages_of(times, outputs, fixes, lost.windows, lost.resumed, antenna)
 
 

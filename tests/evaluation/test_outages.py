@@ -24,7 +24,7 @@ def outages(drift=0.0, resumed=(30.0, 52.0), **more):
     outputs = circle(time, OFF, drift, 0 * ARM) | {name: np.tile(row, (len(time), 1)) for name, row in rows.items()}
     latitude, longitude, height, *_ = circle(at - (DELAY if "gnss_delay" in more else 0.0), 0.0, 0.0, ARM).values()
     fixes = Fixes(at, latitude, longitude, height, np.full((60, 3), 4.0))
-    told = Antenna(0 * ARM if "gnss_lever_arm" in more else ARM)
+    told = Antenna(0 * ARM if "gnss_lever_arm" in more else ARM, 0.0, 0.0, "gnss_lever_arm", "gnss_delay")
     return outages_of(time, outputs, fixes, np.array([[20.0, 30.0], [50.0, 52.0]]), np.array(resumed), told)
 
 
