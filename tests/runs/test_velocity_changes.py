@@ -18,10 +18,8 @@ def test_the_true_attitude_leaves_nothing_of_exact_velocities():
     log = simulated_log(changed("car-city-drive", imu={"grade": "perfect"}, gnss=gnss), duration_s=120.0)
     changes, true = velocity_changes(log), log.reference
     at = np.searchsorted(log.imu_time, changes.time)
-    assert (
-        len(at) == 118
-        and np.abs(changes.left(attitude.numeric.from_euler(true.roll[at], true.pitch[at], true.heading[at]))).max() < 5e-3
-    )
+    left = changes.left(attitude.numeric.from_euler(true.roll[at], true.pitch[at], true.heading[at]))
+    assert len(at) == 118 and np.abs(left).max() < 5e-3
     level = replace(log.gnss, velocity_sigma=log.gnss.velocity_sigma * [1.0, 1.0, 1e6])
     assert velocity_changes(replace(log, gnss=level)).known.all(axis=0).tolist() == [True, True, False]
 
