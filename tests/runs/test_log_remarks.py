@@ -19,8 +19,7 @@ def said(log, estimator="q-method"):
     return [note for note in (*report.notes, *report.results[0].notes) if "latitude" in note]
 
 
-def read(log, folder):
-    """As a file, of which reading finds the time at rest."""
+def read(log, folder):  # as a file, of which reading finds the time at rest
     return load(next(file for file in insenv.write(log, folder, ["log"]) if file.suffix == ".toml"))
 
 
