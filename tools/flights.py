@@ -3,6 +3,7 @@
     pip install onavdata==0.2.5
     python tools/flights.py                         # fusion, grade autopilot
     python tools/flights.py -e fusion-smoother -g consumer
+    python tools/flights.py --outages every=120,length=30    # drift in outages, beside what is stated
 
 The reference is the filter of the data set on the same sensors, good to about a degree.
 """
@@ -93,16 +94,35 @@ def row(log: Path, estimator: str, name: str) -> str:
     return f"| {name} | {size} | {stated} | {beyond} % | {verdict} |"
 
 
-def lines(estimator: str = "fusion", grade: str = "autopilot") -> Iterator[str]:
+def drift(log: Path, estimator: str, name: str, outages: str) -> str:
+    """Errors at the ends of outages, stated sigmas and the ratios, rms over the outages, and what the velocities say."""
+    result = insenv.replay(log, estimator, outages=outages).results[0]
+    assert result.outages is not None and result.specific_force is not None and result.specific_force.reference is not None
+    found, force = result.outages.summary(), result.specific_force
+    cells = [
+        ", ".join(f"{found[kind][each]:.3g}" for kind in ("end", "stated", "ratio")) for each in ("horizontal_m", "down_m")
+    ]
+    cells += [f"{result.outages.beyond} of {result.outages.ratios.size}", f"{force.estimate:.2f}, {force.reference:.2f}"]
+    return f"| {name} | {len(result.outages.each)} | {' | '.join(cells)} |"
+
+
+DRIFT_HEADER = (
+    "| flight | outages | horizontal: m, stated, ratio | down: m, stated, ratio | beyond 3 sigma | m/s2, of the reference |",
+    "|---|---|---|---|---|---|",
+)
+
+
+def lines(estimator: str = "fusion", grade: str = "autopilot", outages: str = "") -> Iterator[str]:
     """The table, line by line."""
-    yield from ("| flight | error, deg | stated | beyond 3 sigma | verdict |", "|---|---|---|---|---|")
+    header = ("| flight | error, deg | stated | beyond 3 sigma | verdict |", "|---|---|---|---|---|")
+    yield from DRIFT_HEADER if outages else header
     for flight in sorted((resources.files("onavdata") / FOLDER).iterdir(), key=lambda each: each.name):
         with tempfile.TemporaryDirectory() as folder:
             log = written(flight, Path(folder), grade)
             try:
-                yield row(log, estimator, flight.name)
+                yield drift(log, estimator, flight.name, outages) if outages else row(log, estimator, flight.name)
             except InsenvError as error:
-                yield f"| {flight.name} | {error} | | | |"
+                yield f"| {flight.name} | {error} |" + " |" * (4 if outages else 3)
 
 
 def main() -> None:
@@ -110,8 +130,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("-e", "--estimator", default="fusion")
     parser.add_argument("-g", "--grade", default="autopilot", help="of the inertial unit; '' for none")
+    parser.add_argument("--outages", default="", metavar="every=S,length=S", help="drift where fixes are withheld")
     given = parser.parse_args()
-    for line in lines(given.estimator, given.grade):
+    for line in lines(given.estimator, given.grade, given.outages):
         print(line, flush=True)
 
 

@@ -134,9 +134,22 @@ def replay(
         Start, typer.Option(help="Start from the log alone, from the state of its reference, or from that of its \\[initial].")
     ] = Start.coarse,
     settings: Settings = None,
+    outage: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(
+            "--outage",
+            metavar="BEGIN:END",
+            help="Withhold the fixes from BEGIN to END [s] of the log's clock, or +BEGIN:+END from the start on, and compare "
+            "the estimate with them; may be given more than once.",
+        ),
+    ] = None,
+    outages: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option("--outages", metavar="every=S,length=S", help="The same in regular outages."),
+    ] = None,
     strict: Strict = False,
 ) -> int:
-    """Run estimators on a recorded log; print their errors against its reference."""
+    """Run estimators on a recorded log; print their errors against its reference, and against fixes withheld from them."""
     from insenv.estimators import get_all
     from insenv.estimators.settings import parsed_settings
     from insenv.logs import load
@@ -147,7 +160,8 @@ def replay(
     chosen, values = get_all(estimators), parsed_settings(settings or [])
     names = formats.names(output.out)
     with output.working(log.name) as progress:
-        report = follow(log, chosen, start=start.value, settings=values, progress=progress)
+        windows = [*(outage or ()), *([outages] if outages is not None else ())]
+        report = follow(log, chosen, start=start.value, settings=values, outages=windows, progress=progress)
         _keep(report, output, _exported(report, names, lambda: load(log)))
     return _show(report, output, strict)
 

@@ -18,12 +18,16 @@ from insenv.report.panels import TRUTH_GROUP, Array, Band, Curve, Panel, Picture
 from insenv.report.run_data import RunData, has_fixes, without_fixes
 from insenv.report.tables import (
     ESTIMATE_COLUMNS,
+    OUTAGE_COLUMNS,
+    beyond_line,
     error_columns,
     error_label,
     error_rows,
     estimate_rows,
     facts,
+    force_line,
     number,
+    outage_rows,
     unit_columns,
     unit_rows,
     within,
@@ -114,6 +118,9 @@ def _tables(result: Result, place: int, report: RunData) -> Iterator[Table]:
     if result.health is not None:
         first, *others = result.health.lines
         below = [f"Health: {first}", *others]
+    if result.specific_force is not None:
+        line = force_line(result.specific_force)
+        below.append(f"{line[0].upper()}{line[1:]}")
     below += [*result.notes, *([f"{number(result.us_per_sample)} us a sample"] if result.us_per_sample else [])]
     state = "" if result.health is None else result.health.verdict
     if result.errors:
@@ -132,6 +139,10 @@ def _tables(result: Result, place: int, report: RunData) -> Iterator[Table]:
         yield Table(result.estimator, headed, cells, place, below, above, state)
     else:
         yield Table(result.estimator, ESTIMATE_COLUMNS, estimate_rows(result), place, below, state=state)
+    if result.outages is not None:
+        yield Table(
+            result.estimator, OUTAGE_COLUMNS, outage_rows(result.outages), place, [beyond_line(result.outages)], wide=True
+        )
     if result.unit:
         yield Table(result.estimator, unit_columns(result), unit_rows(result), place)
 

@@ -48,6 +48,8 @@ class RunData:
                     "stated": r.stated(),
                     "health": None if r.health is None else r.health.as_json(),
                     "unit": [error.as_json() for error in r.unit],
+                    "specific_force": None if r.specific_force is None else r.specific_force.as_json(),
+                    **({} if r.outages is None else {"outages": r.outages.as_json()}),
                     "us_per_sample": r.us_per_sample,
                     "statistics_from_s": r.from_s,
                     "notes": list(r.notes),

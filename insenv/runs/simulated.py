@@ -16,6 +16,8 @@ from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import Result, Track, UnitError, errors, stated_sigma, statistics_from, track_of, unit_errors
 from insenv.evaluation.health import Health
 from insenv.evaluation.limits import Limit
+from insenv.evaluation.outages import Outages
+from insenv.evaluation.specific_force import SpecificForce
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.function import Called, EstimateFunction, FunctionFollower, parted, sample_names
@@ -160,12 +162,14 @@ def result_of(
     sigma: dict[str, Array] | None = None,
     unit: tuple[UnitError, ...] = (),
     evaluated_s: tuple[float, float] | None = None,
+    outages: Outages | None = None,
+    specific_force: SpecificForce | None = None,
 ) -> Result:
     """The result of estimates by row name against the truth, or a reference, at the same times.
 
     limit: None: there is none.  sigma: stated standard deviations by channel; None: those in the estimates.
-    unit: `Result.unit`.  evaluated_s: from and to when the estimate is judged; None: as a run is, to its end.  Of a track that
-    has NaN the times count at which it has none.
+    unit, outages, specific_force: of `Result`.  evaluated_s: from and to when the estimate is judged; None: as a run is, to
+    its end.  Of a track that has NaN the times count at which it has none.
 
     Raises `InputError` if nothing can be compared.
     """
@@ -202,4 +206,6 @@ def result_of(
         health=None if health is None else health.doubted(said),
         settled=settled,
         unit=unit,
+        outages=outages,
+        specific_force=specific_force,
     ).judged()

@@ -63,6 +63,7 @@ def test_replay(tmp_path):
         ("run ship-swaying --log d1", ["'d1' after --log, which takes no value: With --out: write", "as a log"]),
         ("rum", ["rum", "'run'"]),
         ("replay no.toml", ["-e ID"]),
+        (f"replay {PLAIN} -e smoother --outages every=60,length=9 --outage 61:62", ["60 to 69 s and 61 to 62 s overlap"]),
         ("replay no.toml -e loosely-coupled --start warm", ["warm", "coarse", "reference"]),
     ],
 )
