@@ -63,7 +63,7 @@ def test_the_error_names_what_a_log_lacks_to_start_an_estimator(changes, id, sta
 def test_an_estimator_that_the_log_is_not_for_does_not_stop_the_others():
     report = replay(log := parked(), ["loosely-coupled", "q-method"])
     assert [result.estimator for result in report.results] == ["q-method"]
-    assert report.notes[0].startswith("loosely-coupled is left out: heading from")
+    assert report.notes[0].startswith("loosely-coupled is left out: heading at the start")
     with pytest.raises(InsenvError, match=r"(?s)loosely-coupled is left out.*wander-sins is left out"):
         replay(log, ["loosely-coupled", "wander-sins"])
 
