@@ -313,9 +313,9 @@ def estimators_table() -> str:
 
 def remarks_table() -> str:
     """The codes of remarks with their texts, of all modules that declare some."""
-    estimators.registered()
-    for module in ("insenv.runs.replayed", "insenv.studies.campaign.plan"):
-        importlib.import_module(module)
+    for path in (ROOT / "insenv").rglob("*.py"):
+        if "insenv.base.remarks import" in path.read_text(encoding="utf-8"):
+            importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
     return markdown(("code", "text"), [[f"`{code}`", text] for code, text in sorted(TEXTS.items())])
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from insenv.base.remarks import Remark
 from insenv.logs import instruments
 from insenv.logs.description import AnyLog, LogDescription
 from insenv.logs.inertial import InertialSamples
@@ -24,7 +25,7 @@ def recorded_log(
     description: LogDescription,
     lever_arm_b: Array,
     sources: Sequence[Source],
-    notes: Sequence[str],
+    notes: Sequence[Remark],
     unit: Mapping[str, Any] | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> RecordedLog:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
-from insenv.base.remarks import Remark, coded, declared
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
@@ -88,12 +88,12 @@ def replay(
     results = tuple(_result(f, begun, ready, reference, times, duration) for f, begun in zip(followers, starts, strict=True))
     notes = [
         *ready.refused,
-        *coded(log.notes, "log"),
+        *log.notes,
         *members(ready.families, chosen),
         *latitude_at_rest(log, first, starts[0].knowledge.latitude),
     ]
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
-        notes.append(Remark("unit-assumed", log.assumed.sentence))
+        notes.append(log.assumed.remark)
     if any(_takes_sensors(e, given[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
     if log.gaps.count:

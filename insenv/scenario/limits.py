@@ -13,6 +13,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.output import atomic
+from insenv.base.remarks import Remark, declared
 from insenv.core.cache import cache_folder, source_digest
 from insenv.core.model import Model
 from insenv.core.runner import Progress, check_progress
@@ -47,18 +48,23 @@ def limit(scenario: ScenarioLike, *, duration_s: float | None = None, progress: 
     plant = build(load(scenario), seed=TRAJECTORY_SEED, duration_s=duration_s)
     refusal = no_limit(plant)
     if refusal:
-        raise InputError(refusal)
+        raise InputError(refusal[0])
     return limit_of(plant, progress)
 
 
-def no_limit(plant: Plant) -> str:
-    """The sentence why a plant has no limit; empty if it has one."""
+_COMMANDED = declared("no-limit-commanded", "no limit: limits are taken along the course of a scenario, not along commands")
+_UNKNOWN_SENSOR = declared(
+    "no-limit-unknown-sensor",
+    "no limit: a limit needs the measurement equation of every sensor, there is none of {sensors}",
+)
+
+
+def no_limit(plant: Plant) -> tuple[Remark, ...]:
+    """Why a plant has no limit; empty if it has one."""
     if plant.commands:
-        return "no limit: limits are taken along the course of a scenario, not along commands"
+        return (_COMMANDED,)
     further = sorted(id for id in plant.sensors if id != "gnss" and id not in registry.instruments())
-    if not further:
-        return ""
-    return f"no limit: a limit needs the measurement equation of every sensor, there is none of {', '.join(map(repr, further))}"
+    return (_UNKNOWN_SENSOR.filled(sensors=", ".join(map(repr, further))),) if further else ()
 
 
 def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:

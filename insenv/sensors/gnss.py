@@ -28,6 +28,7 @@ from pydantic import field_validator
 from insenv.attitude import rotate
 from insenv.base.errors import InputError
 from insenv.base.keys import rows_of
+from insenv.base.remarks import declared
 from insenv.base.toml import LeverArm, NotNegative, Number, key, one_of
 from insenv.core.compose import Part
 from insenv.core.elementary import TWO_PI, clamp, exp, maximum, normals, select, sin_cos
@@ -279,6 +280,11 @@ SHOWN_SIGMAS = 3.0
 """Drawn delays that are cut are worth a note if the range ends within so many sigmas of the mean."""
 ROUNDING_S = 1e-9
 """Rounding of a delay at the end of its range."""
+_DELAYS_CUT = declared(
+    "delays-cut",
+    "gnss.delay_sigma_s = {sigma:g} s: drawn delays are cut to {least:g} to {most:g} s, because no fix is from the future and "
+    "only one at a time is pending",
+)
 
 
 class GnssSection(TimedSection):
@@ -346,10 +352,7 @@ class GnssSection(TimedSection):
         reach = SHOWN_SIGMAS * self.delay_sigma_s
         if reach == 0.0 or (least <= self.delay_error_s - reach and self.delay_error_s + reach <= most):
             return ()
-        return (
-            f"gnss.delay_sigma_s = {self.delay_sigma_s:g} s: drawn delays are cut to {least:g} to {most:g} s, because no fix "
-            "is from the future and only one at a time is pending",
-        )
+        return (_DELAYS_CUT.filled(sigma=self.delay_sigma_s, least=least, most=most),)
 
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for times that do not fit the samples."""

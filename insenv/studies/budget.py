@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.core.batch import make_batch
 from insenv.core.model import Model, Step, Values
 from insenv.core.runner import Progress, check_progress
@@ -254,7 +255,11 @@ def _plants_without(case: _Case, part: range, off: Sequence[Source]) -> Sequence
     return reseeded(build(scenario, seed=plants[0].seed, duration_s=case.plant.duration_s), [plant.seed for plant in plants])
 
 
-def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -> Budget:
+_UNKNOWN = declared("errors-unknown", "the errors of {sensors} are not known: they are on in all runs, as part of the method")
+_LOST = declared("budget-diverges", "the estimator diverges in most runs, and the figures are missing: {sources}")
+
+
+def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: tuple[Remark, ...]) -> Budget:
     """The budget from the errors (seeds, variants, records, channels)."""
     channels, count = case.measured.channels, len(case.sources)
     whole, none = errors[:, 0], errors[:, 1]
@@ -282,11 +287,11 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -
     notes = [*case.plant.scenario.notes, *case.plant.notes_of(case.estimator, case.rows)]
     unknown = unknown_errors(case.plant.scenario)
     if unknown:
-        notes.append(f"the errors of {', '.join(unknown)} are not known: they are on in all runs, as part of the method")
+        notes.append(_UNKNOWN.filled(sensors=", ".join(unknown)))
     lost = [name for name, good in zip(_names(case.sources), usable, strict=True) if not good]
     if lost:
-        notes.append(f"the estimator diverges in most runs, and the figures are missing: {', '.join(lost)}")
-    notes += [refusal] if refusal else []
+        notes.append(_LOST.filled(sources=", ".join(lost)))
+    notes += refusal
     return Budget(
         scenario=case.plant.scenario.name or "scenario",
         estimator=case.estimator.id,

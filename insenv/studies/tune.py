@@ -11,7 +11,7 @@ seeds is one batch of the campaign's model: candidates differ in their parameter
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.installing import need
+from insenv.base.remarks import remark
 from insenv.core.batch import make_batch
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Estimator
@@ -226,9 +227,11 @@ def _consistency(judging: Seeds, first: Measures, second: Measures) -> dict[str,
     return {"before": float(np.mean(first.nees)) / degrees, "after": float(np.mean(second.nees)) / degrees}
 
 
-def _diverged(first: Measures, second: Measures) -> Iterator[str]:
-    """A sentence if there are no intervals because the estimator diverges in some of the held-out runs."""
-    counts = [int(np.sum(~np.isfinite(found.squares).all(axis=1))) for found in (first, second)]
-    if any(counts):
-        runs = len(first.squares)
-        yield f"the estimator diverges in {counts[0]} of {runs} held-out runs before and in {counts[1]} after: no interval"
+@remark(
+    "tuning-diverges",
+    "the estimator diverges in {before} of {runs} held-out runs before and in {after} after: no interval",
+)
+def _diverged(first: Measures, second: Measures) -> dict[str, int] | None:
+    """There are no intervals, because the estimator diverges in some of the held-out runs."""
+    before, after = (int(np.sum(~np.isfinite(each.squares).all(axis=1))) for each in (first, second))
+    return {"before": before, "after": after, "runs": len(first.squares)} if before or after else None

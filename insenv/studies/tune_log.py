@@ -13,7 +13,7 @@ LARGEST.  Factors are sought on the first half of the log and judged on the seco
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import remark
 from insenv.base.resources import scenario_names
 from insenv.base.toml import is_log as describes_log
 from insenv.base.toml import read_toml
@@ -168,13 +169,14 @@ def tune_log(
     return _with_errors(result, ready.log, estimator, settings, float(end[half]))
 
 
-def _slow_errors(mean: float, given: Mapping[str, Any]) -> Iterator[str]:
-    """A sentence if positions scatter less than stated (mean of y^2 / S) for a filter that models no slow errors of fixes."""
-    if mean < NOTABLE**-2 and not np.any(given.get(SLOW, 0.0)):
-        yield (
-            f"positions scatter less than their sigmas say (mean y^2 / S {mean:.2g}): the sigmas are too large, or part of the "
-            "error is slow, and the score then favours a filter that follows the fixes: state fix_wander_sigma_m in that case"
-        )
+@remark(
+    "score-slow-errors",
+    "positions scatter less than their sigmas say (mean y^2 / S {mean:.2g}): the sigmas are too large, or part of the error is "
+    "slow, and the score then favours a filter that follows the fixes: state fix_wander_sigma_m in that case",
+)
+def _slow_errors(mean: float, given: Mapping[str, Any]) -> dict[str, float] | None:
+    """Positions scatter less than stated (mean of y^2 / S) for a filter that models no slow errors of fixes."""
+    return {"mean": mean} if mean < NOTABLE**-2 and not np.any(given.get(SLOW, 0.0)) else None
 
 
 def _change(differences: Array) -> Estimate:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress
 from insenv.core.tables import Row
 from insenv.estimators import Estimator
@@ -89,6 +90,7 @@ POPULATION = 8
 """Smallest population: two registers of the batch core."""
 FAILED = 1e3
 """Objective of factors with which the filter diverges."""
+_INTERRUPTED = declared("search-interrupted", "the search was interrupted after {count} evaluations")
 
 
 @dataclass(frozen=True)
@@ -104,9 +106,9 @@ class Search:
     interrupted: bool
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """What must be said of the search."""
-        return (f"the search was interrupted after {self.evaluations} evaluations",) if self.interrupted else ()
+        return (_INTERRUPTED.filled(count=self.evaluations),) if self.interrupted else ()
 
 
 def search(objective: Objective, parameters: int, evaluations: int, seed: int, progress: Progress | None) -> Search:

@@ -14,6 +14,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file
+from insenv.base.remarks import Remark, declared
 from insenv.base.toml import validated
 from insenv.core.compile import wasm, wasm_source
 from insenv.core.model import Model
@@ -281,24 +282,29 @@ def _option(option: Option, live: Live) -> dict[str, Any]:
     return {"value": option.value, "label": option.value, "set": dict(option.setting), "p": option.p, "notes": notes}
 
 
-def _notes(plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> list[str]:
+def _notes(plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> list[Remark]:
     """What must be said of a scenario and of the estimators that run on it, as in a run."""
     rows, notes = setting_rows(settings, chosen), _notes_of_page(plant)
     for estimator in chosen:
-        notes += [f"{estimator.id}: {note}" for note in plant.notes_of(estimator, rows[estimator.id])]
+        notes += [note.of(estimator.id) for note in plant.notes_of(estimator, rows[estimator.id])]
     return notes
 
 
-def _notes_of_page(plant: Plant) -> list[str]:
+_KEEP_TRACK = declared("track-beside", "the downloaded scenario reads its track from {file}: keep that file beside it")
+_REPEATED = declared(
+    "samples-repeated",
+    "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ",
+)
+
+
+def _notes_of_page(plant: Plant) -> list[Remark]:
     """What a reader of the page must know of a scenario."""
-    notes = [*plant.scenario.notes, no_limit(plant)]
+    notes = [*plant.scenario.notes, *no_limit(plant)]
     if file := _track_file(plant):
-        notes.append(f"the downloaded scenario reads its track from {file}: keep that file beside it")
+        notes.append(_KEEP_TRACK.filled(file=file))
     if plant.parameters["imu_drop_probability"] > 0.0:
-        notes.append(
-            "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ"
-        )
-    return [note for note in notes if note]
+        notes.append(_REPEATED)
+    return notes
 
 
 def compressed(module: bytes) -> bytes:

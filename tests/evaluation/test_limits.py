@@ -440,6 +440,7 @@ def test_errors_of_a_unit_that_nothing_shows_keep_what_is_known_of_them():
 
 def test_a_sensor_that_is_not_known_gives_no_limit():
     plant = build(load("car-city-drive"), seed=1)
-    assert limits.no_limit(plant) == ""
+    assert limits.no_limit(plant) == ()
     further = SimpleNamespace(commands=plant.commands, sensors=frozenset({"gnss", "odometer", "compass"}))
-    assert "measurement equation of every sensor, there is none of 'compass'" in limits.no_limit(further)
+    (why,) = limits.no_limit(further)
+    assert why.code == "no-limit-unknown-sensor" and "measurement equation of every sensor, there is none of 'compass'" in why

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Doubt, declared
+from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
@@ -249,7 +249,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
     names, ids = [state.name for state in filter.states], [aid.id for aid in filter.aids]
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
 
-    def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
         return (
             *applicability.linear_start(parameters, duration_s, UNKNOWN_START),
             *(() if _holds(filter, "vertical") else vertical_channel.by_bias(parameters, duration_s)),
@@ -325,7 +325,7 @@ _IDLE_STATE = declared(
 )
 
 
-def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str, ...]:
+def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[Remark, ...]:
     """Sentences about what is known to be there and is not in the filter.
 
     Errors of the instruments in use that are no states; on a turntable also those of the unit, and that it stays in place.
@@ -351,7 +351,7 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
     return tuple(found)
 
 
-def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[Remark, ...]:
     idle = [state for state in filter.states if not np.any(np.asarray(parameters[state.sigma]) > 0.0)]
     return tuple(_IDLE_STATE.filled(state=state.name, sigma=state.sigma) for state in idle)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress
 from insenv.evaluation.errors import STEEP_LIMIT
 from insenv.scenario import limit_of, no_limit
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 
 VARIED_RUNS = 16
 """Number of runs, evenly spaced, whose limits stand for those of all if the scenario varies: each takes about a second."""
+_SOME_RUNS = declared("limit-of-some-runs", "limit: the root mean square over {some} of the {runs} runs, evenly spaced")
 
 
 @dataclass(frozen=True)
@@ -23,14 +25,14 @@ class CampaignLimit:
     """Limits of runs.
 
     runs (k,): numbers of the runs; squares (k, records, channels): mean squares of their limits over the evaluations since
-    the previous record, as those of the errors.  same: whether the one limit is that of every run.  note: what must be said
-    of it, or empty.
+    the previous record, as those of the errors.  same: whether the one limit is that of every run.  notes: what must be said
+    of it.
     """
 
     runs: NDArray[np.int64]
     squares: Array
     same: bool
-    note: str = ""
+    notes: tuple[Remark, ...] = ()
 
     def course(self) -> Array | None:
         """Root mean square over the runs (records, channels); None if there is no limit."""
@@ -67,8 +69,8 @@ def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | N
         steep = steep or bool(found.unjudged)
         squares.append(own.reshape(len(plan.times), plan.evaluations, len(channels)).mean(axis=1))
     some = len(runs) < plan.runs and not same
-    notes = [f"limit: the root mean square over {len(runs)} of the {plan.runs} runs, evenly spaced"] if some else []
-    return CampaignLimit(runs, np.array(squares), same, "; ".join([*notes, *([STEEP_LIMIT] if steep else [])]))
+    notes = [_SOME_RUNS.filled(some=len(runs), runs=plan.runs)] if some else []
+    return CampaignLimit(runs, np.array(squares), same, (*notes, *([STEEP_LIMIT] if steep else [])))
 
 
 def _evaluations(plan: Plan) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from insenv import estimators
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, coded, declared
+from insenv.base.remarks import Remark, declared
 from insenv.base.toml import validated
 from insenv.base.version import __version__
 from insenv.estimators import Estimator
@@ -27,9 +27,10 @@ from insenv.studies.campaign.variation import (
     Variation,
     check_design,
     check_variations,
-    design_note,
+    dependent,
     numbers_of,
     seed_of,
+    unbalanced,
     varied,
     whole_design,
 )
@@ -208,17 +209,16 @@ class Plan:
     @property
     def notes(self) -> tuple[Remark, ...]:
         """Notes on the scenario, on the estimator in that of the first run (`Estimator.notes`), and on its tuning in all."""
-        found = (
-            *coded(self.plant.scenario.notes, "scenario"),
+        lossy = float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0
+        return (
+            *self.plant.scenario.notes,
             *self.chosen.notes(self._parameters, self.duration_s),
             *self.chosen.without_effect(self.plant.tunings),
             *self._understated,
+            *unbalanced(self.design, self.runs),
+            *dependent(self.design),
+            *([SAMPLES_HELD] if lossy else []),
         )
-        note = design_note(self.design, self.runs)
-        found += coded([note] if note else [], "design")
-        if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
-            found += (SAMPLES_HELD,)
-        return found
 
     @property
     def _understated(self) -> tuple[Remark, ...]:

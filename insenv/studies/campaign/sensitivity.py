@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.installing import advice, is_installed
+from insenv.base.remarks import remark
 from insenv.studies.campaign.plan import Plan
 
 Array = NDArray[np.float64]
@@ -83,11 +84,12 @@ def sensitivities(
     return tuple(found)
 
 
-def sensitivity_note(plan: Plan) -> str:
-    """What must be said of the sensitivities of a plan; empty if nothing."""
+@remark("no-sobol-indices", "no Sobol indices: SALib is not installed: {advice}")
+def no_indices(plan: Plan) -> dict[str, str] | None:
+    """Keys are varied, and the package that computes the indices is missing."""
     if not plan.variations or is_installed("SALib"):
-        return ""
-    return f"no Sobol indices: SALib is not installed: {advice('SALib', 'workbench')}"
+        return None
+    return {"advice": advice("SALib", "workbench")}
 
 
 def _rank(plan: Plan, values: Array, rms: Array) -> tuple[float, float | None]:

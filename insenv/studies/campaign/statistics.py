@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.remarks import Remark, as_json, coded
+from insenv.base.remarks import Remark, as_json
 from insenv.evaluation.health import VERDICTS, AidHealth, Health
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.tables import runs_of
 from insenv.studies.campaign.plan import Plan
-from insenv.studies.campaign.sensitivity import Sensitivity, sensitivity_note
+from insenv.studies.campaign.sensitivity import Sensitivity, no_indices
 
 # Confidence intervals of the statistics of independent runs, 95 %, without assuming a distribution of the errors.
 
@@ -128,7 +128,7 @@ class Statistics:
     taken.
     Run by run: seeds; values (runs, variations); final, rms, stated, limit (runs, channels; NaN where nothing is stated, or
     where there is no limit).
-    limit_note: what must be said of the limit, or empty.
+    limit_notes: what must be said of the limit.
     diverged: seeds of runs with a number that is not finite.
     far: seeds of runs whose rms is `FAR` times the median.
     whole: runs (runs,) whose numbers are all finite.  sensitivity: of the rms of the runs to the varied keys.
@@ -149,7 +149,7 @@ class Statistics:
     limit: Array
     diverged: tuple[int, ...]
     far: tuple[int, ...]
-    limit_note: str = ""
+    limit_notes: tuple[Remark, ...] = ()
     health: tuple[Health | None, ...] = ()
     held: tuple[Mapping[Remark, float], ...] = ()
     whole: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
@@ -159,8 +159,7 @@ class Statistics:
     @property
     def notes(self) -> tuple[Remark, ...]:
         """What must be said of the campaign."""
-        of_limit, of_design = filter(None, [self.limit_note]), filter(None, [sensitivity_note(self.plan)])
-        return (*self.plan.notes, *self._held_notes, *coded(of_limit, "limit"), *coded(of_design, "sensitivity"))
+        return (*self.plan.notes, *self._held_notes, *self.limit_notes, *no_indices(self.plan))
 
     @property
     def _held_notes(self) -> Iterator[Remark]:
@@ -252,8 +251,7 @@ class Statistics:
             "health": self.verdicts(),
             "diverged": list(self.diverged),
             "far": list(self.far),
-            "notes": list(self.notes),
-            "remarks": as_json(self.notes),
+            **as_json(self.notes),
         }
 
 

@@ -111,7 +111,7 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
         limit=limit.of_runs(len(seeds), late),
         diverged=tuple(int(seed) for seed in seeds[~whole]),
         far=tuple(int(seed) for seed in seeds[far]),
-        limit_note=limit.note,
+        limit_notes=limit.notes,
         whole=whole,
         sensitivity=sensitivities(plan, measured.channels, values, rms, whole),
         health=healths,

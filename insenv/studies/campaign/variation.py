@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import remark
 from insenv.core import noise
 from insenv.scenario.files import grade_value
 
@@ -304,13 +305,18 @@ def _is_power(number: int) -> bool:
     return number > 0 and number & (number - 1) == 0
 
 
-def design_note(design: str, runs: int) -> str:
-    """What must be said of a design; empty if nothing."""
-    if design == "sobol" and not _is_power(runs):
-        return f"a Sobol sequence is balanced for a power of 2: {runs} runs cover the ranges less evenly"
-    if design == "saltelli":
-        return "the runs of a saltelli design share seeds and values: statistics are not those of independent runs"
-    return ""
+@remark("design-unbalanced", "a Sobol sequence is balanced for a power of 2: {runs} runs cover the ranges less evenly")
+def unbalanced(design: str, runs: int) -> dict[str, int] | None:
+    """A Sobol sequence with another number of runs."""
+    return {"runs": runs} if design == "sobol" and not _is_power(runs) else None
+
+
+@remark(
+    "design-dependent", "the runs of a saltelli design share seeds and values: statistics are not those of independent runs"
+)
+def dependent(design: str) -> dict[str, Any] | None:
+    """The runs of a design are not independent."""
+    return {} if design == "saltelli" else None
 
 
 def seed_of(design: str, first_seed: int, run: int, keys: int) -> int:
