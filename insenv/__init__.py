@@ -82,7 +82,7 @@ _starting.prepare()  # before anything that takes long to import
 from typing import TYPE_CHECKING  # noqa: E402
 
 from insenv.base.registration import register as _register_environments  # noqa: E402
-from insenv.base.version import __version__ as __version__  # noqa: E402
+from insenv.base.shipped import __version__ as __version__  # noqa: E402
 
 if TYPE_CHECKING:
     from insenv import testing

@@ -15,11 +15,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, naming
 from insenv.base.plugins import check_id
 from insenv.base.remarks import Caveat, Remark, coded, remark
 from insenv.core.model import Model, Values
-from insenv.core.tables import Table, Vector, check_rows, naming
+from insenv.core.tables import Table, Vector, check_rows
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import understated as motion_errors_understated
 from insenv.estimators.parts.finding import Finding, Reached

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from insenv import attitude, geodesy
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, naming
 from insenv.base.keys import rows_of
 from insenv.core import noise
 from insenv.core.model import Model
-from insenv.core.tables import Table, Vector, check_rows, naming
+from insenv.core.tables import Table, Vector, check_rows
 from insenv.estimators import Knowledge
 from insenv.scenario.assembly import plant_model
 from insenv.scenario.commands import DRIVEN, commanded

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.output import to_json
-from insenv.base.version import __version__
+from insenv.base.shipped import __version__
 from insenv.report.document import Page, Table
 from insenv.report.page.html import assembled
 from insenv.report.panels import Band, Curve, IntervalsPanel, Panel, Range, TimePanel

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from insenv import estimators
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
+from insenv.base.shipped import __version__
 from insenv.base.toml import validated
-from insenv.base.version import __version__
 from insenv.estimators import Estimator
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, reseeded
 from insenv.scenario.build import seed_and_duration

@@ -27,7 +27,7 @@ from uuid import uuid4
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.installing import need
 from insenv.base.output import as_path
-from insenv.base.version import __version__
+from insenv.base.shipped import __version__
 from insenv.core.compile import NoRoomError, batch_library_path
 from insenv.core.runner import Progress, check_progress, resolve_backend
 from insenv.estimators import Estimator, get_all
