@@ -10,6 +10,7 @@ from pydantic import AfterValidator, ValidationInfo, field_validator
 
 from insenv import attitude
 from insenv.base.errors import nearest
+from insenv.base.keys import rows_of
 from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
@@ -232,15 +233,16 @@ class GnssSection(PositionSection, MeasurementSection):
     speed_sigma: Column | None = key(None, "column of the standard deviation of the speed [m/s]")
     speed_sigma_mps: Positive | None = key(None, "constant standard deviation of the speed", "m/s", validate_default=True)
     lever_arm_m: Vector3 = key(..., "from the IMU to the antenna: forward, right, down", "m")
-    lever_arm_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m")
-    delay_sigma_s: Number = key(0.0, "error of the time of validity, 1 sigma", "s", ge=0, le=3600)
+    lever_arm_sigma_m: PerAxis = key(
+        (0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m", row="antenna_lever_arm_sigma"
+    )
+    delay_sigma_s: Number = key(0.0, "error of the time of validity, 1 sigma", "s", row="gnss_delay_sigma", ge=0, le=3600)
     wander_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "part of the position error that changes slowly, 1 sigma, N, E, D", "m")
     wander_time_s: Positive = key(60.0, "correlation time of that part", "s", le=1e9)
 
     def stated_errors(self) -> dict[str, Any]:
         """Stated errors of the receiver beside the fields of `Knowledge`: rows of `sensors.gnss.GNSS_STATED`."""
-        rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s}
-        return {name: value for name, value in rows.items() if np.asarray(value).any()}
+        return {name: value for name, value in rows_of(self).items() if np.asarray(value).any()}
 
     @field_validator("position_sigma_m")
     @classmethod

@@ -109,17 +109,13 @@ class Sampled:
     def sensor(self) -> Sensor:
         """The sensor of these equations."""
         this, id = self.instrument, self.instrument.id
-        timing = (
-            ErrorSource(f"{id} latency", (f"{id}_latency",)),
-            ErrorSource(f"{id} outages", (f"{id}_outage_start", f"{id}_outage_end")),
-        )
         return Sensor(
             id,
             self._part,
             outputs=this.measurement.names,
             truth=(*(row.name for row in this.exact_rows), *self.truth),
             stated_errors=this.stated_values,
-            errors=this.error_sources + timing,
+            errors=(*this.error_sources, *timing_sources(id, id)),
             stated=None if this.accuracy is None else Stated(this.new, self._accuracy),
         )
 
@@ -231,12 +227,7 @@ class Sampled:
         rows |= this.exact(motion, errors, p)
         drifts = {term.value.name: values[term.name] for term in this.terms if term.kind == "drift" and term.value is not None}
         epochs = getattr(x, f"{id}_epochs") + 1.0
-        # a microsecond decides ties, which rounding would otherwise decide arbitrarily
-        time = epochs * getattr(p, f"{id}_interval") + 1e-6
-        begin, end = getattr(p, f"{id}_outage_start"), getattr(p, f"{id}_outage_end")
-        for i in range(OUTAGES):
-            lost = lost + (time >= begin[i]) * (time < end[i])
-        there = lost == 0.0
+        there = lost_epoch(id, p, epochs * getattr(p, f"{id}_interval"), lost) == 0.0
         return {
             **{self._pending(name): value for name, value in rows.items()},
             **drifts,
@@ -295,6 +286,24 @@ def timing_rows(id: str) -> Table:
         Row(f"{id}_outage_end", "Outage windows: first epoch no longer lost; a window that ends as it starts is empty", "s",
             (OUTAGES,)),
     ))  # fmt: skip
+
+
+def timing_sources(id: str, called: str) -> tuple[ErrorSource, ErrorSource]:
+    """Latency and outages as sources of errors."""
+    return (
+        ErrorSource(f"{called} latency", (f"{id}_latency",)),
+        ErrorSource(f"{called} outages", (f"{id}_outage_start", f"{id}_outage_end")),
+    )
+
+
+def lost_epoch(id: str, p: Values, time: Any, lost: Any = 0.0) -> Any:
+    """`lost`, and 1 more for each outage window of the instrument in which an epoch lies; time: of it since the start, s."""
+    # a microsecond decides ties, which rounding would otherwise decide arbitrarily
+    time = time + 1e-6
+    begin, end = getattr(p, f"{id}_outage_start"), getattr(p, f"{id}_outage_end")
+    for i in range(OUTAGES):
+        lost = lost + (time >= begin[i]) * (time < end[i])
+    return lost
 
 
 def check_times(id: str, sample_interval: float, interval: float, latency: float) -> None:

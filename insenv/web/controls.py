@@ -7,7 +7,7 @@ sea state is one of several sets of numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +21,7 @@ from insenv.base.errors import InputError
 from insenv.base.keys import SAME, Conversion, conversion_of, unit_of
 from insenv.core.tables import Vector
 from insenv.scenario import Scenario
-from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
+from insenv.sensors.catalogue import IMU_GRADES
 from insenv.sensors.grade_file import grade_of
 from insenv.sensors.grades import FIGURES
 
@@ -204,14 +204,14 @@ VARIED = (
 )
 FACTORS = (0.1, 0.3, 3.0, 10.0)
 """Figures of the scenario's inertial unit that a page changes, and the factors on them."""
-GRADES: Mapping[str, tuple[str, Iterable[str]]] = {"imu": ("unit", IMU_GRADES), "gnss": ("receiver", GNSS_GRADES)}
-"""Label and names of the grades of sections without figures of their own."""
+LABELS = {"imu": "unit", "gnss": "receiver"}
+"""Of the grades of what is no aiding instrument."""
 
 
 def choices(scenario: Scenario) -> Iterator[Control]:
     """Those of a scenario; not all options need be allowed."""
     for id, section in {"imu": scenario.imu, **scenario.sensors}.items():
-        label, grades = GRADES.get(id, (f"{id} grade", getattr(section, "grades", ())))
+        label, grades = LABELS.get(id, f"{id} grade"), IMU_GRADES if id == "imu" else getattr(section, "grades", ())
         if grades:
             current = section.grade if isinstance(section.grade, str) else section.grade.name  # type: ignore[attr-defined]
             settings: dict[str, Setting] = {name: {f"{id}.grade": name} for name in grades}
