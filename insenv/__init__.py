@@ -191,9 +191,9 @@ if not TYPE_CHECKING:  # a type checker reads the imports above
 
         if name in _HOME:
             home = import_module(_HOME[name])
-            found = vars(home)[name] if name in vars(home) else import_module(f"{_HOME[name]}.{name}")
-            globals()[name] = found
-            return found
+            value = vars(home)[name] if name in vars(home) else import_module(f"{_HOME[name]}.{name}")
+            globals()[name] = value
+            return value
         if not name.startswith("_") and find_spec(f"{__name__}.{name}") is not None:
             return import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -45,11 +45,11 @@ def get_all(some: EstimatorsLike) -> list[Estimator]:
     if isinstance(some, (str, Estimator)):
         some = (some,)
     try:
-        found = [get(one) for one in some]
+        estimators = [get(one) for one in some]
     except TypeError:
         raise InputError(f"estimators = {shown(some)}: allowed is an id, an insenv.Estimator, or several of them") from None
-    chosen = {estimator.id: estimator for estimator in found}
-    for estimator in found:
+    chosen = {estimator.id: estimator for estimator in estimators}
+    for estimator in estimators:
         if chosen[estimator.id] is not estimator:
             raise InputError(f"two estimators have the id {estimator.id!r}: results are kept by id, so ids must differ")
     if not chosen:

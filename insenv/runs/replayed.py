@@ -16,7 +16,7 @@ from insenv.base.output import as_path
 from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
-from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
+from insenv.estimators.settings import Settings, choices_in, setting_rows, settings_of, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
 from insenv.logs import RecordedLog, Reference, load
@@ -166,7 +166,7 @@ def prepared(
         if family.adapt is None:  # a family is what `adapted` makes of it
             family.check(drive, tunings.get(family.id))
         begun = initial_knowledge(log, family, start, first)
-        own = {**own_settings(family, description.estimator), **own_settings(family, settings)}
+        own = {**settings_of(family, description.estimator), **settings_of(family, settings)}
         estimator = family.adapted(begun.knowledge, drive, choices_in(family, own))
         estimator.check(drive, tunings.get(estimator.id))
         if begun.refusal and not estimator.finds_attitude:

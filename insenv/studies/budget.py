@@ -70,8 +70,8 @@ def switchable(plant: Model, sensors: tuple[Sensor, ...]) -> Model:
 
 def _stating(rows: Callable[[Values, Values], dict[str, Any]], names: tuple[str, ...]) -> Callable[..., dict[str, Any]]:
     def function(p: Values, x: Values, u: Values) -> dict[str, Any]:
-        own = SimpleNamespace(**{**vars(p), **{name: getattr(p, PREFIX + name) for name in names}})
-        return rows(own, x)
+        parameters = SimpleNamespace(**{**vars(p), **{name: getattr(p, PREFIX + name) for name in names}})
+        return rows(parameters, x)
 
     return function
 
@@ -85,12 +85,12 @@ def packed(model: Model, rows: Mapping[str, Any]) -> Vector:
 
 def switch_off(model: Model, vector: Vector, sources: Iterable[Source]) -> Vector:
     """The parameters `vector` (n,) with the errors of `sources` switched off."""
-    found = vector.copy()
+    switched = vector.copy()
     for source in sources:
         for name in source.rows:
             if name in model.parameters:
-                found[model.parameters.slice(name)] = source.off
-    return found
+                switched[model.parameters.slice(name)] = source.off
+    return switched
 
 
 Array = NDArray[np.float64]
@@ -201,7 +201,7 @@ def _errors(case: _Case, progress: Progress | None) -> Array:
     variants, measured = case.variants, case.measured
     at_once = max(1, ROWS_AT_ONCE // len(variants))
     total = len(case.plants) * len(case.times) * case.every
-    found = []
+    errors = []
     try:
         for first in range(0, len(case.plants), at_once):
             part = range(first, min(first + at_once, len(case.plants)))
@@ -214,22 +214,22 @@ def _errors(case: _Case, progress: Progress | None) -> Array:
 
             shown = in_pieces(batch, len(case.times), case.every, look)
             error = shown[..., measured.model.outputs.slice("error")]
-            found.append(error[places.ravel()].reshape(len(part), len(variants), *error.shape[1:]))
+            errors.append(error[places.ravel()].reshape(len(part), len(variants), *error.shape[1:]))
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
-            f"interrupted after {sum(map(len, found))} of {len(case.plants)} seeds; nothing written"
+            f"interrupted after {sum(map(len, errors))} of {len(case.plants)} seeds; nothing written"
         ) from None
-    return np.concatenate(found)
+    return np.concatenate(errors)
 
 
 def _rows(case: _Case, part: range) -> Array:
     """Parameters of the rows of some seeds: all variants of a seed, then those of the next."""
-    model, own = switchable(case.plant.model, sensors_of(case.plant.scenario)), case.estimator.model.parameters
+    model, parameters = switchable(case.plant.model, sensors_of(case.plant.scenario)), case.estimator.model.parameters
     tails = {}
     for on in {_start_of(case.sources, variant) for variant in case.variants}:
         off = [source for k, source in enumerate(case.sources) if source.start and k not in on]
         plants = _plants_without(case, part, off)
-        tails[on] = [own.pack(plant.parameters_of(case.estimator, case.rows, offline=False)) for plant in plants]
+        tails[on] = [parameters.pack(plant.parameters_of(case.estimator, case.rows, offline=False)) for plant in plants]
     evaluation = np.array([case.every, 1], dtype=np.float64)
     rows = []
     for place, k in enumerate(part):
@@ -317,9 +317,9 @@ def _differences(errors: Array, none: Array, count: int, angles: list[int]) -> I
     """The contributions of each source (seeds, records, channels): the error with it alone minus that with none."""
     for k in range(count):
         with np.errstate(invalid="ignore"):
-            found = errors[:, 2 + k] - none
-        found[..., angles] = wrapped_deg(found[..., angles])
-        yield found
+            difference = errors[:, 2 + k] - none
+        difference[..., angles] = wrapped_deg(difference[..., angles])
+        yield difference
 
 
 def _names(sources: Sequence[Source]) -> list[str]:

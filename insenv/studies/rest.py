@@ -137,14 +137,14 @@ REPEATED, BRIDGED, IRREGULAR = 0.01, 0.001, 0.1
 
 def _faults(log: RecordedLog, samples: slice, rates: Array, interval: float) -> list[Remark]:
     """Sentences on the sampling."""
-    found = []
+    faults = []
     missing = float(np.mean(log.bridged[samples]))
     if missing > BRIDGED:
-        found.append(_MISSING.filled(share=100 * missing, time=log.gaps.longest_s + interval))
+        faults.append(_MISSING.filled(share=100 * missing, time=log.gaps.longest_s + interval))
     repeated = float(np.mean(np.all(rates[1:] == rates[:-1], axis=1)))
     if repeated > REPEATED and not np.all(rates == rates[0]):
-        found.append(_REPEAT.filled(share=100 * repeated))
+        faults.append(_REPEAT.filled(share=100 * repeated))
     uneven = float(np.std(log.dt[samples])) / interval
     if uneven > IRREGULAR:
-        found.append(_UNEVEN.filled(share=100 * uneven))
-    return found
+        faults.append(_UNEVEN.filled(share=100 * uneven))
+    return faults

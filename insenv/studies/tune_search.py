@@ -64,16 +64,16 @@ def tuned_parameters(
             if key not in by_key:
                 raise InputError(f"key {key!r}: {estimator.id!r} has no such parameter{nearest(key, by_key, DOCUMENTED)}")
         chosen = {by_key[key]: key for key in keys}
-    found = []
+    parameters = []
     for row, key in chosen.items():
         before = np.array(values[row], dtype=float).reshape(-1)
         if not np.all(before > 0.0):
             raise InputError(f"key {key!r}: its value is {before.tolist()}: tuning finds a factor, and needs a value above 0")
         unit = float(np.max(np.asarray(tuning(estimator, {key: 1.0})[row])))
-        found.append(Parameter(estimator.model.parameters[row], key, unit, before))
-    if not found:
+        parameters.append(Parameter(estimator.model.parameters[row], key, unit, before))
+    if not parameters:
         raise InputError(f"estimator {estimator.id!r} has no noise or gate that is not 0: name its parameters")
-    return tuple(found)
+    return tuple(parameters)
 
 
 def _is_noise(row: str) -> bool:

@@ -47,12 +47,12 @@ Setting = Mapping[str, Any]
 class Target:
     """Elements that follow from the value.
 
-    into: "p" or "known".  given: elements of `known` that become 1, because the value is given.
+    into: "p" or "known".  stated: elements of `known` that become 1, because the value is given.
     """
 
     into: str
     at: tuple[int, ...]
-    given: tuple[int, ...] = ()
+    stated: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Control:
         for target in self.targets:
             into = p if target.into == "p" else known
             into[list(target.at)] = self.conversion(float(value))
-            known[list(target.given)] = 1.0
+            known[list(target.stated)] = 1.0
 
     def setting(self, value: float | str) -> Setting:
         """The keys of the scenario that `value` sets."""
@@ -310,12 +310,12 @@ class Trials:
         for place, into in enumerate(("p", "known")):
             columns = np.array([trial[place] for trial in trials])
             changed = np.flatnonzero(np.any(columns != self._base[place], axis=0))
-            given = changed[(changed >= 27) & np.all(columns[:, changed] == 1.0, axis=0)] if into == "known" else changed[:0]
-            at = np.setdiff1d(changed, given)
+            stated = changed[(changed >= 27) & np.all(columns[:, changed] == 1.0, axis=0)] if into == "known" else changed[:0]
+            at = np.setdiff1d(changed, stated)
             if np.any(columns[:, at] != expected[:, None]):
                 return ()
             if len(at):
-                targets.append(Target(into, tuple(at.tolist()), tuple(given.tolist())))
+                targets.append(Target(into, tuple(at.tolist()), tuple(stated.tolist())))
         return tuple(targets)
 
     def _with_options(self, control: Control) -> Control | None:

@@ -203,8 +203,8 @@ def write_comparison(comparison: Comparison, folder: OutputFolder, figure: bool 
     parts = [
         write_document(one.document(table), OutputFolder(folder.path / id), figure) for id, one in comparison.summaries.items()
     ]
-    own = write_document(comparison.document(), folder, figure)
-    return FilesWritten((*own.paths, *(path for part in parts for path in part.paths)), parts[0].note)
+    written = write_document(comparison.document(), folder, figure)
+    return FilesWritten((*written.paths, *(path for part in parts for path in part.paths)), parts[0].note)
 
 
 # The page of a comparison of estimators on the same runs: their tables, paired differences and errors over time.

@@ -40,11 +40,11 @@ class CampaignLimit:
 
     def of_runs(self, count: int, late: NDArray[np.bool_]) -> Array:
         """Limit of each of `count` runs over the records `late` (count, channels); NaN where it was not computed."""
-        found = np.full((count, self.squares.shape[2]), np.nan)
+        limits = np.full((count, self.squares.shape[2]), np.nan)
         if self.runs.size:
-            own = np.sqrt(np.mean(self.squares[:, late], axis=1))
-            found[slice(None) if self.same else self.runs] = own
-        return found
+            rms = np.sqrt(np.mean(self.squares[:, late], axis=1))
+            limits[slice(None) if self.same else self.runs] = rms
+        return limits
 
 
 def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | None = None) -> CampaignLimit:
@@ -62,12 +62,12 @@ def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | N
                 progress(before * total + done, len(runs) * total)
 
         plant = plan.plant if same else plan.plant_of(int(run))
-        found = limit_of(plant, report)
-        limit = found.at(_evaluations(plan))
-        own = np.stack([limit[name] for name in channels], axis=-1) ** 2
-        own[:, [name in found.unjudged for name in channels]] = np.nan
-        steep = steep or bool(found.unjudged)
-        squares.append(own.reshape(len(plan.times), plan.evaluations, len(channels)).mean(axis=1))
+        of_run = limit_of(plant, report)
+        limit = of_run.at(_evaluations(plan))
+        square = np.stack([limit[name] for name in channels], axis=-1) ** 2
+        square[:, [name in of_run.unjudged for name in channels]] = np.nan
+        steep = steep or bool(of_run.unjudged)
+        squares.append(square.reshape(len(plan.times), plan.evaluations, len(channels)).mean(axis=1))
     some = len(runs) < plan.runs and not same
     notes = [_SOME_RUNS.filled(some=len(runs), runs=plan.runs)] if some else []
     return CampaignLimit(runs, np.array(squares), same, (*notes, *([STEEP_LIMIT] if steep else [])))

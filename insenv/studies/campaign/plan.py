@@ -43,20 +43,20 @@ DIGITS = 9
 """Significant digits that `parameter_digest` compares: fewer than those in which machines may differ."""
 
 
-def run_parameters(plants: Sequence[Plant], estimator: Estimator, evaluation: tuple[int, int], whole: bool) -> Array:
+def run_parameters(plants: Sequence[Plant], estimator: Estimator, evaluation: tuple[int, int], differ: bool) -> Array:
     """Parameters of the campaign's model, one row per plant.
 
-    evaluation: samples between evaluations, evaluations between records.  whole: whether the plants differ in more than
+    evaluation: samples between evaluations, evaluations between records.  differ: whether the plants differ in more than
     their seeds.
     """
-    model, own = plants[0].model, estimator.model.parameters
+    model, parameters = plants[0].model, estimator.model.parameters
     place, one = model.parameters.slice("seed").start, model.parameters.pack(plants[0].parameters)
     rows = []
     for plant in plants:
-        if whole:
+        if differ:
             one = model.parameters.pack(plant.parameters)
         one[place] = plant.seed
-        parts = [one, own.pack(plant.parameters_of(estimator))]
+        parts = [one, parameters.pack(plant.parameters_of(estimator))]
         parts.append(np.array(evaluation, dtype=np.float64))
         rows.append(np.concatenate(parts))
     return np.array(rows)

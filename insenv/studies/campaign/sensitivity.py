@@ -73,15 +73,15 @@ def sensitivities(
     """By channel and key, from the values (runs, keys) and the rms (runs, channels) of the runs that are `whole`."""
     if not plan.variations or int(whole.sum()) < LEAST_RUNS:
         return ()
-    found = []
+    rows = []
     for place, channel in enumerate(channels):
         firsts, totals = _indices(plan, values, rms[:, place], whole)
         for k, variation in enumerate(plan.variations):
             correlation, chance = None, None
             if variation.distribution.is_of_numbers:
                 correlation, chance = _rank(plan, values[whole, k], rms[whole, place])
-            found.append(Sensitivity(variation.key, channel, correlation, chance, firsts[k], totals[k]))
-    return tuple(found)
+            rows.append(Sensitivity(variation.key, channel, correlation, chance, firsts[k], totals[k]))
+    return tuple(rows)
 
 
 @remark("no-sobol-indices", "no Sobol indices: SALib is not installed: {advice}")

@@ -84,7 +84,7 @@ def horizontal(north: Array, east: Array) -> dict[str, Estimate]:
 Array = NDArray[np.float64]
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
-FAR = 10.0
+FAR_OFF = 10.0
 """A run whose error is at least this many times that of the median run is listed as far off."""
 NAMED = 10
 """Largest number of seeds that are printed; the files hold all."""
@@ -130,7 +130,7 @@ class Statistics:
     where there is no limit).
     limit_notes: what must be said of the limit.
     diverged: seeds of runs with a number that is not finite.
-    far: seeds of runs whose rms is `FAR` times the median.
+    far: seeds of runs whose rms is `FAR_OFF` times the median.
     whole: runs (runs,) whose numbers are all finite.  sensitivity: of the rms of the runs to the varied keys.
     health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
     held: of every run, what `insenv.run` would say of its end: sentence and ratio (`Estimator.held`).
@@ -255,8 +255,8 @@ class Statistics:
         }
 
 
-def _of_aid(found: list[AidHealth]) -> dict[str, Any]:
-    return _shares([one.verdict for one in found], [(one.measurements, one.refused, one.nis.mean) for one in found])
+def _of_aid(healths: list[AidHealth]) -> dict[str, Any]:
+    return _shares([one.verdict for one in healths], [(one.measurements, one.refused, one.nis.mean) for one in healths])
 
 
 def _shares(verdicts: Sequence[str], measured: list[tuple[int, int, float]]) -> dict[str, Any]:
@@ -288,5 +288,5 @@ def _known_rms(values: Array) -> float | None:
     return float(rms_of(known)) if known.size else None
 
 
-def _interval(found: Estimate) -> list[float | None]:
-    return [end if np.isfinite(end) else None for end in (found.low, found.high)]
+def _interval(estimate: Estimate) -> list[float | None]:
+    return [end if np.isfinite(end) else None for end in (estimate.low, estimate.high)]
