@@ -62,10 +62,6 @@ class PageMachine:
             n -= count
         return np.concatenate(shown)
 
-    def set_inputs(self, u: Array) -> None:
-        """Inputs of the next samples."""
-        self._set(self._u, u)
-
     @property
     def parameters(self) -> Array:
         """The parameters, with what the estimators are told."""

@@ -23,9 +23,9 @@ DOCUMENTS = {
 
 
 def noted(values):
-    """The parts of a document that have notes."""
-    if isinstance(values, dict) and {"notes", "warnings"} & values.keys():
-        yield values
+    """The parts of a document that have notes, with them."""
+    if isinstance(values, dict) and (notes := values.get("notes", values.get("warnings"))) is not None:
+        yield values, notes
     for each in values.values() if isinstance(values, dict) else values if isinstance(values, list) else ():
         yield from noted(each)
 
@@ -34,10 +34,8 @@ def noted(values):
 def test_every_note_of_a_document_has_a_code(command):
     make, code = DOCUMENTS[command]
     parts = list(noted(make().as_json()))
-    for part in parts:
-        assert [each["text"] for each in part["remarks"]] == part.get("notes", part.get("warnings"))
-    codes = {each["code"] for part in parts for each in part["remarks"]}
-    assert code in codes and codes <= TEXTS.keys()
+    assert all([each["text"] for each in part["remarks"]] == notes for part, notes in parts)
+    assert code in {each["code"] for part, _ in parts for each in part["remarks"]} <= TEXTS.keys()
 
 
 def test_codes_are_kebab_case_and_stay_with_the_sentence():
