@@ -442,5 +442,4 @@ def test_a_sensor_that_is_not_known_gives_no_limit():
     plant = build(load("car-city-drive"), seed=1)
     assert limits.no_limit(plant) == ()
     further = SimpleNamespace(commands=plant.commands, sensors=frozenset({"gnss", "odometer", "compass"}))
-    (why,) = limits.no_limit(further)
-    assert why.code == "no-limit-unknown-sensor" and "measurement equation of every sensor, there is none of 'compass'" in why
+    assert "measurement equation of every sensor, there is none of 'compass'" in limits.no_limit(further)[0]
