@@ -43,7 +43,7 @@ from insenv.geodesy import geodetic_from_ned_offset, place_rows
 from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.figures import Figure, Grade, TimedSection, by_name, figures_section, find_grade
 from insenv.sensors.instrument import Term, drift, sigma_row, sources_of, white
-from insenv.sensors.sampled import gauss_markov, lost_epoch, timing_rows, timing_sources
+from insenv.sensors.sampled import counted, gauss_markov, lost_epoch, timing_rows, timing_sources, timing_state
 from insenv.sensors.units import one_sigma_from_cep, one_sigma_from_r50
 
 GNSS_UNIFORMS = 13
@@ -76,7 +76,7 @@ TERMS = (
 )  # fmt: skip
 """Its errors; what it states of its noise and wander comes with every fix."""
 LEVER_ARM, DELAY, *_, WANDER = TERMS
-_TIMING = timing_rows("gnss")
+_TIMING, _COUNTERS = timing_rows("gnss"), timing_state("gnss")
 
 GNSS_PARAMETERS = Table((
     _TIMING["gnss_interval"],
@@ -113,11 +113,9 @@ GNSS_STATE = Table((
     Row("gnss_velocity_sigma", "Standard deviation of velocity that the receiver reports", "m/s", (3,), "n", 1.0),
     Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
     *_fix("gnss_pending_", "latest epoch, not yet delivered"),
-    Row("gnss_pending", "1 if the latest epoch gave a fix", lower=0.0, upper=1.0),
+    _COUNTERS["gnss_pending"],
     _value(WANDER),
-    Row("gnss_epochs", "Number of epochs so far"),
-    Row("gnss_counter", "Samples since the latest epoch"),
-    Row("gnss_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
+    *(_COUNTERS[f"gnss_{name}"] for name in ("epochs", "counter", "due")),
     _value(LEVER_ARM),
     _value(DELAY),
     Row("gnss_latency_true", "Actual time from the sample of the epoch to delivery, whole samples", "s"),
@@ -223,15 +221,7 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
 
 def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
     """Count the sample; determine whether the pending fix is delivered and whether another is due."""
-    counter = x.gnss_counter + 1.0
-    late = counter * p.sample_interval - x.gnss_latency_true
-    arrives = ca.fabs(late) < 0.5 * p.sample_interval
-    return {
-        "gnss_counter": counter,
-        "gnss_due": (counter + 0.5) * p.sample_interval > p.gnss_interval,
-        "gnss_valid": arrives * x.gnss_pending,
-        "gnss_velocity_valid": 0.0,
-    }
+    return {**counted("gnss", "gnss_valid", p, x, x.gnss_latency_true), "gnss_velocity_valid": 0.0}
 
 
 def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, rate_change_b: Any, acceleration_n: Any) -> dict[str, Any]:
