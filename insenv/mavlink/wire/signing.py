@@ -159,10 +159,10 @@ class Signing:
 
     # --- in --------------------------------------------------------------------------------------
 
-    def verify(self, frame: bytes, *, own: tuple[int, int] | None = None) -> Verdict:
+    def verify(self, frame: bytes, *, ours: tuple[int, int] | None = None) -> Verdict:
         """Verify a checked frame; the state changes only with `Verdict.GOOD`.
 
-        own: our system and component; frames that state them are reflections of our own.
+        ours: our system and component; frames that state them are reflections of our own.
         """
         if not is_signed(frame):
             return Verdict.UNSIGNED
@@ -170,7 +170,7 @@ class Signing:
         if not hmac.compare_digest(signature(self._key, body, link, ticks), frame[-SIGNATURE:]):
             return Verdict.WRONGLY_SIGNED
         who = sender(frame)
-        if own == who:
+        if ours == who:
             return Verdict.REFLECTED
         stream, now = (link, *who), self._now()
         if ticks > now + MAX_LEAD_TICKS:
