@@ -23,41 +23,30 @@ import numpy as np
 
 import insenv
 from insenv.base.errors import InsenvError
+from insenv.logs.description import LogDescription
+from insenv.logs.recorded import RecordedLog
+from insenv.logs.text import build
 
 FOLDER = "data/2014-09-09 UofMN Conservancy 7 UAV Flights/Processed and Parsed Data"
-LOG = """\
-title = "{name}"
-vehicle_kind = "aircraft"
-[imu]
-file = "imu.csv"
-time = "t"
-gyro = ["gx", "gy", "gz"]
-accel = ["ax", "ay", "az"]
-kind = "rate"
-stamp = "instant"
-gyro_unit = "rad/s"
-accel_unit = "m/s2"
-axes = "FRD"
-{grade}
-[gnss]
-file = "gnss.csv"
-time = "t"
-latitude = "lat"
-longitude = "lon"
-height = "h"
-position_unit = "deg"
-position_sigma_m = [2.5, 2.5, 5.0]
-lever_arm_m = [0, 0, 0]
-velocity = ["vn", "ve", "vd"]
-velocity_sigma_mps = [0.3, 0.3, 0.5]
-[reference]
-file = "reference.csv"
-time = "t"
-roll = "roll"
-pitch = "pitch"
-heading = "yaw"
-attitude_unit = "rad"
-"""
+COLUMNS = {
+    "imu": ("t", "ax", "ay", "az", "gx", "gy", "gz"),
+    "gnss": ("t", "lat", "lon", "h", "vn", "ve", "vd"),
+    "reference": ("t", "yaw", "pitch", "roll"),
+}
+"""Of the files of a log."""
+LOG: dict[str, Any] = {
+    "vehicle_kind": "aircraft",
+    "imu": {
+        "accel": COLUMNS["imu"][1:4], "gyro": COLUMNS["imu"][4:], "kind": "rate", "stamp": "instant", "gyro_unit": "rad/s",
+        "accel_unit": "m/s2", "axes": "FRD",
+    },
+    "gnss": {
+        "latitude": "lat", "longitude": "lon", "height": "h", "position_unit": "deg", "position_sigma_m": (2.5, 2.5, 5.0),
+        "lever_arm_m": (0.0, 0.0, 0.0), "velocity": COLUMNS["gnss"][4:], "velocity_sigma_mps": (0.3, 0.3, 0.5),
+    },
+    "reference": {"roll": "roll", "pitch": "pitch", "heading": "yaw", "attitude_unit": "rad"},
+}  # fmt: skip
+"""The description of a log, without its files and the grade of its unit."""
 
 
 def table(flight: Any, name: str) -> np.ndarray:
@@ -66,23 +55,24 @@ def table(flight: Any, name: str) -> np.ndarray:
         return np.genfromtxt(io.BytesIO(archive.read(archive.namelist()[0])), delimiter=",", skip_header=1)
 
 
-def written(flight: Any, folder: Path, grade: str) -> Path:
-    """The path of a log with the samples, the fixes (rows repeat the last one until the next) and the reference."""
+def written(flight: Any, folder: Path, grade: str) -> RecordedLog:
+    """The log with the samples, the fixes (rows repeat the last one until the next) and the reference, by way of files."""
     accel, gyro, place, velocity, angles = (
         table(flight, name) for name in ("accel_data", "gyro_data", "gps_traj_data", "gps_velocity_data", "nav_attitude_data")
     )
     fixes = np.hstack([place, velocity[:, 1:]])
     fresh = np.append(True, np.any(np.diff(fixes[:, 1:], axis=0) != 0, axis=1)) & np.isfinite(fixes).all(axis=1)
-    parts = {"imu": (np.hstack([accel, gyro[:, 1:]]), "t,ax,ay,az,gx,gy,gz")}
-    parts |= {"gnss": (fixes[fresh], "t,lat,lon,h,vn,ve,vd"), "reference": (angles, "t,yaw,pitch,roll")}
-    for name, (values, header) in parts.items():
-        np.savetxt(folder / f"{name}.csv", values, delimiter=",", header=header, comments="", fmt="%.12g")
-    log = folder / "log.toml"
-    log.write_text(LOG.format(name=flight.name, grade=f'grade = "{grade}"' if grade else ""), encoding="utf-8")
-    return log
+    parts = {"imu": np.hstack([accel, gyro[:, 1:]]), "gnss": fixes[fresh], "reference": angles}
+    values: dict[str, Any] = {**LOG, "title": flight.name}
+    for name, rows in parts.items():
+        header = ",".join(COLUMNS[name])
+        np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=header, comments="", fmt="%.12g")
+        values[name] = {**LOG[name], "file": f"{name}.csv", "time": "t"}
+    values["imu"] |= {"grade": grade} if grade else {}
+    return build(LogDescription.model_validate(values), folder)
 
 
-def row(log: Path, estimator: str, name: str) -> str:
+def row(log: RecordedLog, estimator: str, name: str) -> str:
     """Errors and stated sigmas, rms, of the last two thirds of a flight, and the share of the errors beyond three sigmas."""
     result = insenv.replay(log, estimator).results[0]
     late = result.time > result.time[0] + (result.time[-1] - result.time[0]) / 3
@@ -94,7 +84,7 @@ def row(log: Path, estimator: str, name: str) -> str:
     return f"| {name} | {size} | {stated} | {beyond} % | {verdict} |"
 
 
-def drift(log: Path, estimator: str, name: str, outages: str) -> str:
+def drift(log: RecordedLog, estimator: str, name: str, outages: str) -> str:
     """Errors at the ends of outages, stated sigmas and the ratios, rms over the outages, and what the velocities say."""
     result = insenv.replay(log, estimator, outages=outages).results[0]
     assert result.outages is not None and result.specific_force is not None and result.specific_force.reference is not None

@@ -31,6 +31,10 @@ class Remark(str):
     def __reduce__(self) -> tuple[type[Remark], tuple[str, str]]:
         return type(self), (self.code, str(self))
 
+    def of(self, who: str) -> Remark:
+        """With the name of what it is about before it."""
+        return type(self)(self.code, f"{who}: {self}")
+
     def filled(self, **values: Any) -> Remark:
         """With values for the names in braces; other braces stay."""
         return type(self)(self.code, _NAMED.sub(lambda it: it[0].format(**values) if it[1] in values else it[0], self))
@@ -69,10 +73,11 @@ def remark(
 
 
 def coded(sentences: Iterable[str], code: str) -> tuple[Remark, ...]:
-    """Sentences as remarks: those without a code get this one."""
+    """Sentences of code outside the package as remarks: those without a code get this one."""
     return tuple(each if isinstance(each, Remark) else Remark(code, each) for each in sentences)
 
 
-def as_json(remarks: Iterable[str], code: str = "note") -> list[dict[str, str]]:
-    """The documented JSON form; code: of sentences without one."""
-    return [{"code": each.code, "text": str(each)} for each in coded(remarks, code)]
+def as_json(remarks: Iterable[Remark], key: str = "notes") -> dict[str, Any]:
+    """The documented JSON form: the sentences by `key`, and the same with their codes."""
+    said = list(remarks)
+    return {key: list(said), "remarks": [{"code": each.code, "text": str(each)} for each in said]}

@@ -300,10 +300,10 @@ def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[Ba
         return dotted, f": {_LENGTHS[kind].format(**context)} {noun}, {context['actual_length']} given"
     other = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")  # a validator's own message
     begun = isinstance(value, str) and other.startswith(f"{value}: ")  # a message about the file at this path
-    given = "" if begun or value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
+    stated = "" if begun or value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
     limits = {name: plain(limit) if isinstance(limit, (int, float)) else limit for name, limit in context.items()}
     allowed = _MESSAGES[kind].format(**limits) if kind in _MESSAGES else other
-    said = f"{given}: {allowed}"
+    said = f"{stated}: {allowed}"
     return dotted, said if dotted else said.removeprefix(" = ").removeprefix(": ")  # of the whole, the label says what it is
 
 

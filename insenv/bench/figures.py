@@ -45,10 +45,10 @@ def machine() -> dict[str, str | int]:
     }
 
 
-def machine_line(found: Mapping[str, str | int]) -> str:
+def machine_line(machine: Mapping[str, str | int]) -> str:
     """What `machine` returned in one line."""
-    words = {"cores": "1 core" if found["cores"] == 1 else "{} cores", "python": "Python {}", "compilers": "compilers: {}"}
-    return ", ".join(words.get(name, "{}").format(value) for name, value in found.items())
+    words = {"cores": "1 core" if machine["cores"] == 1 else "{} cores", "python": "Python {}", "compilers": "compilers: {}"}
+    return ", ".join(words.get(name, "{}").format(value) for name, value in machine.items())
 
 
 def document(measured: Sequence[Figure]) -> Document:

@@ -8,11 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from insenv.cli import fmu
-from insenv.cli.bench import bench
 from insenv.cli.campaign import campaign
 from insenv.cli.lists import examples, list_all, new, schema
+from insenv.cli.measures import bench, reproduce
 from insenv.cli.options import HELP
-from insenv.cli.reproduce import reproduce
 from insenv.cli.runs import page, replay, run
 from insenv.cli.stream import stream
 from insenv.cli.studies import allan, budget, train, tune
@@ -42,7 +41,7 @@ def root(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
 ) -> None:
     if version:
-        from insenv.base.version import __version__
+        from insenv.base.shipped import __version__
 
         print(f"insenv {__version__}")
         raise typer.Exit(0)

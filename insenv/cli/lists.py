@@ -59,7 +59,6 @@ def _known(what: What) -> dict[str, Rows]:
     from insenv.base.toml import summary
     from insenv.estimators.fusion.available import all_aids, all_states
     from insenv.sensors import registry
-    from insenv.sensors.figures import FiguresSection
 
     if what is What.scenarios:
         return {"scenarios": scenario.summaries()}
@@ -88,9 +87,8 @@ def _known(what: What) -> dict[str, Rows]:
     lists = {key: _titled("name", {name: known[name].title for name in real_first(known)}) for key, known in grades.items()}
     lists["instrument_grades"] = [
         {"sensor": id, "name": grade.name, "title": grade.title}
-        for id, section in registry.registered().items()
-        if issubclass(section, FiguresSection)
-        for grade in section.grades.values()
+        for id, each in registry.instruments().items()
+        for grade in each.grades.values()
     ]
     return lists
 

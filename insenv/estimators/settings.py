@@ -162,7 +162,7 @@ def _numbers(value: Any, flag: bool) -> np.ndarray:
     return np.asarray(value, dtype=np.float64)
 
 
-def own_settings(estimator: Estimator, settings: Settings | None) -> dict[str, Any]:
+def settings_of(estimator: Estimator, settings: Settings | None) -> dict[str, Any]:
     """The settings of an estimator, over those of the filter under it."""
     tables = settings or {}
     return {**tables.get(estimator.smooths, {}), **tables.get(estimator.id, {})}

@@ -390,13 +390,13 @@ ORTHONORMAL = 1e-3
 """Largest element of C^T C - I of a matrix."""
 
 
-def checked_estimate(given: Any) -> dict[str, Array]:
+def checked_estimate(returned: Any) -> dict[str, Array]:
     """An estimate by row name.  Raises `InputError` that names the row, its value and what is allowed.
 
-    given: q_nb (4, scalar first), C_nb (3, 3), a ``scipy.spatial.transform.Rotation`` from b to n, or a dict of `SHAPES` in
+    returned: q_nb (4, scalar first), C_nb (3, 3), a ``scipy.spatial.transform.Rotation`` from b to n, or a dict of `SHAPES` in
     which ``C_nb`` may stand for ``q_nb``.
     """
-    values = dict(given) if isinstance(given, Mapping) else {"q_nb": given}
+    values = dict(returned) if isinstance(returned, Mapping) else {"q_nb": returned}
     if "C_nb" in values:
         values["q_nb"] = values.pop("C_nb")
     for name in values:

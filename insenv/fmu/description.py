@@ -10,8 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.shipped import SENSORS
-from insenv.base.version import __version__
+from insenv.base.shipped import SENSORS, __version__
 from insenv.core.model import Model
 from insenv.core.tables import Row, Vector
 from insenv.fmu.sources import OVERRIDE, TOKEN, main_source

@@ -9,7 +9,7 @@ from string import Template
 import numpy as np
 
 from insenv.base.resources import fmu_folder
-from insenv.base.version import __version__
+from insenv.base.shipped import __version__
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import Kind, Variable, parts, quantity
 

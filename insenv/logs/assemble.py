@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import Remark, declared
 from insenv.logs import kf_gins
 from insenv.logs.columns import FileSection, MeasurementSection, window_words
 from insenv.logs.description import PositionSection
@@ -22,6 +23,9 @@ from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
 
 _MIN_AGE_S = -1.0
 """Smallest age of a measurement on arrival, s: a delay that a receiver underestimates makes it negative."""
+_RADIANS = declared(
+    "degrees-or-radians", "{name}: latitude and longitude in degrees lie within +-1.57 and +-3.14: are they radians?"
+)
 
 
 @dataclass
@@ -35,7 +39,7 @@ class LogReader:
     start_s: float | None = None
     stop_s: float | None = None
     sources: list[Source] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    notes: list[Remark] = field(default_factory=list)
 
     def read(
         self,
@@ -144,7 +148,7 @@ def _check_known(columns: Sequence[str], known: Sequence[str], files: Sequence[s
         raise InputError("\n".join(missing))
 
 
-def checked_position(name: str, section: PositionSection, table: TextTable, notes: list[str]) -> tuple[Array, Array]:
+def checked_position(name: str, section: PositionSection, table: TextTable, notes: list[Remark]) -> tuple[Array, Array]:
     """Latitude and longitude [rad]. Raises InputError if out of range; adds a note if degrees look like radians."""
     unit = section.position_unit
     assert unit is not None and section.latitude is not None and section.longitude is not None
@@ -158,7 +162,7 @@ def checked_position(name: str, section: PositionSection, table: TextTable, note
         result.append(np.clip(values * factor, -math.radians(limit), math.radians(limit)))
     latitude, longitude = result
     if unit == "deg" and np.all(np.abs(latitude) < factor * 1.5708) and np.all(np.abs(longitude) < factor * 3.1416):
-        notes.append(f"{name}: latitude and longitude in degrees lie within +-1.57 and +-3.14: are they radians?")
+        notes.append(_RADIANS.filled(name=name))
     return latitude, longitude
 
 

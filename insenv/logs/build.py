@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.remarks import Remark
 from insenv.logs import instruments
 from insenv.logs.description import AnyLog, LogDescription
 from insenv.logs.inertial import InertialSamples
@@ -27,7 +28,7 @@ def recorded_log(
     description: LogDescription,
     lever_arm_b: Array,
     sources: Sequence[Source],
-    notes: Sequence[str],
+    notes: Sequence[Remark],
     unit: Mapping[str, Any] | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> RecordedLog:

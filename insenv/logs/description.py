@@ -10,6 +10,7 @@ from pydantic import AfterValidator, ValidationInfo, field_validator
 
 from insenv import attitude
 from insenv.base.errors import nearest
+from insenv.base.keys import rows_of
 from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
@@ -232,12 +233,15 @@ class GnssSection(PositionSection, MeasurementSection):
     speed_sigma: Column | None = key(None, "column of the standard deviation of the speed [m/s]")
     speed_sigma_mps: Positive | None = key(None, "constant standard deviation of the speed", "m/s", validate_default=True)
     lever_arm_m: Vector3 = key(..., "from the IMU to the antenna: forward, right, down", "m")
-    lever_arm_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m")
+    lever_arm_sigma_m: PerAxis = key(
+        (0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m", row="antenna_lever_arm_sigma"
+    )
     delay_sigma_s: Number | None = key(
         None,
         "error of the time of validity, 1 sigma; if absent 0.1 with gyros of 100 deg/h and more, of which the class assumed if "
         "there is no grade counts, and 0 with better ones",
         "s",
+        row="gnss_delay_sigma",
         ge=0,
         le=3600,
     )
@@ -246,8 +250,7 @@ class GnssSection(PositionSection, MeasurementSection):
 
     def stated_errors(self) -> dict[str, Any]:
         """Stated errors of the receiver beside the fields of `Knowledge`: rows of `sensors.gnss.GNSS_STATED`."""
-        rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s or 0.0}
-        return {name: value for name, value in rows.items() if np.asarray(value).any()}
+        return {name: value for name, value in rows_of(self).items() if np.asarray(value).any()}
 
     @field_validator("position_sigma_m")
     @classmethod

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark
 from insenv.estimators import ImuDataSheet
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
@@ -145,7 +146,7 @@ class RecordedLog(InertialSamples):
     lever_arm_b: Array
     reference: Reference | None
     sources: tuple[Source, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
     description: LogDescription
     unit: Mapping[str, Any] | None = None
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import instruments, kf_gins
@@ -72,6 +73,17 @@ MAX_FORCE = 2e5 * STANDARD_GRAVITY
 """m/s^2: no accelerometer measures more; those of impact tests go to 2e5 g."""
 _MAX_STEPS = 100.0
 """Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
+_MERGED = declared(
+    "increments-merged",
+    "imu: {count} increments are those of several samples by their size: each covers the time since the one before",
+)
+_COMPENSATED = declared(
+    "thermal-errors-off", "imu: the calibrated thermal errors are taken off, at {coldest:.3g} to {hottest:.3g} deg C"
+)
+_REPEATED = declared(
+    "fixes-repeated",
+    "gnss: {rows} rows repeat {fixes} fixes, each about {each} times: a fix counts once, at its first row",
+)
 
 
 def build(description: LogDescription, folder: Path) -> RecordedLog:
@@ -121,10 +133,7 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     if section.kind == "increment" and lengths is None:
         covered = covered_steps(stamps, accel, sampled, section.stamp)
         if covered.any():
-            reader.notes.append(
-                f"imu: {np.count_nonzero(covered)} increments are those of several samples by their size: each covers the time"
-                " since the one before"
-            )
+            reader.notes.append(_MERGED.filled(count=np.count_nonzero(covered)))
     imu = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered, lengths=lengths)
     if section.temperature is not None:
         celsius = _temperature(section.temperature, table, stamps, imu.imu_time)
@@ -167,7 +176,7 @@ def _temperature(column: Column, table: TextTable, stamps: Array, time: Array) -
     return np.interp(time, stamps, celsius)
 
 
-def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, notes: list[str]) -> InertialSamples:
+def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, notes: list[Remark]) -> InertialSamples:
     """The samples without the calibrated thermal errors, by the log's own temperature (n,), deg C."""
     warmth = celsius - section.temperature_reference_degc
 
@@ -176,7 +185,7 @@ def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, 
         clean = without_thermal_errors(sensed, samples.dt, warmth, np.array(bias_slope), units.ppm_to_one(scale_slope))
         return np.asarray(clean @ C_bs.T)
 
-    notes.append(f"imu: the calibrated thermal errors are taken off, at {celsius.min():.3g} to {celsius.max():.3g} deg C")
+    notes.append(_COMPENSATED.filled(coldest=celsius.min(), hottest=celsius.max()))
     return replace(
         samples,
         delta_angle=cleaned(
@@ -218,10 +227,7 @@ def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
     moving = [c for c in (*(section.velocity or ()), section.speed, section.course) if c is not None]
     repeated = repeats(time, np.nan_to_num(table.columns((section.latitude, section.longitude, section.height, *moving))))
     if repeated is not None:
-        reader.notes.append(
-            f"gnss: {len(time)} rows repeat {len(repeated.rows)} fixes, each about {repeated.each} times: a fix counts once, at"
-            " its first row"
-        )
+        reader.notes.append(_REPEATED.filled(rows=len(time), fixes=len(repeated.rows), each=repeated.each))
         table, time = table.select(repeated.rows), time[repeated.rows]
     faults = Faults()
     place = faults.attempt(lambda: checked_position("gnss", section, table, reader.notes))

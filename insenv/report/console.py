@@ -18,7 +18,7 @@ LABEL = 13
 
 NARROWEST = 24
 """Columns that the last column of a listing has at least."""
-MOST = 1000
+MAX_WIDTH = 1000
 """More columns than any table needs."""
 GAP = 2
 """Columns between those of a listing."""
@@ -31,7 +31,7 @@ def fitted(console: Console, blocks: Iterable[Block]) -> Iterator[RenderableType
         if isinstance(block, Listing):
             needed = _fixed_width(block) + NARROWEST
         else:
-            measured = console.measure(part, options=console.options.update(width=MOST))
+            measured = console.measure(part, options=console.options.update(width=MAX_WIDTH))
             needed = measured.maximum if isinstance(block, Grid) else measured.minimum
         console.width = max(width, needed)
         yield part

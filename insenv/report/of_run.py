@@ -13,7 +13,7 @@ from insenv import geodesy
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
 from insenv.report.document import Page, Table
-from insenv.report.page.report import kept_records, room
+from insenv.report.page.report import room, shown_records
 from insenv.report.panels import TRUTH_GROUP, Array, Band, Curve, Panel, Picture, Section, TimePanel, TrackPanel
 from insenv.report.run_data import RunData, has_fixes, without_fixes
 from insenv.report.tables import (
@@ -72,7 +72,7 @@ def run_page(report: RunData, further: Mapping[str, Any] | None = None) -> Page:
     """The page of a run or replay, with as many records as fit into it.  further: other documents by kind, such as "live"."""
     further = further or {}
     records = max((len(r.time) for r in report.results), default=0)
-    keep = kept_records(records, sum(map(_arrays, report.results)) + 21, room(further))
+    keep = shown_records(records, sum(map(_arrays, report.results)) + 21, room(further))
     thinned = [f"The page shows {len(keep)} of {records} records; the .npz file holds all."] if len(keep) < records else []
     panels = RunPanels(_thinned(report, keep), without_fixes(report.results))
     return Page(

@@ -113,8 +113,8 @@ def error_rows(result: Result) -> list[tuple[str, dict[str, float | None]]]:
     for name in (name for name in CHANNELS if name in result.errors):
         values = {column: kinds[column].get(name) for column in columns if column in kinds}
         if columns[-1].startswith("rms/"):
-            error, own = kinds["rms"][name], values[columns[-2]]
-            known = own if result.settled and name not in result.unjudged else None
+            error, reference = kinds["rms"][name], values[columns[-2]]
+            known = reference if result.settled and name not in result.unjudged else None
             values[columns[-1]] = None if not known else limit_ratio(error, known, name) if result.limit else error / known
         rows.append((label(name), values))
     return rows

@@ -116,10 +116,10 @@ class FunctionFollower:
         self.calls += count
         self.covered_s += float(np.sum(columns["dt"]))
 
-    def _checked(self, given: Any, before: dict[str, Array] | None, at: float) -> dict[str, Array]:
+    def _checked(self, returned: Any, before: dict[str, Array] | None, at: float) -> dict[str, Array]:
         where = f"estimator {self.id!r} at {at:g} s"
         try:
-            estimate = checked_estimate(given)
+            estimate = checked_estimate(returned)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         if "q_nb" not in estimate:
@@ -174,13 +174,13 @@ def parted(estimators: Any) -> tuple[dict[str, EstimateFunction], Any]:
         return {function_id(estimators): estimators}, []
     if estimators is None or isinstance(estimators, (str, Estimator)) or not isinstance(estimators, Iterable):
         return {}, estimators
-    given = list(estimators)
+    listed = list(estimators)
     functions: dict[str, EstimateFunction] = {}
-    for one in given:
+    for one in listed:
         if _is_function(one) and functions.setdefault(function_id(one), one) is not one:
             raise InputError(f"two functions have the name {function_id(one)!r}: results are kept by name")
-    return functions, [one for one in given if not _is_function(one)]
+    return functions, [one for one in listed if not _is_function(one)]
 
 
-def _is_function(given: Any) -> bool:
-    return callable(given) and not isinstance(given, (Estimator, type))
+def _is_function(thing: Any) -> bool:
+    return callable(thing) and not isinstance(thing, (Estimator, type))

@@ -65,7 +65,7 @@ CONFLICT = 3.0
 """Standard deviations by which a given heading and that of the motion may differ."""
 LEAST_SIGMA = float(np.radians(1.0))
 """Smallest standard deviation that is stated of a heading (rad): scale factors turn what is carried back."""
-FOUND = declared(
+BY_BANK = declared(
     "heading-by-bank",
     "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of the one of twelve filters side by side "
     "that fits the fixes, after {time:.3g} s",
@@ -88,7 +88,7 @@ class Answer:
     def remark(self) -> Remark:
         """What is said of it."""
         heading, sigma = np.degrees(self.heading) % 360.0, np.degrees(self.heading_sigma)
-        return FOUND.filled(heading=heading, sigma=sigma, time=self.after_s)
+        return BY_BANK.filled(heading=heading, sigma=sigma, time=self.after_s)
 
 
 def attitude_by_motion(log: RecordedLog, first: int, known: Knowledge) -> Answer | None:
@@ -127,7 +127,7 @@ def _by_bank(columns: Mapping[str, Array], known: Knowledge) -> Answer | None:
 
 _REPLACED = declared(
     "heading-replaced",
-    "the given heading, {heading:.4g} deg, contradicts the motion by {apart:.3g} deg: navigation starts with {found:.4g} deg "
+    "the given heading, {heading:.4g} deg, contradicts the motion by {apart:.3g} deg: navigation starts with {chosen:.4g} deg "
     "(1 sigma {sigma:.2g} deg), with which the fixes agree",
 )
 
@@ -167,8 +167,8 @@ def heading_of(
     apart = abs(float(wrapped(heading - answer.heading)))
     if apart <= CONFLICT * np.hypot(sigma, answer.measured_sigma):
         return heading, sigma, ()
-    found, found_sigma = np.degrees(answer.heading) % 360.0, np.degrees(answer.heading_sigma)
-    said = _REPLACED.filled(heading=np.degrees(heading), apart=np.degrees(apart), found=found, sigma=found_sigma)
+    answered, answered_sigma = np.degrees(answer.heading) % 360.0, np.degrees(answer.heading_sigma)
+    said = _REPLACED.filled(heading=np.degrees(heading), apart=np.degrees(apart), chosen=answered, sigma=answered_sigma)
     return answer.heading, answer.heading_sigma, (said,)
 
 

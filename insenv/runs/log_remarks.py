@@ -114,7 +114,7 @@ def unseen(log: RecordedLog, estimator: Estimator, begin_s: float, latitude: flo
 def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dict[str, Any] | None:
     """Of all aids only zero velocity would hold the velocity of an estimate, and it is no longer used.
 
-    Detection of rest asks whether the estimate agrees (`insenv.estimators.parts.standing`).  Once the estimate is a few
+    Detection of rest asks whether the estimate agrees (`insenv.estimators.fusion.zero_velocity`).  Once the estimate is a few
     standard deviations off it does not, and from then on nothing holds it.  A log that says that the vehicle stays in place
     needs none.
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
-from insenv.base.remarks import Remark, coded, declared
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
-from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
+from insenv.estimators.settings import Settings, choices_in, setting_rows, settings_of, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
 from insenv.evaluation.outages import Antenna, Fixes, Outages, outages_of
@@ -101,12 +101,12 @@ def replay(
     )
     notes = [
         *ready.notes,
-        *coded(log.notes, "log"),
+        *log.notes,
         *members(ready.families, chosen),
         *latitude_at_rest(log, first, starts[0].knowledge.latitude),
     ]
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
-        notes.append(Remark("unit-assumed", log.assumed.sentence))
+        notes.append(log.assumed.remark)
     if any(_takes_sensors(e, given[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
     if log.gaps.count:
@@ -195,7 +195,7 @@ def prepared(
         if family.adapt is None:  # a family is what `adapted` makes of it
             family.check(drive, tunings.get(family.id))
         begun = initial_knowledge(log, family, start, first)
-        own = {**own_settings(family, description.estimator), **own_settings(family, settings)}
+        own = {**settings_of(family, description.estimator), **settings_of(family, settings)}
         estimator = family.adapted(begun.knowledge, drive, choices_in(family, own))
         estimator.check(drive, tunings.get(estimator.id))
         if lost is not None and not estimator.navigates:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, coded, declared
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, setting_rows
@@ -108,10 +108,10 @@ def run(
     true = true_unit_errors(runner.state, plant.model.parameters.unpack(runner.p))
     results = tuple(_result(f, plant, track, limit, true, of_tuning.get(f.estimator.id, ())) for f in followers)
     notes = (
-        *coded(scenario.notes, "scenario"),
+        *scenario.notes,
         *members(families, chosen),
         *([_BRIDGED.filled(count=bridged)] if bridged else []),
-        *coded([refusal] if refusal else [], "no-limit"),
+        *refusal,
     )
     return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, notes)
 
@@ -156,7 +156,7 @@ def result_of(
     limit: Limit | None,
     *,
     us_per_sample: float,
-    notes: tuple[str, ...],
+    notes: tuple[Remark, ...],
     health: Health | None = None,
     settled: bool = True,
     sigma: dict[str, Array] | None = None,
@@ -188,7 +188,6 @@ def result_of(
     def covered(values: Mapping[str, Array]) -> dict[str, Array]:
         return {name: value[inside] for name, value in values.items()}
 
-    said = coded(notes, "note")
     bound, course = {}, {}
     if limit is not None and not estimator.smooths:  # it is that of what is known by the time; a smoother knows the whole run
         bound, course = limit.rms(time, from_s), limit.at(time)
@@ -202,8 +201,8 @@ def result_of(
         from_s=from_s,
         limit_sigma={name: value for name, value in course.items() if name in error},
         us_per_sample=us_per_sample,
-        notes=said,
-        health=None if health is None else health.doubted(said),
+        notes=notes,
+        health=None if health is None else health.doubted(notes),
         settled=settled,
         unit=unit,
         outages=outages,

@@ -14,7 +14,7 @@ from insenv.estimators import Estimator, registered, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
-from insenv.sensors import gnss_grade, imu_grade
+from insenv.sensors import imu_grade
 from insenv.sensors.figures import FiguresSection
 from insenv.sensors.grade_file import beside
 from insenv.sensors.registry import registered as registered_sensors
@@ -162,9 +162,8 @@ def grade_value(section: str, grade: str, key: str) -> Any:
 
     Raises `InputError` for an unknown grade.
     """
-    catalogue = {"imu": imu_grade, "gnss": gnss_grade}
-    if section in catalogue:
-        return getattr(catalogue[section](grade), key, None)
+    if section == "imu":
+        return getattr(imu_grade(grade), key, None)
     kind = registered_sensors().get(section)
     if kind is None or not issubclass(kind, FiguresSection) or key not in kind.figures or not kind.figures[key].vector:
         return None

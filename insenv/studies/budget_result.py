@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.output import to_json
+from insenv.base.remarks import Remark, as_json
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
@@ -55,7 +56,7 @@ class Budget(Shown):
     without: Array
     limit: Array | None
     diverged: tuple[int, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
 
     @property
     def sum(self) -> Array:
@@ -105,7 +106,7 @@ class Budget(Shown):
             "limit": {} if self.limit is None else by_channel(self.rms(self.limit)),
             "rms_ratio_95": list(ratio_bounds(count)),
             "diverged": list(self.diverged),
-            "notes": list(self.notes),
+            **as_json(self.notes),
         }
 
     def to_dataframe(self) -> DataFrame:

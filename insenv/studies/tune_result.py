@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.remarks import Remark, as_json
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import Shown
 from insenv.report.panels import TRUTH_GROUP, Curve, IntervalsPanel, Picture, Section, TimePanel
@@ -63,7 +64,7 @@ class Tuning(Shown):
     change: Estimate
     channels: tuple[Channel, ...]
     consistency: dict[str, float] | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
 
     @property
     def is_better(self) -> bool:
@@ -97,7 +98,7 @@ class Tuning(Shown):
             "better": self.is_better,
             "errors": {channel.name: channel.as_json() for channel in self.channels},
             "consistency": self.consistency,
-            "notes": list(self.notes),
+            **as_json(self.notes),
         }
 
     def document(self) -> Document:

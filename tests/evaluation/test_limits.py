@@ -411,16 +411,16 @@ def test_ratios_and_their_bounds():
 def test_a_limit_is_kept_on_disk_and_a_broken_file_is_not_believed(tmp_path, monkeypatch):
     monkeypatch.setenv("INSENV_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(limits, "WORTH_KEEPING_S", 0.0)
-    limits._kept.cache_clear()
+    limits._stored.cache_clear()
     first = insenv.limit("static-ecef", duration_s=2.0)
     (path,) = (tmp_path / "limits").glob("*.npz")
     monkeypatch.setattr(limits.limits, "bound", None)  # a limit that is read is not computed
-    limits._kept.cache_clear()
+    limits._stored.cache_clear()
     again = insenv.limit("static-ecef", duration_s=2.0)
     assert all(np.array_equal(again.sigma[n], first.sigma[n]) for n in CHANNELS)
     monkeypatch.setattr(limits.limits, "bound", bound)
     path.write_bytes(b"not a file of NumPy")
-    limits._kept.cache_clear()
+    limits._stored.cache_clear()
     assert np.array_equal(insenv.limit("static-ecef", duration_s=2.0).sigma["heading_deg"], first.sigma["heading_deg"])
 
 
@@ -440,6 +440,6 @@ def test_errors_of_a_unit_that_nothing_shows_keep_what_is_known_of_them():
 
 def test_a_sensor_that_is_not_known_gives_no_limit():
     plant = build(load("car-city-drive"), seed=1)
-    assert limits.no_limit(plant) == ""
+    assert limits.no_limit(plant) == ()
     further = SimpleNamespace(commands=plant.commands, sensors=frozenset({"gnss", "odometer", "compass"}))
-    assert "measurement equation of every sensor, there is none of 'compass'" in limits.no_limit(further)
+    assert "measurement equation of every sensor, there is none of 'compass'" in limits.no_limit(further)[0]

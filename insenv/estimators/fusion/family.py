@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Doubt, declared
+from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
@@ -25,7 +25,7 @@ from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.in_place import SHAKEN
-from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNTOLD_ARM
+from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNKNOWN_ARM
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
@@ -55,9 +55,9 @@ def aids_of(drive: Drive) -> tuple[str, ...]:
     wheels = traits.wheels and "odometer" in drive.sensors
     parked = bool(drive.in_place and (traits.parks or drive.stands) and not held(drive.sensors))
     stays = traits.turns_in_place or parked
-    own = {"zero_velocity": not stays and not traits.floats, "non_holonomic": wheels, "in_place": stays}
+    without_sensor = {"zero_velocity": not stays and not traits.floats, "non_holonomic": wheels, "in_place": stays}
     every = all_aids().items()
-    return tuple(id for id, aid in every if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
+    return tuple(id for id, aid in every if without_sensor.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
 
 
 def held(ids: Collection[str]) -> bool:
@@ -68,18 +68,18 @@ def held(ids: Collection[str]) -> bool:
 def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[str, ...]:
     """The states, beside the biases, of a filter with these aids."""
     rows = known.rows
-    found = told_of_unit(known) if drive.traits.turns_in_place else _shown_by_manoeuvres(known, drive)
+    names = stated_unit_errors(known) if drive.traits.turns_in_place else _shown_by_manoeuvres(known, drive)
     for aid in aids:
-        found += [state.name for state in states_by_aid().get(aid, ()) if _told(rows, all_states()[state.name].sigma)]
-    if NON_HOLONOMIC.id in aids and untold_mounting(known):
-        found.append(MOUNTING.name)
-    return tuple(dict.fromkeys(found))
+        names += [state.name for state in states_by_aid().get(aid, ()) if _is_stated(rows, all_states()[state.name].sigma)]
+    if NON_HOLONOMIC.id in aids and mounting_unknown(known):
+        names.append(MOUNTING.name)
+    return tuple(dict.fromkeys(names))
 
 
-def told_of_unit(known: Knowledge) -> list[str]:
+def stated_unit_errors(known: Knowledge) -> list[str]:
     """The states of the unit beside its biases whose standard deviation is told."""
     rows = known.rows
-    return [state for state in OF_UNIT if _told(rows, all_states()[state].sigma)]
+    return [state for state in OF_UNIT if _is_stated(rows, all_states()[state].sigma)]
 
 
 def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
@@ -88,26 +88,26 @@ def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
         "gyro": COHERENT_ANGLE / max(sheet.angle_random_walk * sqrt(MINUTE), 1e-12),
         "accel": COHERENT_SPEED / max(sheet.velocity_random_walk * sqrt(MINUTE), 1e-12),
     }
-    found: list[str] = []
+    names: list[str] = []
     for triad, effect in manoeuvre.items():
         if drive.in_place or drive.traits.hovers:  # no manoeuvre shows them
             continue
-        found += [
+        names += [
             f"{triad}_{error}"
             for error in ("scale", "misalignment")
             if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
         ]
-    return found
+    return names
 
 
-def _told(rows: dict[str, Any], sigma: str) -> bool:
+def _is_stated(rows: dict[str, Any], sigma: str) -> bool:
     return bool(np.any(np.asarray(rows.get(sigma, 0.0)) > 0.0))
 
 
 # Parameters of a composition from what is known of the start and the unit.
 
 
-def untold_mounting(known: Knowledge) -> bool:
+def mounting_unknown(known: Knowledge) -> bool:
     """Whether nothing is told of how the inertial unit is mounted to the wheels."""
     return "odometer_lever_arm_b" not in known.instruments
 
@@ -125,8 +125,8 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
     ) in known.instruments:  # an error that is not told, of a state that was asked for, has the size that its row starts with
         if name in rows and not np.any(rows[name]) and table[name].flat_start().any():
             del rows[name]
-    if untold_mounting(known) and "non_holonomic_arm_sigma" in table:
-        rows["non_holonomic_arm_sigma"] = UNTOLD_ARM
+    if mounting_unknown(known) and "non_holonomic_arm_sigma" in table:
+        rows["non_holonomic_arm_sigma"] = UNKNOWN_ARM
     bare = {"gyro": {"gyro_g_sensitivity"}, "accel": {"accel_scale", "accel_misalignment"}}
     for triad, needed in bare.items():
         sigma = getattr(sheet, f"bare_{triad}_bias_sigma")
@@ -164,13 +164,13 @@ def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> t
     parameters: rows by name, SI.  Of a Gauss-Markov error the stationary standard deviation counts, about 0; of a constant one
     that of the start, about the start.
     """
-    p, found = Values(**parameters), []
+    p, findings_of = Values(**parameters), []
     for state in states:
         sigma = _numbers(parameters[state.sigma] if state.time else state.start_sigma(p), state.size)
         begun = np.zeros(state.size) if state.time or state.started is None else _numbers(state.started(p), state.size)
         sentence = _SURPRISING.filled(state=state.name, sigma=state.sigma)
-        found.append(Finding(state.name, sentence, np.where(sigma > 0.0, sigma, np.inf), begun, SURPRISING))
-    return tuple(found)
+        findings_of.append(Finding(state.name, sentence, np.where(sigma > 0.0, sigma, np.inf), begun, SURPRISING))
+    return tuple(findings_of)
 
 
 def _numbers(value: Any, size: int) -> NDArray[np.float64]:
@@ -249,7 +249,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
     names, ids = [state.name for state in filter.states], [aid.id for aid in filter.aids]
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
 
-    def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
         return (
             *applicability.linear_start(parameters, duration_s, UNKNOWN_START),
             *(() if _holds(filter, "vertical") else vertical_channel.by_bias(parameters, duration_s)),
@@ -325,7 +325,7 @@ _IDLE_STATE = declared(
 )
 
 
-def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str, ...]:
+def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[Remark, ...]:
     """Sentences about what is known to be there and is not in the filter.
 
     Errors of the instruments in use that are no states; on a turntable also those of the unit, and that it stays in place.
@@ -337,21 +337,21 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
         for state in states_by_aid().get(aid.id, ())
         if state.name not in states and state is not WANDER and np.any(np.asarray(known.rows.get(state.sigma, 0.0)) > 0.0)
     ]
-    found = []
+    remarks = []
     if left_out:
-        found.append(_ERRORS_UNCOUNTED.filled(states=", ".join(dict.fromkeys(left_out))))
-    if NON_HOLONOMIC.id in {aid.id for aid in filter.aids} and MOUNTING.name not in states and untold_mounting(known):
-        found.append(NO_MOUNTING)
+        remarks.append(_ERRORS_UNCOUNTED.filled(states=", ".join(dict.fromkeys(left_out))))
+    if NON_HOLONOMIC.id in {aid.id for aid in filter.aids} and MOUNTING.name not in states and mounting_unknown(known):
+        remarks.append(NO_MOUNTING)
     if drive.traits.turns_in_place:
-        of_unit = [name for name in told_of_unit(known) if name not in states]
+        of_unit = [name for name in stated_unit_errors(known) if name not in states]
         if of_unit:
-            found.append(_UNIT_UNCOUNTED.filled(states=", ".join(of_unit)))
+            remarks.append(_UNIT_UNCOUNTED.filled(states=", ".join(of_unit)))
         if IN_PLACE not in [aid.id for aid in filter.aids]:
-            found.append(NO_PLACE)
-    return tuple(found)
+            remarks.append(NO_PLACE)
+    return tuple(remarks)
 
 
-def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[Remark, ...]:
     idle = [state for state in filter.states if not np.any(np.asarray(parameters[state.sigma]) > 0.0)]
     return tuple(_IDLE_STATE.filled(state=state.name, sigma=state.sigma) for state in idle)
 

@@ -159,11 +159,12 @@ def noiseless(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any
     return {"omitted": degrees(float(parameters["tilt_sigma"]) * float(parameters["heading_sigma"]))}
 
 
+_PRINTED = declared("printed-form", "the paper's filter as printed, for comparison with it: {fault}; use {instead}")
+
+
 def printed(fault: str, instead: str) -> Notes:
     """What the printed form of a paper's filter is for: its fault, and the estimators to use instead."""
-    said = declared("printed-form", "the paper's filter as printed, for comparison with it: {fault}; use {instead}").filled(
-        fault=fault, instead=instead
-    )
+    said = _PRINTED.filled(fault=fault, instead=instead)
     return lambda parameters, duration_s: (said,)
 
 

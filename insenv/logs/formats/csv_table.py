@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import Remark, declared
 from insenv.logs.files import all_of
 from insenv.logs.formats.contract import Drive, Files, Format
 from insenv.logs.units import Array
@@ -21,6 +22,7 @@ from insenv.logs.units import Array
 Column = str | int
 MISSING = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
 """Fields, in lower case, that hold no value."""
+_CUT_OFF = declared("table-cut-off", "{label}: the last line has no line end and its last value is short: is the file cut off?")
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class TextTable:
     lines: np.ndarray
     fields: int
     sha256: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
 
     def column(self, name: Column) -> Array:
         """One column (rows,). The name must be one of `names`."""
@@ -265,14 +267,14 @@ class _Text:
                         raise InputError(f"{self.label}: line {number + 1}, column {_quoted(column)}: {what}") from None
             raise InputError(f"{self.label}: cannot be parsed: {error}") from None
 
-    def notes_on_end(self) -> tuple[str, ...]:
+    def notes_on_end(self) -> tuple[Remark, ...]:
         """A note if the last line has no line end and its last field is shorter than those before it."""
         if self.text.endswith((b"\n", b"\r")) or self.rows.size < 2:
             return ()
         sizes = [len(self.line(int(number)).split(self.separator)[-1].strip()) for number in self.rows[-50:]]
         if sizes[-1] >= min(sizes[:-1]):
             return ()
-        return (f"{self.label}: the last line has no line end and its last value is short: is the file cut off?",)
+        return (_CUT_OFF.filled(label=self.label),)
 
 
 def _is_number(text: str) -> bool:

@@ -149,8 +149,8 @@ def sensitivity_tables(campaign: Statistics) -> Iterator[tuple[tuple[str, ...], 
         columns = ("rank correlation", *(text for name in shown for text in (name.rpartition("_")[0], "index")))
         rows = []
         for variation in campaign.plan.variations:
-            own = {one.channel: one for one in campaign.sensitivity if one.key == variation.key}
-            rows.append((variation.key, *(cell for name in shown for cell in _sensitivity(own[name]))))
+            by_channel = {one.channel: one for one in campaign.sensitivity if one.key == variation.key}
+            rows.append((variation.key, *(cell for name in shown for cell in _sensitivity(by_channel[name]))))
         yield columns, rows
 
 

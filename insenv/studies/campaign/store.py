@@ -25,7 +25,7 @@ from insenv.studies.campaign.plan import Plan
 
 FORMAT, VERSION = "insenv-campaign", 1
 MANIFEST, BLOCKS, LOCK = "manifest.json", "blocks", ".lock"
-OWN = ("estimator", "equations", "parameters")
+OF_ESTIMATOR = ("estimator", "equations", "parameters")
 """What the plans of a comparison do not share (`Plan.as_json`)."""
 _DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 
@@ -35,18 +35,19 @@ def check_compared(folder: Path, plans: Sequence[Plan]) -> None:
 
     The campaigns of a comparison lie in folders named by their estimators (`insenv.studies.campaign.running.stores_of`).
     """
-    found: dict[str, Mapping[str, Any]] = {}
+    compared: dict[str, Mapping[str, Any]] = {}
     for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
         with suppress(*_DAMAGE, TypeError):
             theirs = json.loads(manifest.read_text(encoding="utf-8"))["plan"]
             if theirs["estimator"] == manifest.parent.name:
-                found[manifest.parent.name] = theirs
-    if found and len(plans) == 1:
-        raise InputError(f"{str(folder)!r} holds the comparison of {', '.join(found)}: choose another folder for one estimator")
+                compared[manifest.parent.name] = theirs
+    if compared and len(plans) == 1:
+        names = ", ".join(compared)
+        raise InputError(f"{str(folder)!r} holds the comparison of {names}: choose another folder for one estimator")
     for plan in plans:
-        found.pop(plan.estimator, None)  # is compared whole by its own `Folder`
-    ours = {name: value for name, value in plans[0].as_json().items() if name not in OWN} if found else {}
-    for id, theirs in found.items():
+        compared.pop(plan.estimator, None)  # is compared whole by its own `Folder`
+    ours = {name: value for name, value in plans[0].as_json().items() if name not in OF_ESTIMATOR} if compared else {}
+    for id, theirs in compared.items():
         other = [name for name, value in ours.items() if json.dumps(value) != json.dumps(theirs.get(name))]
         if other:
             raise InputError(f"{str(folder)!r} holds another comparison: its campaign of {id} differs in {', '.join(other)}")
@@ -203,8 +204,8 @@ class Folder:
     def _check(self, manifest: Path, resume: bool) -> None:
         """Raise `InputError` unless the folder holds this campaign and it is to be resumed."""
         try:
-            found = json.loads(manifest.read_text(encoding="utf-8"))
-            digest, plan = found["digest"], found["plan"]
+            stored = json.loads(manifest.read_text(encoding="utf-8"))
+            digest, plan = stored["digest"], stored["plan"]
         except (*_DAMAGE, TypeError):
             raise InputError(f"{str(manifest)!r} is not the manifest of a campaign: choose another folder") from None
         if digest != self._digest:

@@ -12,7 +12,7 @@ from insenv.core.runner import make_runner
 from insenv.estimators.contract import Drive, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.family import aids_of, prepared
-from insenv.estimators.fusion.non_holonomic import UNTOLD_ARM
+from insenv.estimators.fusion.non_holonomic import UNKNOWN_ARM
 from insenv.scenario import build, load, parse
 from insenv.scenario.chunks import input_rows
 
@@ -189,7 +189,7 @@ def test_a_real_drive_has_its_heading_within_its_sigma():
 def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_told():
     untold, told = (build(load(name), seed=1, duration_s=2.0) for name in ("car-city-drive", "car-odometer"))
     filter = insenv.fusion([], WHEELED)
-    assert float(untold.parameters_of(untold.adapted(filter))["non_holonomic_arm_sigma"]) == UNTOLD_ARM
+    assert float(untold.parameters_of(untold.adapted(filter))["non_holonomic_arm_sigma"]) == UNKNOWN_ARM
     assert float(told.parameters_of(told.adapted(filter)).get("non_holonomic_arm_sigma", 0.0)) == 0.0
     chosen = insenv.run("car-city-drive", "fusion", duration_s=2.0, settings={"fusion": {"aids": WHEELED}}).results[0]
     assert "odometer_mounting_error" in chosen.outputs

@@ -67,13 +67,6 @@ def test_a_run_that_diverged_for_one_is_left_out_of_the_pair():
     assert pair.runs == 11 and pair.ratio.value == 1.0 and not pair.is_real
 
 
-def test_a_comparison_over_different_times_says_so():
-    """The rms of an alignment is that of the last quarter."""
-    found = insenv.campaign(car(), ["wander-sins", "analytic"], 2, duration_s=2.0)
-    (note,) = found.as_json()["notes"]
-    assert found.notes == (note,) and "from 1.5 s on of analytic, over the whole runs of wander-sins" in note
-
-
 def test_the_command_compares_and_its_folder_takes_no_other_campaign(tmp_path):
     def command(scenario, *ids, more=("--no-figure",)):
         given = ("campaign", scenario, *(part for id in ids for part in ("-e", id)), "-n", "2", "--duration", "1")

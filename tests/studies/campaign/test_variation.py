@@ -76,9 +76,9 @@ def test_elements_of_a_vector_and_grades_are_drawn_run_by_run():
         receiver = ("spp", "rtk")[int(values["gnss.grade"])]
         unit = ("tactical", "industrial")[int(values["imu.grade"])]
         seen.add((receiver, unit))
-        grade = gnss_grade(receiver)
-        assert np.allclose(rows["gnss_position_noise"], [*grade.position_noise_m[:2], values["gnss.position_noise_m.2"]])
-        assert np.allclose(rows["gnss_wander_sigma"], [*grade.wander_sigma_m[:2], values["gnss.wander_sigma_m.2"]])
+        figures = {"wander_sigma_m": (0.0, 0.0, 0.0), **gnss_grade(receiver).figures}
+        for key, row in (("position_noise_m", "gnss_position_noise"), ("wander_sigma_m", "gnss_wander_sigma")):
+            assert np.allclose(rows[row], [*figures[key][:2], values[f"gnss.{key}.2"]])
         assert np.allclose(rows["gyro_bias"], [0.0, 0.0, np.radians(values["imu.gyro_bias_deg_h.2"]) / 3600.0])
         assert rows["gyro_bias_sigma"] == imu_grade(unit).parameters()["gyro_bias_sigma"]
         assert 7.0 <= rows["gnss_position_noise"][2] <= 8.0
