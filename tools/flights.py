@@ -81,7 +81,8 @@ def row(log: RecordedLog, estimator: str, name: str) -> str:
     size, stated = (", ".join(f"{np.sqrt(np.mean(each**2)):.2f}" for each in values) for values in (error, sigma))
     beyond = ", ".join(f"{100 * share:.0f}" for share in np.mean(np.abs(error) > 3 * sigma, axis=1))
     verdict = result.health.verdict if result.health else ""
-    return f"| {name} | {size} | {stated} | {beyond} % | {verdict} |"
+    delay = f"{float(np.ravel(result.outputs['gnss_delay'])[-1]):.3f}" if "gnss_delay" in result.outputs else ""
+    return f"| {name} | {size} | {stated} | {beyond} % | {delay} | {verdict} |"
 
 
 def drift(log: RecordedLog, estimator: str, name: str, outages: str) -> str:
@@ -104,7 +105,7 @@ DRIFT_HEADER = (
 
 def lines(estimator: str = "fusion", grade: str = "autopilot", outages: str = "") -> Iterator[str]:
     """The table, line by line."""
-    header = ("| flight | error, deg | stated | beyond 3 sigma | verdict |", "|---|---|---|---|---|")
+    header = ("| flight | error, deg | stated | beyond 3 sigma | fixes late by, s | verdict |", "|---|---|---|---|---|---|")
     yield from DRIFT_HEADER if outages else header
     for flight in sorted((resources.files("onavdata") / FOLDER).iterdir(), key=lambda each: each.name):
         with tempfile.TemporaryDirectory() as folder:
@@ -112,7 +113,7 @@ def lines(estimator: str = "fusion", grade: str = "autopilot", outages: str = ""
             try:
                 yield drift(log, estimator, flight.name, outages) if outages else row(log, estimator, flight.name)
             except InsenvError as error:
-                yield f"| {flight.name} | {error} |" + " |" * (4 if outages else 3)
+                yield f"| {flight.name} | {error} |" + " |" * 4
 
 
 def main() -> None:
