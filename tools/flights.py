@@ -127,6 +127,12 @@ def lines(estimator: str = "fusion", grade: str = "autopilot", outages: str = ""
                 yield f"| {flight.name} | {error} |" + " |" * (5 if outages else 3)
 
 
+def of_page() -> Iterator[str]:
+    """The lines of the tables in docs/logs.md."""
+    yield from lines()
+    yield from lines(outages="every=120,length=30")
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
