@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, ValidationInfo, field_validator
@@ -13,7 +12,6 @@ from insenv.base.errors import nearest
 from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
-from insenv.logs import kf_gins
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, Sigma3
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
@@ -47,8 +45,6 @@ SLOPES = (
 
 class ImuSection(FileSection):
     """The inertial sensor."""
-
-    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.IMU
 
     gyro: Columns3 = key(..., "columns of the gyro's x, y, z")
     accel: Columns3 = key(
@@ -209,8 +205,6 @@ class PositionSection(FileSection):
 class GnssSection(PositionSection, MeasurementSection):
     """Position fixes of the antenna, each at its time of validity."""
 
-    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.GNSS
-
     latitude: Column = key(..., "column of the geodetic latitude (WGS-84)")
     longitude: Column = key(..., "column of the longitude, east positive")
     height: Column = key(..., "column of the height above the ellipsoid [m], up positive")
@@ -268,16 +262,13 @@ class GnssSection(PositionSection, MeasurementSection):
         if info.data[quantity] is not None and number != 1:
             column, constant = ("a column", "a number") if quantity == "speed" else ("three columns", "three numbers")
             raise ValueError(f"{quantity} needs either {quantity}_sigma ({column}) or {quantity}_sigma_mps ({constant} [m/s])")
-        by_format = quantity == "velocity" and info.data.get("format") != "csv"
-        if info.data[quantity] is None and number and not by_format:
+        if info.data[quantity] is None and number:
             raise ValueError(f"{quantity}_sigma is given without {quantity}")
         return value
 
 
 class ReferenceSection(PositionSection):
     """A reference solution at the IMU, for comparison and as an optional start: position, velocity and attitude, or some."""
-
-    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.REFERENCE
 
     roll: Column | None = key(None, "column of the roll (right side down positive); with pitch, heading and attitude_unit")
     pitch: Column | None = key(None, "column of the pitch (nose up positive); with roll and heading")

@@ -17,6 +17,7 @@ from insenv.logs.flight_log import FlightDescription, build_flight
 from insenv.logs.formats import SUFFIXES, is_flight_log
 from insenv.logs.instruments import description_class
 from insenv.logs.recorded import RecordedLog
+from insenv.logs.section_files import completed
 from insenv.logs.text import build
 from insenv.sensors.grade_file import beside
 
@@ -55,6 +56,7 @@ def load(path: str | Path) -> RecordedLog:
         _check_settings(data, str(path), faults)
         log = None if flight is None else faults.attempt(lambda: build_flight(flight, folder))
     else:
+        data = completed(data, folder, faults)
         text = faults.attempt(lambda: validated(description_class(), data, str(path)))
         _check_settings(data, str(path), faults)
         log = None if text is None else faults.attempt(lambda: build(text, folder))
@@ -70,7 +72,7 @@ def _check_columns(data: Mapping[str, Any], folder: Path, faults: Faults) -> Non
     for name, model in (("imu", ImuSection), ("gnss", GnssSection), ("reference", ReferenceSection)):
         section = data.get(name)
         if isinstance(section, dict):
-            faults.attempt(lambda section=section, model=model: check_columns(section, model, folder))  # type: ignore[misc]
+            faults.attempt(lambda name=name, section=section, model=model: check_columns(name, section, model, folder))  # type: ignore[misc]
 
 
 def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from insenv.base.errors import InputError
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.logs import instruments, kf_gins
+from insenv.logs import instruments
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.build import overlaps, recorded_log, span_of
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
@@ -213,8 +213,6 @@ def _velocity(section: PositionSection, table: TextTable) -> Array | None:
 def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
     course = () if section.course is None else (section.course,)
     table, time = reader.read("gnss", section, optional=course)
-    if kf_gins.has_velocity("gnss", section, table.fields):
-        section = section.model_copy(update=kf_gins.GNSS_VELOCITY)
     moving = [c for c in (*(section.velocity or ()), section.speed, section.course) if c is not None]
     repeated = repeats(time, np.nan_to_num(table.columns((section.latitude, section.longitude, section.height, *moving))))
     if repeated is not None:
