@@ -114,10 +114,11 @@ class GnssFixes:
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference solution at the IMU: time (m,) s, on the IMU's clock, and what the reference has; the rest is None.
+    """Reference solution: time (m,) s, on the IMU's clock, and what the reference has; the rest is None.
 
     latitude, longitude (m,) rad and height (m,) m above the ellipsoid; velocity_n (m, 3) m/s; roll, pitch, heading (m,)
-    rad, heading in [-pi, pi) clockwise from north.
+    rad, heading in [-pi, pi) clockwise from north.  lever_arm_b (3,) m FRD: from the IMU to the point whose position and
+    velocity these are; None: they are those of the IMU.
     """
 
     time: Array
@@ -128,6 +129,7 @@ class Reference:
     roll: Array | None = None
     pitch: Array | None = None
     heading: Array | None = None
+    lever_arm_b: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
 from insenv.logs import RecordedLog, Reference, load
 from insenv.logs.description import EvaluationSection
+from insenv.logs.reference import at_imu, body_rate
 from insenv.logs.rest import travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
@@ -233,6 +234,20 @@ def _whole_unit(estimator: Estimator, given: dict[str, Any]) -> dict[str, Any]:
     return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **given}
 
 
+def _moved_to_imu(track: Track, log: RecordedLog, outputs: Mapping[str, Array]) -> Track:
+    """A reference without attitude that has a lever arm, at the IMU by the attitude of an estimate at the same times."""
+    arm = None if log.reference is None else log.reference.lever_arm_b
+    if arm is None or "q_nb" not in outputs:
+        return track
+    place = None
+    if track.latitude is not None and track.longitude is not None and track.height is not None:
+        place = track.latitude, track.longitude, track.height
+    C_nb = attitude.numeric.to_dcm(outputs["q_nb"])
+    place, velocity_n = at_imu(place, track.velocity_n, C_nb, body_rate(log, track.time), arm)
+    latitude, longitude, height = (None, None, None) if place is None else place
+    return replace(track, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity_n)
+
+
 def _reference_track(reference: Reference | None, times: Array) -> Track:
     """The reference interpolated at `times`; an empty track if the log has none."""
     if reference is None:
@@ -274,7 +289,7 @@ def _result(follower: Follower, begun: Start, ready: Prepared, reference: Track,
     return result_of(
         estimator,
         outputs,
-        reference,
+        _moved_to_imu(reference, log, outputs),
         None,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
         notes=(
