@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from insenv.base.errors import InputError, nearest
-from insenv.logs.columns import FileSection, MeasurementSection, window_words
+from insenv.base.errors import InputError
+from insenv.logs.columns import FileSection, MeasurementSection, before, window_words
 from insenv.logs.description import PositionSection
 from insenv.logs.formats.csv_table import Column, TextTable, check_finite
 from insenv.logs.joining import join
@@ -27,7 +27,8 @@ _MIN_AGE_S = -1.0
 class LogReader:
     """Reads the sections of a description and collects the files read and the notes for the user.
 
-    folder: where relative paths start; start_s, stop_s: the part of the log that is used.
+    folder: where relative paths start; start_s, stop_s: the part of the log that is used.  left_out: number of rows before
+    start_s, by section.
     """
 
     folder: Path
@@ -35,6 +36,7 @@ class LogReader:
     stop_s: float | None = None
     sources: list[Source] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    left_out: dict[str, int] = field(default_factory=dict)
 
     def read(
         self,
@@ -90,7 +92,9 @@ class LogReader:
     def _within(self, name: str, table: TextTable, time: Array) -> tuple[TextTable, Array]:
         low = -math.inf if self.start_s is None else self.start_s
         high = math.inf if self.stop_s is None else self.stop_s
-        inside = (time >= low) & (time <= high)
+        early, late = before(time, low), before(-time, -high)
+        self.left_out[name] = int(np.count_nonzero(early))
+        inside = ~(early | late)
         if not inside.any():
             raise InputError(
                 f"{table.label}: no {name} rows {window_words(self.start_s, self.stop_s)}: its times are {time[0]:.3f} to"
@@ -100,7 +104,7 @@ class LogReader:
 
 
 def check_columns(name: str, section: Mapping[str, Any], model: type[FileSection], folder: Path) -> None:
-    """Raise one `InputError` for all columns named in a section that its files do not have, whatever else is wrong with it.
+    """Raise one `InputError` for the columns named in a section that none of its files has, or several, whatever else is wrong.
 
     section: its TOML values, unchecked, completed by its format; model: what it should be.
     """
@@ -112,14 +116,11 @@ def check_columns(name: str, section: Mapping[str, Any], model: type[FileSection
     if not isinstance(right.get("comment", ""), str):
         del right["comment"]
     files = open_files(name, right, folder)
-    known = [column for file in files for column in file.names() if isinstance(column, str)]
-    allowed = {*known, *(f"{PurePath(file.label).name}:{column}" for file in files for column in file.names())}
+    if not any(isinstance(column, str) for file in files for column in file.names()):
+        return
     values = [section.get(key) for key in model.column_keys()]
     columns = [each for value in values for each in (value if isinstance(value, (list, tuple)) else [value])]
-    missing = [column for column in columns if isinstance(column, str) and column not in allowed]
-    if known and missing:
-        labels = ", ".join(file.label for file in files)
-        raise InputError("\n".join(f"{labels}: no column {column!r}{nearest(column, known)}" for column in missing))
+    located(name, files, [column for column in columns if isinstance(column, str) and column != section.get("time")])
 
 
 def checked_position(name: str, section: PositionSection, table: TextTable, notes: list[str]) -> tuple[Array, Array]:

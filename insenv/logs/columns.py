@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Strict
 
+from insenv.base.remarks import clock
 from insenv.base.toml import Number, Positive, Section, check_three, key
+from insenv.logs.units import Array
 
 
 def _check_column(value: object) -> object:
@@ -85,8 +88,13 @@ class MeasurementSection(FileSection):
     )
 
 
+def before(time: Array, limit: float) -> np.ndarray:
+    """Whether times (n,) s are before a limit by more than rounding: a limit that is the time of a sample leaves it in."""
+    return np.asarray(time < limit - (4.0 * np.spacing(abs(limit)) if np.isfinite(limit) else 0.0))
+
+
 def window_words(start_s: float | None, stop_s: float | None) -> str:
     """The part of a log that its keys start_s and stop_s choose, for a message; those that are not given are left out."""
-    begin = "" if start_s is None else f"from start_s = {start_s:g} s"
-    end = "" if stop_s is None else f"to stop_s = {stop_s:g} s"
+    begin = "" if start_s is None else f"from start_s = {clock(start_s)} s"
+    end = "" if stop_s is None else f"to stop_s = {clock(stop_s)} s"
     return " ".join(filter(None, (begin, end))) or "in the whole log"

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, ValidationInfo, field_vali
 
 from insenv import attitude
 from insenv.base.errors import nearest
+from insenv.base.remarks import clock
 from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
@@ -407,7 +408,7 @@ class EvaluationSection(Section):
     def _after_from(cls, value: float | None, info: ValidationInfo) -> float | None:
         begin = info.data.get("from_s")
         if begin is not None and value is not None and value <= begin:
-            raise ValueError(f"must be after from_s = {begin:g} s")
+            raise ValueError(f"must be after from_s = {clock(begin)} s")
         return value
 
 
@@ -447,7 +448,7 @@ class AnyLog(Section):
     def _after_start(cls, value: float | None, info: ValidationInfo) -> float | None:
         start = info.data.get("start_s")
         if start is not None and value is not None and value <= start:
-            raise ValueError(f"must be after start_s = {start:g} s")
+            raise ValueError(f"must be after start_s = {clock(start)} s")
         return value
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import clock
 from insenv.estimators import ImuDataSheet
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
@@ -107,8 +108,8 @@ class GnssFixes:
             if bad.size:
                 at, axis = bad[0]
                 raise InputError(
-                    f"{name} of the fix at {self.time[at]:.10g} s, {'NED'[axis]}: {sigma[at, axis]:g} {row.unit}: allowed is "
-                    f"from {row.lower:g} to {row.upper:g} {row.unit} ({len(bad)} such values)"
+                    f"{name} of the fix at {clock(self.time[at], 10)} s, {'NED'[axis]}: {sigma[at, axis]:g} {row.unit}: "
+                    f"allowed is from {row.lower:g} to {row.upper:g} {row.unit} ({len(bad)} such values)"
                 )
 
 

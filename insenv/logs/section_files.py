@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import sha256
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -202,34 +202,41 @@ def located(section: str, files: Sequence[SectionFile], columns: Sequence[Column
         raise InputError(f"{section}.file: with several files the columns must be given by name, not by number")
     headers = [file.names() for file in files]
     places: list[dict[Column, Column]] = [{} for _ in files]
+    labels = ", ".join(file.label for file in files)
     messages = []
     for column in columns:
-        owners = [place for place, header in enumerate(headers) if column in header]
+        owners = [(place, column) for place, header in enumerate(headers) if column in header]
+        owners = owners or _by_file(files, headers, str(column))
         if len(owners) > 1:
-            listed = " and in ".join(PurePath(files[each].label).name for each in owners)
-            by_file = " or ".join(repr(_prefixed(files[each], column)) for each in owners)
-            messages.append(f"{section}: column {column!r} is in {listed}: allowed is a name with its file, {by_file}")
-        name, at = (column, owners[0]) if owners else _by_file(files, headers, str(column))
-        if at is None:
+            named = " or ".join(repr(f"{_tail(files, place)}:{name}") for place, name in owners)
+            messages.append(f"{section}: several files have the column {column!r}: allowed is a name with its file, {named}")
+        elif not owners:
             known = list(dict.fromkeys(str(each) for header in headers for each in header))
-            messages.append(f"{', '.join(file.label for file in files)}: no column {column!r}{nearest(str(column), known)}")
+            messages.append(f"{labels}: no column {column!r}{nearest(str(column), known)}")
         else:
-            places[at][column] = name
+            places[owners[0][0]][column] = owners[0][1]
     if messages:
         raise InputError("\n".join(messages))
     return places
 
 
-def _prefixed(file: SectionFile, column: Column) -> str:
-    return f"{PurePath(file.label).name}:{column}"
+def _by_file(files: Sequence[SectionFile], headers: Sequence[Sequence[Column]], column: str) -> list[tuple[int, Column]]:
+    """The files, by number, and the names in them, that a column means that is named with its file, or the end of its path."""
+    return [
+        (place, name)
+        for place, (file, header) in enumerate(zip(files, headers, strict=True))
+        for name in header
+        if column.endswith(f":{name}") and _path(file).endswith(f"/{column.removesuffix(f':{name}')}")
+    ]
 
 
-def _by_file(
-    files: Sequence[SectionFile], headers: Sequence[Sequence[Column]], column: str
-) -> tuple[Column, int] | tuple[Column, None]:
-    """The name in its file, and the number of that, of a column named with its file; None if there is none."""
-    for place, (file, header) in enumerate(zip(files, headers, strict=True)):
-        for name in header:
-            if column == _prefixed(file, name):
-                return name, place
-    return column, None
+def _path(file: SectionFile) -> str:
+    return f"/{file.label}".replace("\\", "/")
+
+
+def _tail(files: Sequence[SectionFile], place: int) -> str:
+    """The shortest end of the path of a file that no other has."""
+    parts = _path(files[place]).split("/")
+    others = [_path(file) for k, file in enumerate(files) if k != place]
+    tails = ("/".join(parts[-length:]) for length in range(1, len(parts)))
+    return next((tail for tail in tails if not any(other.endswith(f"/{tail}") for other in others)), files[place].label)

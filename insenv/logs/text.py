@@ -16,7 +16,7 @@ from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import instruments
 from insenv.logs.assemble import LogReader, checked_position
-from insenv.logs.build import overlaps, recorded_log, span_of
+from insenv.logs.build import LEFT_OUT, overlaps, recorded_log, span_of
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection
 from insenv.logs.files import Faults
 from insenv.logs.formats.csv_table import Column, TextTable
@@ -88,6 +88,8 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
         reference = faults.attempt(partial(read_reference, description.reference, reader, imu))
     faults.check()
     assert imu is not None
+    if reader.left_out["imu"] <= LEFT_OUT:
+        description = description.model_copy(update={"start_s": None})
     span = span_of(imu)
     readings = [each for each in measured if each is not None]
     for name, table in (("gnss", gnss), ("reference", reference), *((each.id, each) for each in readings)):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
-from insenv.base.remarks import Remark, coded, declared
+from insenv.base.remarks import Remark, clock, coded, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
@@ -153,9 +153,9 @@ def prepared(
     log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
     description = log.description
     begin_s = start_time(log, start)
-    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
+    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9 - 4 * np.spacing(begin_s)))
     if first >= len(log.imu_time):
-        raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
+        raise InputError(f"[initial] start_s = {clock(begin_s)} s: the log ends at {log.imu_time[-1]:.3f} s")
     tunings: dict[str, dict[str, Any]] = {id: dict(rows) for id, rows in log.settings.items()}
     for id, table in description.estimator.items():
         tunings[id] = {**tunings.get(id, {}), **tuning(id, table)}

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import clock
 from insenv.logs import RecordedLog
 from insenv.logs.rest import REST_WINDOW_S, rest_until
 
@@ -47,14 +48,14 @@ def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = 
         begin = float(end[0] - log.dt[0]) if from_s is None else from_s
         until = float(end[-1]) if to_s is None else to_s
         if not begin < until:
-            raise InputError(f"from {begin:g} s to {until:g} s: allowed is a part that ends after it begins")
+            raise InputError(f"from {clock(begin)} s to {clock(until)} s: allowed is a part that ends after it begins")
         chosen = (end > begin + 1e-9) & (end <= until + 1e-9)
     first, last = _bounds(chosen)
     count, lasts = last - first, float(log.dt[first:last].sum())
     if count < LEAST_SAMPLES or lasts < LEAST_S:
         raise InputError(
-            f"{_label(log)}: {count} samples in {lasts:.3g} s from {begin:g} s to {until:g} s: allowed is {LEAST_SAMPLES} "
-            f"samples and {LEAST_S:g} s or more"
+            f"{_label(log)}: {count} samples in {lasts:.3g} s from {clock(begin)} s to {clock(until)} s: allowed is "
+            f"{LEAST_SAMPLES} samples and {LEAST_S:g} s or more"
         )
     samples = slice(first, last)
     start = round(float(end[first] - log.dt[first]), 9)
@@ -67,7 +68,7 @@ def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = 
         whole = float(end[-1] - end[0] + log.dt[0])
         if whole - lasts > REST_WINDOW_S:
             warnings.insert(
-                0, f"only {start:.6g} to {end_s:.6g} s is used: the longest time without motion in a log of {whole:.6g} s"
+                0, f"only {clock(start)} to {clock(end_s)} s is used: the longest time without motion in a log of {whole:.6g} s"
             )
     elif moves := not _is_rest(log, start, end_s):
         warnings.insert(0, "the vehicle moves in this part: below its motion the noise of the unit cannot be seen")
