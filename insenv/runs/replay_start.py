@@ -51,6 +51,11 @@ REFERENCE_SIGMAS = {
 """Of a reference solution that says nothing of its errors (m, m/s, rad): a vehicle's own estimate is wrong by degrees."""
 
 
+def rounding(time_s: float) -> float:
+    """By how much two times (s) may differ that are the same: sums of steps round, and Unix times to 2e-7 s."""
+    return float(1e-9 + 4.0 * np.spacing(abs(time_s)))
+
+
 def start_time(log: RecordedLog, start: str) -> float:
     """Start of the estimators, s: the log's start_s, or the first sample (that the reference covers, if used).
 
@@ -239,7 +244,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
     if reference is None or reference.roll is None or reference.velocity_n is None or reference.latitude is None:
         raise InputError("start 'reference': the log's [reference] must give position, velocity and attitude")
     time = _begin(log, first)
-    if not reference.time[0] <= time <= reference.time[-1]:
+    if not reference.time[0] - rounding(time) <= time <= reference.time[-1] + rounding(time):
         raise InputError(
             f"start 'reference' at {time:.3f} s: the reference covers {reference.time[0]:.3f} to {reference.time[-1]:.3f} s"
         )

@@ -18,7 +18,7 @@ from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
-from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
+from insenv.evaluation.errors import Result, Track, statistics_from, track_of, unit_errors
 from insenv.logs import RecordedLog, Reference, load
 from insenv.logs.description import EvaluationSection
 from insenv.logs.reference import at_imu, body_rate
@@ -27,7 +27,8 @@ from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.log_remarks import latitude_at_rest, noise_in_motion, standstill_missed, unseen
 from insenv.runs.log_samples import sample_columns
-from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
+from insenv.runs.reference_check import reference_notes
+from insenv.runs.replay_start import STARTS, Start, initial_knowledge, rounding, start_time
 from insenv.runs.simulated import follower_of, members, result_of
 from insenv.scenario.chunks import RECORDS, chunks, recording_interval
 
@@ -97,6 +98,8 @@ def replay(
         notes.append(Remark("unit-assumed", log.assumed.sentence))
     if any(_takes_sensors(e, given[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
+    tracks = {result.estimator: track_of(result.time, dict(result.outputs)) for result in results}
+    notes += reference_notes(log, reference, tracks)
     if log.gaps.count:
         notes.append(_BRIDGED.filled(count=log.gaps.count, samples=log.gaps.samples))
     if dropped:
@@ -153,7 +156,7 @@ def prepared(
     log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
     description = log.description
     begin_s = start_time(log, start)
-    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9 - 4 * np.spacing(begin_s)))
+    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - rounding(begin_s)))
     if first >= len(log.imu_time):
         raise InputError(f"[initial] start_s = {clock(begin_s)} s: the log ends at {log.imu_time[-1]:.3f} s")
     tunings: dict[str, dict[str, Any]] = {id: dict(rows) for id, rows in log.settings.items()}
