@@ -14,7 +14,7 @@ from insenv.logs.assemble import check_columns
 from insenv.logs.description import GnssSection, ImuSection, ReferenceSection
 from insenv.logs.files import Faults
 from insenv.logs.flight_log import FlightDescription, build_flight
-from insenv.logs.formats import SUFFIXES, is_flight_log
+from insenv.logs.formats import SECTION_FORMATS, SUFFIXES, is_flight_log
 from insenv.logs.instruments import description_class
 from insenv.logs.recorded import RecordedLog
 from insenv.logs.section_files import completed
@@ -25,6 +25,7 @@ _TRACK = (
     'a track has no inertial samples to replay; a scenario whose [vehicle] has kind = "recorded" simulates them along it '
     "(docs/trajectories.md)"
 )
+_DESCRIBED = "a section of a description in TOML names it: `insenv new log FILE` writes one to start from (docs/logs.md)"
 _HINTS = {
     TABLE: "a description in TOML names its columns and units: `insenv new log FILE` writes one to start from (docs/logs.md)",
     BINARY: f"the name of a flight log ends in {SUFFIXES}",
@@ -46,6 +47,9 @@ def load(path: str | Path) -> RecordedLog:
     folder = path.resolve().parent
     if is_flight_log(path):
         return build_flight(FlightDescription(flight=path.name), folder)
+    form = next((each for each in SECTION_FORMATS.values() if each.named_like(path.name)), None)
+    if form is not None and path.is_file():
+        raise InputError(f"{path}: a file of the format {form.name!r}, not a description of a log: {_DESCRIBED}")
     data: dict[str, Any] = read_toml(path, _HINTS)
     if is_scenario(data) and not is_log(data):
         raise InputError(f"{path}: a scenario, not the description of a recorded log: `insenv run {path}` simulates it")

@@ -83,7 +83,12 @@ def _read(form: str, label: str, raw: bytes, section: str) -> FileColumns:
     """The columns of a file: read for its keys and for its values, decoded once."""
     read_columns = SECTION_FORMATS[form].read_columns
     assert read_columns is not None
-    return read_columns(label, raw, section)
+    try:
+        return read_columns(label, raw, section)
+    except InputError:
+        raise
+    except Exception as error:  # the parsers of a damaged file raise anything
+        raise InputError(f"{label}: the file is damaged, or no {form!r}: {type(error).__name__}: {error}") from None
 
 
 def _columns_of(keys: SectionKeys) -> set[Column]:
