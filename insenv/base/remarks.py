@@ -18,6 +18,17 @@ TEXTS: dict[str, str] = {}
 _NAMED = re.compile(r"\{(\w+)(?::[^{}]*)?\}")
 
 
+LATE_S = 1e6
+"""Times from which on a log counts from a date, such as Unix time: s."""
+
+
+def clock(time_s: float, digits: int = 6) -> str:
+    """A time of a log in a sentence: with so many significant digits, or from `LATE_S` on in full, to the millisecond."""
+    if abs(time_s) < LATE_S:
+        return f"{time_s:.{digits}g}"
+    return f"{time_s:.3f}".rstrip("0").rstrip(".")
+
+
 class Remark(str):
     """A sentence with its code."""
 

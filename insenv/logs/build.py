@@ -18,6 +18,9 @@ from insenv.logs.rest import rest_until
 from insenv.logs.units import Array
 from insenv.sensors.contract import Place
 
+LEFT_OUT = 1
+"""Samples before start_s with which it leaves nothing out: a time that is printed rounded may lie behind the first sample."""
+
 
 def recorded_log(
     imu: InertialSamples,

@@ -14,8 +14,8 @@ from pydantic import model_validator
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared
 from insenv.base.toml import Number, Vector3, key, validated
-from insenv.logs.build import overlaps, place_of, recorded_log, span_of
-from insenv.logs.columns import window_words
+from insenv.logs.build import LEFT_OUT, overlaps, place_of, recorded_log, span_of
+from insenv.logs.columns import before, window_words
 from insenv.logs.description import AnyLog, Grade, LogDescription, Sigma3
 from insenv.logs.files import read_bytes
 from insenv.logs.formats import SUFFIXES, Format, flight_format
@@ -124,7 +124,9 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
     label, data = read_bytes(description.flight, folder)
     flight = _read(form, label, data)
     notes = list(flight.notes)
-    imu, part = _imu(label, form, flight, description, notes)
+    imu, part, left_out = _imu(label, form, flight, description, notes)
+    if left_out <= LEFT_OUT:
+        description = description.model_copy(update={"start_s": None})
     sampled = sampling(imu.time, None, imu.name)
     notes += sampled.notes
     samples = np.hstack([imu.rate_ib_b, imu.specific_force_b])
@@ -216,8 +218,8 @@ def _readings(flight: Flight, part: int, span: tuple[float, float], undulation: 
 
 def _imu(
     label: str, form: Format, flight: Flight, description: FlightDescription, notes: list[Remark]
-) -> tuple[ImuSeries, int]:
-    """The unit's samples of one segment, and the number of restarts of the clock before them."""
+) -> tuple[ImuSeries, int, int]:
+    """The unit's samples of one segment, the number of restarts of the clock before them, and of samples before start_s."""
     units = ", ".join([f"{imu.name} at {imu.rate_hz:.3g} Hz" for imu in flight.imus] + list(flight.others)) or "none at all"
     imu = _named(label, "imu", flight.imus, description.imu)
     if imu is None or imu.rate_hz < USABLE_HZ:
@@ -233,14 +235,15 @@ def _imu(
         notes.append(_NOT_FINITE.filled(count=np.count_nonzero(~finite)))
     low = -np.inf if description.start_s is None else description.start_s
     high = np.inf if description.stop_s is None else description.stop_s
-    inside = np.asarray(finite & (imu.time >= low) & (imu.time <= high))
+    early = before(imu.time, low)
+    inside = np.asarray(finite & ~early & ~before(-imu.time, -high))
     if np.count_nonzero(inside) < 3:
         raise InputError(
             f"{label}: {np.count_nonzero(inside)} samples of {imu.name}"
             f" {window_words(description.start_s, description.stop_s)}: its times are {imu.time.min():.3f} to"
             f" {imu.time.max():.3f} s"
         )
-    return longest(imu, inside, description.max_gap_s, notes)
+    return *longest(imu, inside, description.max_gap_s, notes), int(np.count_nonzero(early))
 
 
 def _gnss(fixes: FixSeries, description: FlightDescription, undulation: float | None, notes: list[Remark]) -> GnssFixes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -65,7 +66,7 @@ def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[Rema
 
 def _beside(first: TextTable, columns: Sequence[Array], tables: Sequence[TextTable]) -> TextTable:
     names = (*first.names, *(n for t in tables[1:] for n in t.names[1:]))
-    return TextTable(first.label, names, np.hstack([first.values, *columns]), first.lines, first.fields, first.sha256)
+    return replace(first, names=names, values=np.hstack([first.values, *columns]), notes=())
 
 
 def _partners(time: Array, other: Array, tolerance: float) -> np.ndarray:

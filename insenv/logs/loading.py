@@ -14,9 +14,10 @@ from insenv.logs.assemble import check_columns
 from insenv.logs.description import GnssSection, ImuSection, ReferenceSection
 from insenv.logs.files import Faults
 from insenv.logs.flight_log import FlightDescription, build_flight
-from insenv.logs.formats import SUFFIXES, is_flight_log
+from insenv.logs.formats import SECTION_FORMATS, SUFFIXES, is_flight_log
 from insenv.logs.instruments import description_class
 from insenv.logs.recorded import RecordedLog
+from insenv.logs.section_files import completed
 from insenv.logs.text import build
 from insenv.sensors.grade_file import beside
 
@@ -24,6 +25,7 @@ _TRACK = (
     'a track has no inertial samples to replay; a scenario whose [vehicle] has kind = "recorded" simulates them along it '
     "(docs/trajectories.md)"
 )
+_DESCRIBED = "a section of a description in TOML names it: `insenv new log FILE` writes one to start from (docs/logs.md)"
 _HINTS = {
     TABLE: "a description in TOML names its columns and units: `insenv new log FILE` writes one to start from (docs/logs.md)",
     BINARY: f"the name of a flight log ends in {SUFFIXES}",
@@ -45,6 +47,9 @@ def load(path: str | Path) -> RecordedLog:
     folder = path.resolve().parent
     if is_flight_log(path):
         return build_flight(FlightDescription(flight=path.name), folder)
+    form = next((each for each in SECTION_FORMATS.values() if each.named_like(path.name)), None)
+    if form is not None and path.is_file():
+        raise InputError(f"{path}: a file of the format {form.name!r}, not a description of a log: {_DESCRIBED}")
     data: dict[str, Any] = read_toml(path, _HINTS)
     if is_scenario(data) and not is_log(data):
         raise InputError(f"{path}: a scenario, not the description of a recorded log: `insenv run {path}` simulates it")
@@ -55,6 +60,7 @@ def load(path: str | Path) -> RecordedLog:
         _check_settings(data, str(path), faults)
         log = None if flight is None else faults.attempt(lambda: build_flight(flight, folder))
     else:
+        data = completed(data, folder, faults)
         text = faults.attempt(lambda: validated(description_class(), data, str(path)))
         _check_settings(data, str(path), faults)
         log = None if text is None else faults.attempt(lambda: build(text, folder))
@@ -70,7 +76,7 @@ def _check_columns(data: Mapping[str, Any], folder: Path, faults: Faults) -> Non
     for name, model in (("imu", ImuSection), ("gnss", GnssSection), ("reference", ReferenceSection)):
         section = data.get(name)
         if isinstance(section, dict):
-            faults.attempt(lambda section=section, model=model: check_columns(section, model, folder))  # type: ignore[misc]
+            faults.attempt(lambda name=name, section=section, model=model: check_columns(name, section, model, folder))  # type: ignore[misc]
 
 
 def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None:

@@ -15,14 +15,15 @@ from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.logs import instruments, kf_gins
+from insenv.logs import instruments
 from insenv.logs.assemble import LogReader, checked_position
-from insenv.logs.build import overlaps, recorded_log, span_of
-from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
+from insenv.logs.build import LEFT_OUT, overlaps, recorded_log, span_of
+from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection
 from insenv.logs.files import Faults
 from insenv.logs.formats.csv_table import Column, TextTable
 from insenv.logs.inertial import InertialSamples, covered_steps, implausible, increments, sampling
-from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, fixes_from_course
+from insenv.logs.recorded import GnssFixes, RecordedLog, fixes_from_course
+from insenv.logs.reference import read_reference
 from insenv.logs.rest import rest_rate_notes, turn_notes
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 from insenv.sensors import registry, units
@@ -94,9 +95,13 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
     gnss = None if description.gnss is None else faults.attempt(partial(_gnss, description.gnss, reader))
     sections = {id: section for id in registry.instruments() if (section := getattr(description, id, None)) is not None}
     measured = [faults.attempt(partial(instruments.read, id, section, reader)) for id, section in sections.items()]
-    reference = None if description.reference is None else faults.attempt(partial(_reference, description.reference, reader))
+    reference = None
+    if description.reference is not None and imu is not None:
+        reference = faults.attempt(partial(read_reference, description.reference, reader, imu))
     faults.check()
     assert imu is not None
+    if reader.left_out["imu"] <= LEFT_OUT:
+        description = description.model_copy(update={"start_s": None})
     span = span_of(imu)
     readings = [each for each in measured if each is not None]
     for name, table in (("gnss", gnss), ("reference", reference), *((each.id, each) for each in readings)):
@@ -222,8 +227,6 @@ def _velocity(section: PositionSection, table: TextTable) -> Array | None:
 def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
     course = () if section.course is None else (section.course,)
     table, time = reader.read("gnss", section, optional=course)
-    if kf_gins.has_velocity("gnss", section, table.fields):
-        section = section.model_copy(update=kf_gins.GNSS_VELOCITY)
     moving = [c for c in (*(section.velocity or ()), section.speed, section.course) if c is not None]
     repeated = repeats(time, np.nan_to_num(table.columns((section.latitude, section.longitude, section.height, *moving))))
     if repeated is not None:
@@ -271,25 +274,3 @@ def _sigma(table: TextTable, names: Sequence[Column] | None, constant: Any, unit
         "; keep_where can exclude invalid fixes",
     )
     return sigma
-
-
-def _reference(section: ReferenceSection, reader: LogReader) -> Reference:
-    table, time = reader.read("reference", section)
-    reference = Reference(time, velocity_n=_velocity(section, table))
-    if section.height is not None:
-        latitude, longitude = checked_position("reference", section, table, reader.notes)
-        height = table.column(section.height) + section.height_offset_m
-        reference = replace(reference, latitude=latitude, longitude=wrap(longitude), height=height)
-    attitude = [column for column in (section.roll, section.pitch, section.heading) if column is not None]
-    if not attitude or section.attitude_unit is None:
-        return reference
-    roll, pitch, heading = (table.column(column) * ANGLE_UNITS[section.attitude_unit] for column in attitude)
-    table.refuse(
-        [attitude[1]],
-        np.abs(pitch) > math.pi / 2 + 1e-9,
-        lambda row, _: (
-            f"pitch is {math.degrees(pitch[row]):.6g} deg, allowed -90 to 90; check attitude_unit and the order of "
-            "roll, pitch, heading"
-        ),
-    )
-    return replace(reference, roll=wrap(roll), pitch=pitch, heading=wrap(heading))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
+from insenv.base.remarks import clock
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
@@ -86,7 +87,7 @@ def within(runs: int) -> str:
 
 def since(from_s: float) -> str:
     """The time of the statistics of several runs, in words."""
-    return "over the whole runs" if from_s <= 0 else f"from {from_s:g} s on"
+    return "over the whole runs" if from_s <= 0 else f"from {clock(from_s)} s on"
 
 
 ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
@@ -176,7 +177,7 @@ def force_line(force: SpecificForce) -> str:
 
 def _of_result(result: Result, report: RunData) -> Iterator[Block]:
     shown = [name for name in CHANNELS if name in result.errors]
-    start = "over the whole run" if result.from_s <= 0 else f"from {result.from_s:g} s on"
+    start = "over the whole run" if result.from_s <= 0 else f"from {clock(result.from_s)} s on"
     # no time is known of an estimate that came from outside
     facts_of = [f"statistics {start}"] if shown else []
     facts_of += [f"{number(result.us_per_sample)} us a sample"] if isfinite(result.us_per_sample) else []

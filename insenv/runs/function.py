@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, InsenvError, nearest
-from insenv.base.remarks import remark
+from insenv.base.remarks import clock, remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.errors import checked_estimate
 from insenv.evaluation.health import Health
@@ -46,7 +46,7 @@ class Sample:
         return ["known", *self._columns]
 
     def __repr__(self) -> str:
-        return f"Sample at {float(self.time):g} s: {', '.join(self._columns)}"
+        return f"Sample at {clock(float(self.time))} s: {', '.join(self._columns)}"
 
 
 def sample_names(sensors: Iterable[Sensor]) -> tuple[str, ...]:
@@ -107,7 +107,7 @@ class FunctionFollower:
                 estimate = self.function(sample)
             except Exception as error:
                 text = f"{type(error).__name__}: {error}"
-                raise InsenvError(f"estimator {self.id!r} failed at {float(sample.time):g} s: {text}") from error
+                raise InsenvError(f"estimator {self.id!r} failed at {clock(float(sample.time))} s: {text}") from error
             self.seconds += time.process_time() - begin
             if estimate is not None:
                 latest = self._checked(estimate, latest, float(sample.time))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.base.remarks import Remark, declared, remark
+from insenv.base.remarks import Remark, clock, declared, remark
 from insenv.estimators import Estimator
 from insenv.estimators.fusion.family import held
 from insenv.estimators.parts.rows import aid_health, reported_aids
@@ -133,7 +133,7 @@ def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dic
     kinds = " or ".join(repr(kind) for kind in vehicles.names() if vehicles.traits_of(kind).parks)
     if not count[-1]:
         return {"used": "zero velocity is all that would hold this velocity, and was never used", "kinds": kinds}
-    return {"used": f"zero velocity is all that holds this velocity, and was last used at {last:.4g} s", "kinds": kinds}
+    return {"used": f"zero velocity is all that holds this velocity, and was last used at {clock(last, 4)} s", "kinds": kinds}
 
 
 LATE_SIGMAS, LATE_S = 5.0, 0.02

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
-from insenv.base.remarks import Remark, declared
+from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
@@ -25,12 +25,14 @@ from insenv.evaluation.specific_force import VelocityChanges, specific_force
 from insenv.logs import RecordedLog, Reference, load
 from insenv.logs.description import EvaluationSection
 from insenv.logs.outages import OutagesLike, Withheld, listed, withheld
+from insenv.logs.reference import at_imu, body_rate
 from insenv.logs.rest import REST_WINDOW_S, travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.log_remarks import fixes_delayed, latitude_at_rest, noise_in_motion, standstill_missed, unseen
 from insenv.runs.log_samples import sample_columns
-from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
+from insenv.runs.reference_check import reference_notes
+from insenv.runs.replay_start import STARTS, Start, initial_knowledge, rounding, start_time
 from insenv.runs.simulated import follower_of, members, result_of
 from insenv.runs.standing_readings import with_datum
 from insenv.runs.velocity_changes import velocity_changes
@@ -109,6 +111,7 @@ def replay(
         notes.append(log.assumed.remark)
     if any(_takes_sensors(e, given[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
+    notes += reference_notes(log)
     if log.gaps.count:
         notes.append(_BRIDGED.filled(count=log.gaps.count, samples=log.gaps.samples))
     if dropped:
@@ -178,9 +181,9 @@ def prepared(
     whole = log
     description = log.description
     begin_s = start_time(log, start)
-    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
+    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - rounding(begin_s)))
     if first >= len(log.imu_time):
-        raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
+        raise InputError(f"[initial] start_s = {clock(begin_s)} s: the log ends at {log.imu_time[-1]:.3f} s")
     lost: Withheld | None = None
     if asked_outages := listed(outages):
         log, lost = withheld(whole, asked_outages, begin_s)
@@ -268,6 +271,20 @@ def _whole_unit(estimator: Estimator, given: dict[str, Any]) -> dict[str, Any]:
     return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **given}
 
 
+def _moved_to_imu(track: Track, log: RecordedLog, outputs: Mapping[str, Array]) -> Track:
+    """A reference without attitude that has a lever arm, at the IMU by the attitude of an estimate at the same times."""
+    arm = None if log.reference is None else log.reference.lever_arm_b
+    if arm is None or "q_nb" not in outputs:
+        return track
+    place = None
+    if track.latitude is not None and track.longitude is not None and track.height is not None:
+        place = track.latitude, track.longitude, track.height
+    C_nb = attitude.numeric.to_dcm(outputs["q_nb"])
+    place, velocity_n = at_imu(place, track.velocity_n, C_nb, body_rate(log, track.time), arm)
+    latitude, longitude, height = (None, None, None) if place is None else place
+    return replace(track, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity_n)
+
+
 def _reference_track(reference: Reference | None, times: Array) -> Track:
     """The reference interpolated at `times`; an empty track if the log has none."""
     if reference is None:
@@ -346,7 +363,7 @@ def _result(
     return result_of(
         estimator,
         outputs,
-        reference,
+        _moved_to_imu(reference, log, outputs),
         None,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
         notes=(

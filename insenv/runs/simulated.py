@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, declared
+from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, setting_rows
@@ -181,8 +181,8 @@ def result_of(
     inside = np.all([time <= to_s, *(np.isfinite(values) for values in error.values())], axis=0)
     if error and not np.any(inside & (time >= from_s)):
         raise InputError(
-            f"nothing to compare: the replay covers {time[0]:.3f} to {time[-1]:.3f} s, [evaluation] asks for {from_s:g} to "
-            f"{to_s:g} s, and the reference must cover some of that"
+            f"nothing to compare: the replay covers {time[0]:.3f} to {time[-1]:.3f} s, [evaluation] asks for {clock(from_s)} "
+            f"to {clock(to_s)} s, and the reference must cover some of that"
         )
 
     def covered(values: Mapping[str, Array]) -> dict[str, Array]:

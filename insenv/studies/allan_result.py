@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file, finite
-from insenv.base.remarks import Remark, as_json
+from insenv.base.remarks import Remark, as_json, clock
 from insenv.report import panels
 from insenv.report.document import Block, Document, Grid, Line
 from insenv.report.notebook import Shown
@@ -248,7 +248,7 @@ def blocks(unit: UnitNoise) -> Iterator[Block]:
     part = unit.part
     lasts = part.end_s - part.begin_s
     yield Line(unit.log, "bold")
-    yield Line(f"{lasts:.6g} s {_of(part)} from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
+    yield Line(f"{lasts:.6g} s {_of(part)} from {clock(part.begin_s)} s on, {1.0 / part.interval:.6g} Hz")
     rows = (*unit.axes, *unit.triads)
     columns = 4 if any(noise.floor() for noise in rows) else 3
     for kind, head in _HEADS.items():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, declared
+from insenv.base.remarks import Remark, clock, declared
 from insenv.logs import RecordedLog
 from insenv.logs.rest import REST_WINDOW_S, rest_until
 
@@ -16,9 +16,7 @@ Array = NDArray[np.float64]
 
 LEAST_S, LEAST_SAMPLES = 10.0, 1000
 """The shortest part that tells something of a unit."""
-_PART = declared(
-    "longest-rest", "only {begin:.6g} to {end:.6g} s is used: the longest time without motion in a log of {whole:.6g} s"
-)
+_PART = declared("longest-rest", "only {begin} to {end} s is used: the longest time without motion in a log of {whole:.6g} s")
 _MOVES = declared("moves-in-part", "the vehicle moves in this part: below its motion the noise of the unit cannot be seen")
 _MISSING = declared(
     "samples-missing",
@@ -64,14 +62,14 @@ def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = 
         begin = float(end[0] - log.dt[0]) if from_s is None else from_s
         until = float(end[-1]) if to_s is None else to_s
         if not begin < until:
-            raise InputError(f"from {begin:g} s to {until:g} s: allowed is a part that ends after it begins")
+            raise InputError(f"from {clock(begin)} s to {clock(until)} s: allowed is a part that ends after it begins")
         chosen = (end > begin + 1e-9) & (end <= until + 1e-9)
     first, last = _bounds(chosen)
     count, lasts = last - first, float(log.dt[first:last].sum())
     if count < LEAST_SAMPLES or lasts < LEAST_S:
         raise InputError(
-            f"{_label(log)}: {count} samples in {lasts:.3g} s from {begin:g} s to {until:g} s: allowed is {LEAST_SAMPLES} "
-            f"samples and {LEAST_S:g} s or more"
+            f"{_label(log)}: {count} samples in {lasts:.3g} s from {clock(begin)} s to {clock(until)} s: allowed is "
+            f"{LEAST_SAMPLES} samples and {LEAST_S:g} s or more"
         )
     samples = slice(first, last)
     start = round(float(end[first] - log.dt[first]), 9)
@@ -83,7 +81,7 @@ def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = 
     if from_s is None and to_s is None:
         whole = float(end[-1] - end[0] + log.dt[0])
         if whole - lasts > REST_WINDOW_S:
-            warnings.insert(0, _PART.filled(begin=start, end=end_s, whole=whole))
+            warnings.insert(0, _PART.filled(begin=clock(start), end=clock(end_s), whole=whole))
     elif moves := not _is_rest(log, start, end_s):
         warnings.insert(0, _MOVES)
     return Part(start, end_s, interval, rates, moves, tuple(warnings))

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import remark
+from insenv.base.remarks import clock, remark
 from insenv.base.resources import scenario_names
 from insenv.base.toml import is_log as describes_log
 from insenv.base.toml import read_toml
@@ -152,8 +152,8 @@ def tune_log(
     result = Tuning(
         source=ready.log.description.title if isinstance(source, RecordedLog) else str(source),
         estimator=chosen.id,
-        trained_on=f"fixes up to {end[half - 1]:.6g} s",
-        judged_on=f"fixes from {end[half]:.6g} s on",
+        trained_on=f"fixes up to {clock(end[half - 1])} s",
+        judged_on=f"fixes from {clock(end[half])} s on",
         duration_s=float(ready.log.imu_time[-1] - ready.log.imu_time[ready.first]),
         parameters=fixes.parameters,
         factors=best.factors,

@@ -8,7 +8,7 @@ from campaigns import car, slow_ship
 from places import ROOT
 
 import insenv
-from insenv.base.remarks import TEXTS, Caveat
+from insenv.base.remarks import TEXTS, Caveat, clock
 
 LOG = ROOT / "examples" / "logs"
 DOCUMENTS = {
@@ -42,3 +42,9 @@ def test_codes_are_kebab_case_and_stay_with_the_sentence():
     assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", code) for code in TEXTS)
     said = pickle.loads(pickle.dumps(Caveat("a-code", "{one:.2g} of {other}").filled(one=0.123).of("x")))
     assert said == "x: 0.12 of {other}" and said.code == "a-code" and isinstance(said, Caveat)
+
+
+def test_times_of_logs_that_count_from_a_date_are_printed_in_full():
+    assert [clock(time) for time in (20.0, 12345.678, 1726480000.123456, 1726480001.0)] == [
+        "20", "12345.7", "1726480000.123", "1726480001",
+    ]  # fmt: skip

@@ -27,11 +27,11 @@ _CUT_OFF = declared("table-cut-off", "{label}: the last line has no line end and
 
 @dataclass(frozen=True)
 class TextTable:
-    """Columns read from a text file.
+    """Columns read from a file.
 
     label: the file's name in messages; names: as in the description, one per column of `values`; values (rows, columns);
     lines (rows,): line numbers in the file, counted from 1; fields: number of fields per line in the file; sha256: of the
-    unpacked bytes; notes: remarks for the user.
+    unpacked bytes; notes: remarks for the user; row: what messages call a row.
     """
 
     label: str
@@ -41,6 +41,7 @@ class TextTable:
     fields: int
     sha256: str
     notes: tuple[Remark, ...] = ()
+    row: str = "line"
 
     def column(self, name: Column) -> Array:
         """One column (rows,). The name must be one of `names`."""
@@ -56,7 +57,7 @@ class TextTable:
 
     def where(self, row: int) -> str:
         """'file: line N' of a row, for messages."""
-        return f"{self.label}: line {self.lines[row]}"
+        return f"{self.label}: {self.row} {self.lines[row]}"
 
     def refuse(self, names: Sequence[Column], bad: np.ndarray, message: Callable[[int, int], str], hint: str = "") -> None:
         """Raise InputError for the first value of the columns `names` that is bad, (rows,) or (rows, columns) of bool.
