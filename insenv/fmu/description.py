@@ -29,7 +29,7 @@ _CAUSALITY = {  # of numbers; Booleans cannot be continuous
 """Causality, variability and initial.  Inputs are sampled too, but importers are slow with inputs declared discrete."""
 
 TERMINALS = {
-    "imu": ("delta_angle", "delta_velocity", "dt", "imu_valid", "imu_temperature"),
+    "imu": ("delta_angle", "delta_velocity", "dt", "sample_number", "imu_valid", "imu_temperature"),
     "gnss": ("gnss_",),
     **{id: (f"{id}_",) for id in SENSORS if id != "gnss"},
     "command": ("command_",),
@@ -70,6 +70,7 @@ _INTERFACES = {
 """What the FMU can do, by version of FMI, beside `_INTERFACE`."""
 _LOG_CATEGORIES = {
     "logStatusError": "Reasons for which calls were refused; always logged",
+    "logStatusWarning": "What the results may suffer from; always logged",
     "logEvents": "Changes of state: instantiated, initialization mode, step mode, terminated, reset",
 }
 

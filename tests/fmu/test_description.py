@@ -21,7 +21,7 @@ from insenv.fmu.reference import FOLDER
 from insenv.fmu.subject import subject
 from insenv.scenario import names
 
-EXTRA = {"time", "sample_interval", "parameters.step_is_one_increment"}  # not rows of the tables
+EXTRA = {"time", "sample_interval", "parameters.step_is_one_increment", "sample_number"}  # not rows of the tables
 QUICK = ("loosely-coupled", "qakf-improved", "ship-swaying")
 ALL = [pytest.param(id, marks=() if id in QUICK else pytest.mark.slow) for id in (*estimators.registered(), *names())]
 FORMS = ((2, False), (3, True), (3, False))

@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import io
+import re
 import shutil
 from ctypes import byref
 
@@ -33,11 +34,13 @@ class Slave:
         folder = str(folder or unzipped(id, fmi))
         read = fmpy.read_model_description(folder, validate=False)
         self.references = {
-            kind: [v.valueReference for v in read.modelVariables if v.causality == kind] for kind in ("input", "output")
+            kind: [v.valueReference for v in read.modelVariables if v.causality == kind and v.name != "sample_number"]
+            for kind in ("input", "output")
         }
         self.booleans = {v.valueReference for v in read.modelVariables if v.type == "Boolean"}
         self.widths = {v.valueReference: int(np.prod([int(d.start) for d in v.dimensions])) for v in read.modelVariables}
         self.names = {v.name: v.valueReference for v in read.modelVariables}
+        self.increments = {number for name, number in self.names.items() if re.match(r"delta_(angle|velocity)(\[|$)", name)}
         self.shown = np.concatenate([np.full(row.size, row.name != "time") for row in self.model.outputs])
         token, module = read.guid or read.instantiationToken, read.coSimulation.modelIdentifier
         kind = fmi2.FMU2Slave if fmi == 2 else fmi3.FMU3Slave
@@ -194,6 +197,62 @@ def test_steps_of_another_length_are_refused(slave, fmi):
     plant.no_step(0.0, 1e9, "communication step is", "up to 1e+09 sample intervals")
     plant.fmu.doStep(0.0, 0.05 - 1e-10)  # ten samples
     assert plant.now == pytest.approx(0.05, abs=1e-15)
+
+
+ONCE = "samples count more than once"
+BETWEEN, ADDS_UP = "The inputs lie between two samples", "dt adds up to"
+IMPORTED = {  # samples a row, offset of the rows (samples), held or interpolated, further columns by row: what is refused
+    "100 Hz": (2, 0, False, (), ONCE),
+    "50 Hz": (4, 0, False, (), ONCE),
+    "50 Hz between steps": (4, 0.5, False, (), ONCE),
+    "100 Hz held": (2, 0, True, (), ONCE),
+    "125 Hz held": (1.6, 0, True, (), ONCE),
+    "125 Hz, dt": (1.6, 0, False, ("dt",), ADDS_UP),
+    "125 Hz, numbered": (1.6, 0, False, ("sample_number",), BETWEEN),
+    "190 Hz held": (1.05, 0, True, (), ONCE),
+    "half a step off, numbered": (1, 0.5, False, ("sample_number",), BETWEEN),
+    "repeated, numbered": (2, 0, True, ("sample_number",), "sample_number = 0 follows 0"),
+    "every second, numbered": (0.5, 0, True, ("sample_number",), "sample_number = 2 follows 0"),
+    "100 Hz, dt": (2, 0, False, ("dt",), ADDS_UP),
+}
+
+
+@both
+@pytest.mark.parametrize("case", IMPORTED)
+def test_samples_that_an_importer_repeats_omits_or_interpolates_are_refused(slave, fmi, case):
+    width, offset, held, further, said = IMPORTED[case]
+    one, rows, steps = slave(ALIGNMENT, fmi), rows_for(ALIGNMENT, 1500), np.arange(1400)
+    place = np.maximum((steps - offset) / width, 0.0)  # of each step among the rows of the log
+    share, first = (0.0 if held else place % 1.0), np.floor(place + 1e-9).astype(int)
+    columns = {**dict(enumerate(rows.T)), "dt": np.full(1500, width * one.interval), "sample_number": np.arange(1500)}
+    of_log = (0, 1, 2, 3, 4, 5, *further)
+    made = {name: (1 - share) * columns[name][first % 1500] + share * columns[name][(first + 1) % 1500] for name in of_log}
+    with pytest.raises(FMICallException):
+        for k in steps:
+            increments = [made[place][k] for place in range(6)]
+            one.set([r for r in one.references["input"] if r in one.increments], increments)
+            one.give(**{name: float(made[name][k]) for name in further})
+            one.step(k)
+    assert said in one.said[-1][2].decode(), one.said
+    warned = [text for status, category, text in one.said if (status, category) == (1, b"logStatusWarning")]
+    assert len(warned) == (0 if further else 1)
+
+
+@both
+def test_right_samples_are_taken_with_and_without_their_numbers(slave, fmi):
+    """Constant ones too, coarsely rounded ones, and any steps of a vehicle if they are numbered."""
+    rows = rows_for(ALIGNMENT, 300)
+    coarse, stairs = rows.copy(), rows[np.arange(300) // 10 * 10]
+    coarse[:, :6] = np.round(coarse[:, :6], 4)
+    assert (np.diff(coarse[:, :6], axis=0) == 0).all(axis=1).any()
+    for numbered, fed in ((False, rows), (True, rows), (False, np.repeat(rows[:1], 300, 0)), (False, coarse), (True, stairs)):
+        one = slave(ALIGNMENT, fmi)
+        for k, row in enumerate(fed):
+            one.set(one.references["input"], row.tolist())
+            if numbered:
+                one.give(sample_number=7.0 + k)
+            one.step(k)
+        np.testing.assert_array_equal(one.outputs(), expected(one, fed)[-1])
 
 
 @both
