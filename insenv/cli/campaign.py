@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import Duration, FirstSeed, Output, Scenario, Settings, command
+from insenv.cli.options import Duration, FirstSeed, Output, Scenario, Settings, changed_scenario, command
 
 if TYPE_CHECKING:
     from insenv.studies.campaign.running import Workers
@@ -43,7 +43,6 @@ def campaign(
     ] = None,
 ) -> None:
     """Run a scenario many times (Monte Carlo); print the statistics of the errors beside their theoretical limit."""
-    from insenv.estimators.settings import parsed_settings
     from insenv.report.tables import runs_of
     from insenv.studies.campaign import compare, make_plans, parse_variation, run_campaigns, stores_of
     from insenv.studies.campaign.comparison import write_comparison
@@ -58,9 +57,10 @@ def campaign(
         check_format(table)
     pool = _workers(workers, scheduler)
     variations = [parse_variation(text) for text in vary or []]
+    loaded, values = changed_scenario(scenario, settings)
     plans = make_plans(
-        scenario, estimator, runs, first_seed=seed, duration_s=duration, variations=variations, design=design,
-        settings=parsed_settings(settings or []),
+        loaded, estimator, runs, first_seed=seed, duration_s=duration, variations=variations, design=design,
+        settings=values,
     )  # fmt: skip
     stores = stores_of(None if folder is None else folder.path, plans, resume)
     with output.working(f"{plans[0].name}, {runs_of(runs)}") as progress:

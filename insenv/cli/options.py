@@ -17,8 +17,11 @@ from insenv.base.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.cli.output import Bar
+    from insenv.estimators.settings import Settings as Settings_
+    from insenv.logs import RecordedLog
     from insenv.report.document import Document
     from insenv.report.files import FilesWritten, OutputFolder
+    from insenv.scenario import Scenario as Scenario_
 
 Work = Callable[[], "int | None"]
 """Returns the exit status; None: done."""
@@ -58,8 +61,9 @@ Settings = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option(
         "--set",
-        metavar="ID.KEY=VALUE",
-        help="Set a parameter of an estimator, by a key of the scenario's table estimator.ID; may be given more than once.",
+        metavar="KEY=VALUE",
+        help="Change a key of the scenario or of the log's description (imu.grade=tactical) or a parameter of an estimator"
+        " (loosely-coupled.arw_deg_sqrt_h=0.3); may be given more than once.",
     ),
 ]
 Out = Annotated[
@@ -159,6 +163,25 @@ def command(work: Callable[..., int | None]) -> Callable[..., Work]:
     parsed.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     parsed.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return parsed
+
+
+def changed_scenario(name: str, texts: Sequence[str] | None) -> tuple[Scenario_, Settings_]:
+    """The scenario with the keys that --set changes, and the parameters by estimator id that it sets."""
+    from insenv.estimators.settings import parsed_changes
+    from insenv.scenario import load, with_changes
+    from insenv.scenario.description import scenario_class
+
+    settings, changes = parsed_changes(texts or (), scenario_class().model_fields)
+    return with_changes(load(name), changes), settings
+
+
+def changed_log(path: Path, texts: Sequence[str] | None) -> tuple[RecordedLog | Path, Settings_]:
+    """The log at the path, loaded with the keys that --set changes, if any; and the parameters by estimator id that it sets."""
+    from insenv.estimators.settings import parsed_changes
+    from insenv.logs.loading import keys, load
+
+    settings, changes = parsed_changes(texts or (), keys())
+    return load(path, changes) if changes else path, settings
 
 
 def one(estimators: Sequence[str] | None) -> str | None:

@@ -13,7 +13,7 @@ import typer
 from insenv.base.errors import InputError
 from insenv.cli.dashboard import dashboard
 from insenv.cli.lockstep import lockstep as run_lockstep
-from insenv.cli.options import Json, Seed, command, given_path, one
+from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, given_path, one
 from insenv.cli.options import Scenario as ScenarioName
 
 if TYPE_CHECKING:
@@ -85,6 +85,7 @@ def stream(
         Optional[Lockstep],  # noqa: UP045
         typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
     ] = None,
+    settings: Settings = None,
     score: Annotated[
         bool,
         typer.Option("--score", help="Judge the estimates that clients send: ODOMETRY, ATTITUDE and others (docs/score.md)."),
@@ -105,7 +106,7 @@ def stream(
     from insenv.mavlink.score import Score, report_of
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
     from insenv.report import OutputFolder, run_document, write_files
-    from insenv.scenario import load
+    from insenv.scenario import with_settings
 
     addresses, rates = to or [], rate or []
     if lockstep is not None:
@@ -121,7 +122,9 @@ def stream(
         raise InputError("--out: allowed with --score, whose results it takes")
     elif not addresses:
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
-    id, loaded = one(estimator), load(scenario)
+    id, (loaded, values) = one(estimator), changed_scenario(scenario, settings)
+    if values:
+        loaded = with_settings(loaded, values, [id] if id else loaded.estimators[:1])
     if duration is not None and not 0.0 < duration < 1e9:
         raise InputError(f"--duration {duration:g}: allowed is above 0 and below 1e9 simulated seconds")
     if lockstep is not None:

@@ -11,7 +11,21 @@ import typer
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.output import check_output_file
-from insenv.cli.options import Duration, Estimator, FirstSeed, Json, Log, Output, Scenario, Settings, command, given_path, one
+from insenv.cli.options import (
+    Duration,
+    Estimator,
+    FirstSeed,
+    Json,
+    Log,
+    Output,
+    Scenario,
+    Settings,
+    changed_log,
+    changed_scenario,
+    command,
+    given_path,
+    one,
+)
 
 
 @command
@@ -37,13 +51,14 @@ def tune(
     settings: Settings = None,
 ) -> None:
     """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
-    from insenv.estimators.settings import parsed_settings
+    from insenv.studies.tune import is_log
     from insenv.studies.tune import tune as search
 
-    id, values = one(estimator) or "", parsed_settings(settings or [])
+    id = one(estimator) or ""
+    taken, values = changed_log(Path(source), settings) if is_log(source) else changed_scenario(source, settings)
     with output.working(f"{source}, {id}") as progress:
         tuning = search(
-            source, id, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
+            taken, id, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
             duration_s=duration, settings=values, progress=progress,
         )  # fmt: skip
         output.keep(tuning.document())
@@ -141,13 +156,11 @@ def budget(
     settings: Settings = None,
 ) -> None:
     """Say which source of error dominates: each alone, and all but it, on the same seeds."""
-    from insenv.estimators.settings import parsed_settings
     from insenv.report.tables import runs_of
-    from insenv.scenario import load
     from insenv.studies.budget import budget as share_out
 
-    id, values = one(estimator) or "", parsed_settings(settings or [])
-    loaded = load(scenario)
+    id = one(estimator) or ""
+    loaded, values = changed_scenario(scenario, settings)
     with output.working(f"{loaded.name}, {runs_of(runs)}") as progress:
         shares = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=values, progress=progress)
         output.keep(shares.document())

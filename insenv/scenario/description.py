@@ -107,6 +107,7 @@ class Scenario(Section):
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'
     )
     _name: str = PrivateAttr("")
+    _changes: str = PrivateAttr("")
 
     @property
     def name(self) -> str:
@@ -116,7 +117,8 @@ class Scenario(Section):
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what the scenario leaves open, for a reader of its results."""
-        sentences = self.vehicle.notes
+        sentences = (self._changes,) if self._changes else ()
+        sentences += self.vehicle.notes
         for section in self.sensors.values():
             sentences += section.notes(self.rate_hz)
         if self.imu.grade != "perfect" or any(getattr(self.imu, name) is not None for name in FIGURES):
