@@ -11,7 +11,7 @@ from insenv.cli import fmu
 from insenv.cli.bench import bench
 from insenv.cli.campaign import campaign
 from insenv.cli.lists import examples, list_all, new, schema
-from insenv.cli.options import HELP
+from insenv.cli.options import HELP, OnceCommand
 from insenv.cli.reproduce import reproduce
 from insenv.cli.runs import page, replay, run
 from insenv.cli.stream import stream
@@ -24,9 +24,9 @@ app = typer.Typer(
     help="Simulate vehicles with inertial sensors, and align and navigate them.",
     epilog="Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N (130: Ctrl-C).",
 )
-app.command("list")(list_all)
+app.command("list", cls=OnceCommand)(list_all)
 for command in (run, replay, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema):
-    app.command()(command)
+    app.command(cls=OnceCommand)(command)
 app.add_typer(fmu.app, name="fmu")
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import Duration, FirstSeed, Output, Scenario, Settings, changed_scenario, command
+from insenv.cli.options import Duration, FirstSeed, Output, Scenario, Settings, changed_scenario, command, each_once
 
 if TYPE_CHECKING:
     from insenv.studies.campaign.running import Workers
@@ -59,7 +59,7 @@ def campaign(
     variations = [parse_variation(text) for text in vary or []]
     loaded, values = changed_scenario(scenario, settings)
     plans = make_plans(
-        loaded, estimator, runs, first_seed=seed, duration_s=duration, variations=variations, design=design,
+        loaded, each_once(estimator), runs, first_seed=seed, duration_s=duration, variations=variations, design=design,
         settings=values,
     )  # fmt: skip
     stores = stores_of(None if folder is None else folder.path, plans, resume)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, command, given_path, one
+from insenv.cli.options import HELP, Estimator, Json, OnceCommand, Scenario, Seed, command, given_path, one
 
 if TYPE_CHECKING:
     from insenv.fmu.running import Outputs
@@ -42,7 +42,7 @@ class Version(str, Enum):
     three = "3"
 
 
-@app.command("export")
+@app.command("export", cls=OnceCommand)
 @command
 def export_fmu(
     subject: Annotated[
@@ -91,7 +91,7 @@ def export_fmu(
     print_answer(as_json, content, lines)
 
 
-@app.command("ssp")
+@app.command("ssp", cls=OnceCommand)
 @command
 def ssp(
     scenario: Scenario,
@@ -116,7 +116,7 @@ def ssp(
     print_answer(as_json, {"written": str(output), **made}, lines)
 
 
-@app.command("run")
+@app.command("run", cls=OnceCommand)
 @command
 def run(
     fmu: Annotated[

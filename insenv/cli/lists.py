@@ -284,7 +284,7 @@ def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
 
     Raises `InputError` if one exists with another content or the folder cannot be written to.
     """
-    from insenv.base.output import staged
+    from insenv.base.output import cannot_write, staged
 
     try:
         equal = [name for name, text in texts.items() if (folder / name).is_file() and (folder / name).read_bytes() == text]
@@ -305,6 +305,8 @@ def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
                 for name, text in texts.items():
                     if (folder / name).parent == place:
                         part(Path(name).name).write_bytes(text)
+    except FileExistsError:
+        raise InputError(f"cannot write to the folder {str(folder)!r}: it is a file") from None
     except OSError as error:
-        raise InputError(f"cannot write {str(error.filename or folder)!r}: {error.strerror or error}") from None
+        raise cannot_write(Path(error.filename or folder), error) from None
     return list(texts)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
 
 import typer
+from typer.core import TyperCommand
 
 from insenv.base.errors import InputError
 
@@ -83,6 +84,18 @@ Strict = Annotated[
     ),
 ]
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure and no page.")]
+
+
+class OnceCommand(TyperCommand):
+    """A command that refuses an option given twice, of which the parser would keep the last one without a word."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        *_, order = self.make_parser(ctx).parse_args(args=list(args))
+        for option in order:
+            is_once = option.param_type_name == "option" and not (option.multiple or getattr(option, "is_flag", False))
+            if is_once and order.count(option) > 1:
+                raise InputError(f"{option.opts[0]} is given {order.count(option)} times: allowed is once")
+        return super().parse_args(ctx, args)
 
 
 class Options:
@@ -185,9 +198,16 @@ def changed_log(path: Path, texts: Sequence[str] | None) -> tuple[RecordedLog | 
 
 
 def one(estimators: Sequence[str] | None) -> str | None:
-    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several different ones."""
-    if estimators and len(set(estimators)) > 1:
-        raise InputError(
-            f"-e {' -e '.join(estimators)}: allowed is one estimator; `insenv run` and `insenv campaign` take several"
-        )
-    return estimators[0] if estimators else None
+    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several."""
+    named = each_once(estimators)
+    if len(named) > 1:
+        raise InputError(f"-e {' -e '.join(named)}: allowed is one estimator; `insenv run` and `insenv campaign` take several")
+    return named[0] if named else None
+
+
+def each_once(estimators: Sequence[str] | None) -> Sequence[str]:
+    """The estimators of a command.  Raises `InputError` for one that is named twice."""
+    named = estimators or ()
+    if twice := next((id for place, id in enumerate(named) if id in named[:place]), None):
+        raise InputError(f"-e {twice} is given {list(named).count(twice)} times: allowed is each estimator once")
+    return named

@@ -29,7 +29,6 @@ def reproduce(
             by_paper[name] = quantities
             progress.describe(f"measured {name}")
         if folder is not None:
-            folder.path.mkdir(parents=True, exist_ok=True)
             for name in papers:
                 written += figure(name, folder.path)
     shown = document(by_paper)

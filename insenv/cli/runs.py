@@ -25,6 +25,7 @@ from insenv.cli.options import (
     changed_log,
     changed_scenario,
     command,
+    each_once,
     given_path,
 )
 from insenv.cli.signals import DONE, FAILED
@@ -99,7 +100,7 @@ def run(
     from insenv.estimators import get_all
     from insenv.runs.simulated import run as simulate
 
-    chosen = get_all(estimators) if estimators else None
+    chosen = get_all(each_once(estimators)) if estimators else None
     names = formats.names(output.out)
     loaded, values = changed_scenario(scenario, settings)
     if live and not (output.folder and output.figure):
@@ -143,7 +144,7 @@ def replay(
 
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
-    chosen, names = get_all(estimators), formats.names(output.out)
+    chosen, names = get_all(each_once(estimators)), formats.names(output.out)
     with output.working(log.name) as progress:
         taken, values = changed_log(log, settings)
         report = follow(taken, chosen, start=start.value, settings=values, progress=progress)
@@ -213,7 +214,7 @@ def page(
     loaded, values = changed_scenario(scenario, settings)
     path = output or _lasting(loaded.name)
     with working(f"page of {loaded.name}") as progress:
-        write(loaded, path, estimators or None, seed=seed, duration_s=duration, settings=values, progress=progress)
+        write(loaded, path, each_once(estimators) or None, seed=seed, duration_s=duration, settings=values, progress=progress)
     opened = output is None and _open(path)
     size = path.stat().st_size
     lines = [f"{path}: {size / 1000:.0f} kB{'; opened in the browser' if opened else ''}"]

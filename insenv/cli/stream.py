@@ -15,6 +15,7 @@ from insenv.cli.dashboard import dashboard
 from insenv.cli.lockstep import lockstep as run_lockstep
 from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, given_path, one
 from insenv.cli.options import Scenario as ScenarioName
+from insenv.cli.signals import DONE, FAILED
 
 if TYPE_CHECKING:
     from insenv.evaluation.limits import Limit
@@ -97,9 +98,9 @@ def stream(
         ),
     ] = None,
     as_json: Json = False,
-) -> None:
+) -> int:
     """Stream the simulated vehicle and its estimate live over MAVLink to ground stations and other clients."""
-    from insenv.cli.output import print_json
+    from insenv.cli.output import print_json, print_line
     from insenv.cli.signals import ending, written
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
@@ -109,6 +110,7 @@ def stream(
     from insenv.scenario import with_settings
 
     addresses, rates = to or [], rate or []
+    _check_addresses(addresses)
     if lockstep is not None:
         if signing_key_file is not None:
             raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
@@ -132,12 +134,11 @@ def stream(
             loaded, id, kind=lockstep.value, to=addresses[0] if addresses else None, seed=seed, speed=speed,
             duration_s=duration, tlog=tlog, rates=rates, as_json=as_json,
         )  # fmt: skip
-        return
+        return DONE
     chosen = parse_rates(rates, loaded.rate_hz)
     pace = 1.0 if speed is None else speed
     if duration is None and pace == 0.0:
         duration = loaded.duration_s
-    _check_addresses(addresses)
     folder = None if out is None else OutputFolder(out)
     limit = _limit(loaded, seed, duration) if score else None
     report: Report | None = None
@@ -164,6 +165,10 @@ def stream(
                 files = write_files(report, folder).paths if folder is not None and report.results else ()
                 summary["score"] = run_document(report).as_json([str(path) for path in files])
         written(lambda: print_json(summary) if as_json else _print_summary(summary, report), request)
+    unheard = [link["address"] for link in summary["links"] if link["address"].startswith("tcpout") and not link["sent_frames"]]
+    if unheard:
+        print_line(f"insenv: nobody accepted a connection at {', '.join(unheard)}", stderr=True)
+    return FAILED if unheard and not summary["interrupted"] else DONE
 
 
 def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Limit | None:
@@ -179,10 +184,13 @@ def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Li
 
 
 def _check_addresses(to: Sequence[str]) -> None:
-    """Raise `InputError` for too many links, or an address that is named twice."""
+    """Raise `InputError` for too many links, or an address that is wrong or named twice."""
+    from insenv.mavlink.wire.link import parse_address
+
     if len(to) > MAX_LINKS:
         raise InputError(f"--to: {len(to)} addresses; allowed are 1 to {MAX_LINKS}")
     for place, address in enumerate(to):
+        parse_address(address)
         if address in to[:place]:
             raise InputError(f"--to {address}: named twice; each address is one link")
 

@@ -15,7 +15,7 @@ from insenv.logs import kf_gins
 from insenv.logs.columns import FileSection, MeasurementSection, window_words
 from insenv.logs.description import PositionSection
 from insenv.logs.files import all_of, read_bytes
-from insenv.logs.formats.csv_table import Column, TextTable, check_finite, column_names, read_table
+from insenv.logs.formats.csv_table import Column, TextTable, check_delimiter, check_finite, column_names, read_table
 from insenv.logs.joining import join
 from insenv.logs.recorded import Source
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
@@ -139,6 +139,8 @@ def check_columns(section: Mapping[str, Any], model: type[FileSection], folder: 
 
 def _check_known(columns: Sequence[str], known: Sequence[str], files: Sequence[str]) -> None:
     """Raise one InputError for all columns that the files do not have; known: those that they have."""
+    if len(known) == len(files):
+        check_delimiter(files[0], known)
     missing = [f"{', '.join(files)}: no column {name!r}{nearest(name, known)}" for name in columns if name not in known]
     if missing:
         raise InputError("\n".join(missing))

@@ -1,5 +1,7 @@
 """Options that several commands share."""
 
+import socket
+
 import pytest
 from command_line import ROOT, call, refused, strict
 
@@ -16,11 +18,68 @@ def test_an_empty_path_is_refused():
         refused(call(*line.split(), ""), "is empty: allowed is a path")
 
 
-@pytest.mark.parametrize("command", [("budget", "ship-swaying"), ("fmu", "export", "ship-swaying", "-o", "x.fmu")])
-def test_a_command_that_runs_one_estimator_refuses_two(command, tmp_path, monkeypatch):
+RUN, STREAM = "run ship-swaying --duration 2", "stream car-city-drive --duration 1 --to"
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("budget ship-swaying -e q-method -e analytic", "-e q-method -e analytic: allowed is one estimator"),
+        ("fmu export ship-swaying -o x.fmu -e q-method -e analytic", "-e q-method -e analytic: allowed is one estimator"),
+        (f"{RUN} -e q-method -e q-method", "-e q-method is given 2 times: allowed is each estimator once"),
+        ("campaign ship-swaying -n 2 -e q-method -e q-method", "-e q-method is given 2 times"),
+        (f"{RUN} --seed 1 --seed 2", "--seed is given 2 times: allowed is once"),
+        ("fmu export q-method -o x.fmu -o y.fmu", "--output is given 2 times"),
+        ("budget ship-swaying -e q-method -n 1", "runs = 1: allowed is a whole number from 2"),
+        (f"{RUN} --seed 1.5", "--seed 1.5: allowed is a whole number"),
+        ("run ship-swaying --duration=5m", "--duration 5m: allowed is a number"),
+        ("campaign ship-swaying -e q-method -n2.5", "--runs 2.5: allowed is a whole number"),
+        ("campaign ship-swaying -e q-method", "--runs N is missing: Number of runs"),
+        ("new", "scenario|log is missing: allowed is insenv new [OPTIONS] scenario|log FILE"),
+        ("new scenario", "FILE is missing"),
+        ("new scenario x.toml y.toml", "unexpected argument 'y.toml': allowed is insenv new"),
+        ("examples file", "cannot write to the folder 'file': it is a file"),
+        ("run doubled.toml", "line 3 gives a key or table that the file has before: allowed is each once"),
+        ("bench --only nope", "no figure starts with 'nope' (allowed: native, interpreter, batch"),
+        (f"{RUN} --set imu.grade=super", "'super': unknown (allowed"),
+        (f"{STREAM} foo", "address 'foo': must be udpout:HOST:PORT"),
+    ],
+)
+def test_a_wrong_call_is_one_sentence_with_the_value_and_what_is_allowed(line, said, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    refused(call(*command, "-e", "q-method", "-e", "analytic"), "-e q-method -e analytic: allowed is one estimator")
-    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr("insenv.mavlink.Vehicle", lambda *_, **__: pytest.fail("the work was begun"))
+    for name, text in (("file", ""), ("doubled.toml", "seed = 1\nrate_hz = 1.0\nseed = 2\n")):
+        (tmp_path / name).write_text(text)
+    refused(call(*line.split()), said)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("line", "path"),
+    [
+        (f"{RUN} -o out", "'out'"),
+        ("new scenario x.toml", "'x.toml'"),
+        ("examples new", "'new'"),
+        ("page ship-swaying -o x.html", "x.html"),
+        ("fmu export q-method -o x.fmu", "x.fmu"),
+        (f"allan {PLAIN} --grade g.toml", "g.toml"),
+    ],
+)
+def test_a_full_disk_is_status_1_and_names_the_path(line, path, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("insenv.base.output.os.replace", full)
+    refused(call(*line.split()), path, "No space left on device", status=1)
+    assert not [each for each in tmp_path.rglob("*") if each.is_file()]
+
+
+def test_a_tcp_link_that_nobody_accepts_is_failed_work():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    status, _, err = call(*STREAM.split(), f"tcpout:127.0.0.1:{port}", "--speed", "0")
+    assert status == 1 and f"nobody accepted a connection at tcpout:127.0.0.1:{port}" in err
 
 
 CAR = ("run", "car-city-drive", "-e", "loosely-coupled", "--duration", "5", "--json")
