@@ -18,7 +18,6 @@ from insenv.cli.stream import stream
 from insenv.cli.studies import allan, budget, train, tune
 
 app = typer.Typer(
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings=HELP,
     help="Simulate vehicles with inertial sensors, and align and navigate them.",

@@ -34,7 +34,10 @@ def campaign(
         str, typer.Option(metavar="NAME", help="Spread varied keys over the runs: random, latin, sobol or saltelli.")
     ] = "random",
     settings: Settings = None,
-    workers: Annotated[Optional[int], typer.Option(metavar="N", help="Use N processes instead of threads.")] = None,  # noqa: UP045
+    workers: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option("--workers", "--jobs", "-j", metavar="N", help="Use N processes instead of threads."),
+    ] = None,
     scheduler: Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:PORT.")] = None,  # noqa: UP045
     resume: Annotated[bool, typer.Option("--resume", help="Continue from the results in the folder of --out.")] = False,
     table: Annotated[

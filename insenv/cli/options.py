@@ -38,16 +38,37 @@ def given_path(text: str) -> Path:
 HELP = {"help_option_names": ["-h", "--help"]}
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
-Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="A name that `insenv list` shows, or a .toml file.")]
+
+
+def _names(incomplete: str) -> list[str]:
+    """The scenarios that a shell offers, beside files."""
+    from insenv.base.resources import scenario_names
+
+    return [name for name in scenario_names() if name.startswith(incomplete)]
+
+
+Scenario = Annotated[
+    str,
+    typer.Argument(metavar="SCENARIO", help="A name that `insenv list` shows, or a .toml file.", autocompletion=_names),
+]
 Log = Annotated[
     Path, typer.Argument(parser=given_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
 ]
-Estimator = Annotated[list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.")]
+
+
+def _ids(incomplete: str) -> list[str]:
+    """The estimators that a shell offers."""
+    from insenv.estimators import registry
+
+    return [id for id in registry.names() if id.startswith(incomplete)]
+
+
+Estimator = Annotated[list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.", autocompletion=_ids)]
 """One, which `one` takes out of the list: an option that is not a list keeps the last of several without a word."""
 # Optional: older versions of typer do not accept unions
 Estimators = Annotated[
     Optional[list[str]],  # noqa: UP045
-    typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; may be given more than once."),
+    typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; may be given more than once.", autocompletion=_ids),
 ]
 Seed = Annotated[Optional[int], typer.Option(metavar="N", help="Replaces the scenario's seed.")]  # noqa: UP045
 FirstSeed = Annotated[
@@ -71,6 +92,7 @@ Out = Annotated[
     Optional[Path],  # noqa: UP045
     typer.Option(
         "--out",
+        "--output",
         "-o",
         parser=given_path,
         metavar="DIR",
@@ -96,6 +118,15 @@ class OnceCommand(TyperCommand):
             if is_once and order.count(option) > 1:
                 raise InputError(f"{option.opts[0]} is given {order.count(option)} times: allowed is once")
         return super().parse_args(ctx, args)
+
+
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show no progress and no notices on stderr, only warnings and errors.")
+]
+Verbose = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Show progress and each compilation as lines on stderr, also without a terminal."),
+]
 
 
 class Options:
@@ -163,8 +194,19 @@ def command(work: Callable[..., int | None]) -> Callable[..., Work]:
         for field in fields(group):  # type: ignore[arg-type]
             shared.append(parameter.replace(name=field.name, default=field.default, annotation=types[field.name]))
     parameters += shared
+    for name, kind in (("quiet", Quiet), ("verbose", Verbose)):
+        parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind))
 
     def run(**options: Any) -> int | None:
+        from insenv.cli.output import speaking
+
+        quiet, verbose = options.pop("quiet"), options.pop("verbose")
+        if quiet and verbose:
+            raise InputError("--quiet and --verbose: allowed is one of them")
+        with speaking(-1 if quiet else int(verbose)):
+            return made(**options)
+
+    def made(**options: Any) -> int | None:
         for name, group in groups.items():
             options[name] = group(**{field.name: options.pop(field.name) for field in fields(group)})
         return work(**options)
@@ -195,6 +237,14 @@ def changed_log(path: Path, texts: Sequence[str] | None) -> tuple[RecordedLog | 
 
     settings, changes = parsed_changes(texts or (), keys())
     return load(path, changes) if changes else path, settings
+
+
+def renamed(old: str, new: str, value: Any) -> Any:
+    """The value of an option under its former name, with a note on stderr."""
+    from insenv.cli.output import print_line
+
+    print_line(f"insenv: note: {old} is now {new}; the former name still works", stderr=True)
+    return value
 
 
 def one(estimators: Sequence[str] | None) -> str | None:

@@ -27,7 +27,7 @@ def reproduce(
     with working(f"measuring {papers[0]}") as progress:
         for name, quantities in measure(paper):
             by_paper[name] = quantities
-            progress.describe(f"measured {name}")
+            progress.finished(f"measured {name}")
         if folder is not None:
             for name in papers:
                 written += figure(name, folder.path)

@@ -200,7 +200,7 @@ def page(
     estimators: Estimators = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--output", "-o", parser=given_path, metavar="X.html", help="File to write; without it the page opens."),
+        typer.Option("--output", "--out", "-o", parser=given_path, metavar="X.html", help="File; without it the page opens."),
     ] = None,
     seed: Seed = None,
     duration: Duration = None,

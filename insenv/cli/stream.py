@@ -94,7 +94,12 @@ def stream(
     out: Annotated[
         Optional[Path],  # noqa: UP045
         typer.Option(
-            "--out", "-o", parser=given_path, metavar="DIR", help="With --score: write the results, as of a run, there."
+            "--out",
+            "--output",
+            "-o",
+            parser=given_path,
+            metavar="DIR",
+            help="With --score: write the results there.",
         ),
     ] = None,
     as_json: Json = False,

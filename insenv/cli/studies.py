@@ -25,6 +25,7 @@ from insenv.cli.options import (
     command,
     given_path,
     one,
+    renamed,
 )
 
 
@@ -87,9 +88,9 @@ def train(
         bool,
         typer.Option("--as-printed", help="Raw differences as inputs, c = 15 and delta^2 = 0.2, as in the paper."),
     ] = False,
-    out: Annotated[Path, typer.Option("--out", "-o", parser=given_path, metavar="FILE", help="File to write.")] = Path(
-        "lssvm.json"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", "--output", "-o", parser=given_path, metavar="FILE", help="File to write.")
+    ] = Path("lssvm.json"),
     as_json: Json = False,
 ) -> None:
     """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""
@@ -181,13 +182,18 @@ def allan(
     end: Annotated[Optional[float], typer.Option("--to", metavar="S", help="End of the part to use.")] = None,  # noqa: UP045
     grade: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(parser=given_path, metavar="FILE.toml", help='Write the grade file, for grade = "FILE.toml".'),
+        typer.Option("--grade-out", parser=given_path, metavar="FILE.toml", help='Grade file to write, for grade = "X.toml".'),
     ] = None,
+    old_grade: Annotated[Optional[Path], typer.Option("--grade", parser=given_path, hidden=True)] = None,  # noqa: UP045
 ) -> None:
     """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
     from insenv.studies.allan import allan as measure
     from insenv.studies.allan_result import GRADE_FILE, assumed, check_grade, document, write_grade
 
+    if old_grade is not None:
+        if grade is not None:
+            raise InputError("--grade is the former name of --grade-out: allowed is one of them")
+        grade = renamed("--grade", "--grade-out", old_grade)
     check_grade(grade)
     with output.working(log.name) as progress:
         deviation = measure(log, from_s=begin, to_s=end, progress=progress)
@@ -198,5 +204,5 @@ def allan(
         output.keep(made)
     lines = [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit'] if grade else []
     lines += [assumed(deviation)] if at is not None else []
-    unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
+    unwritten = "" if grade is not None else "--grade-out FILE.toml writes the grade of this unit, --out DIR the figure too"
     output.show(made, unwritten, lines)
