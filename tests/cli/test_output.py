@@ -12,6 +12,7 @@ from threading import Thread
 import pytest
 from command_line import ROOT, SHORT, call, refused
 
+import insenv
 from insenv.cli.output import compiling_noticed, print_blocks, speaking
 from insenv.core.compile import COMPILED, COMPILING, LOG
 from insenv.report.document import Grid
@@ -98,3 +99,13 @@ def test_a_shell_completes_commands_scenarios_and_estimators(monkeypatch):
         monkeypatch.setenv("COMP_WORDS", line)
         monkeypatch.setenv("COMP_CWORD", str(line.count(" ")))
         assert offered in call()[1].split()
+
+
+def test_a_printed_result_is_the_table_of_the_command():
+    def same(text):
+        return [re.sub(r"[0-9.e-]+ us a sample", "", line) for line in text.splitlines()]
+
+    report = insenv.run("ship-swaying", duration_s=10.0)
+    printed = same(call(*SHORT)[1])
+    assert same(str(report)) == printed[: len(str(report).splitlines())] and "heading [deg]" in str(report)
+    assert "Report of ship-swaying" in repr(report)
