@@ -241,9 +241,9 @@ def changed_log(path: Path, texts: Sequence[str] | None) -> tuple[RecordedLog | 
 
 def renamed(old: str, new: str, value: Any) -> Any:
     """The value of an option under its former name, with a note on stderr."""
-    from insenv.cli.output import print_line
+    from insenv.cli.output import notice
 
-    print_line(f"insenv: note: {old} is now {new}; the former name still works", stderr=True)
+    notice(f"note: {old} is now {new}; the former name still works")
     return value
 
 
@@ -256,8 +256,11 @@ def one(estimators: Sequence[str] | None) -> str | None:
 
 
 def each_once(estimators: Sequence[str] | None) -> Sequence[str]:
-    """The estimators of a command.  Raises `InputError` for one that is named twice."""
-    named = estimators or ()
-    if twice := next((id for place, id in enumerate(named) if id in named[:place]), None):
-        raise InputError(f"-e {twice} is given {list(named).count(twice)} times: allowed is each estimator once")
-    return named
+    """The estimators of a command, each once; a note says which are named several times."""
+    from insenv.cli.output import notice
+
+    named = list(estimators or ())
+    for id in dict.fromkeys(named):
+        if named.count(id) > 1:
+            notice(f"note: -e {id} is given {named.count(id)} times; it runs once")
+    return list(dict.fromkeys(named))

@@ -40,18 +40,18 @@ def tune(
     ] = None,
     runs: Annotated[
         Optional[int],  # noqa: UP045
-        typer.Option("--runs", "-n", metavar="N", help="Of a scenario: seeds on which to search; 8 by default."),
+        typer.Option("--runs", "-n", metavar="N", help="Of a scenario: number of seeds to tune on; 8 by default."),
     ] = None,
     held_out: Annotated[
         Optional[int],  # noqa: UP045
-        typer.Option(metavar="N", help="Of a scenario: further seeds on which to judge; 32 by default."),
+        typer.Option(metavar="N", help="Of a scenario: number of further seeds to evaluate on; 32 by default."),
     ] = None,
-    evaluations: Annotated[int, typer.Option(metavar="N", help="About how many sets of factors to try.")] = 200,
+    evaluations: Annotated[int, typer.Option(metavar="N", help="Approximate number of parameter sets to try.")] = 200,
     seed: FirstSeed = None,
     duration: Duration = None,
     settings: Settings = None,
 ) -> None:
-    """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
+    """Tune the noises and gates of a filter, and evaluate the result on held-out data."""
     from insenv.studies.tune import is_log
     from insenv.studies.tune import tune as search
 
@@ -156,7 +156,7 @@ def budget(
     duration: Duration = None,
     settings: Settings = None,
 ) -> None:
-    """Say which source of error dominates: each alone, and all but it, on the same seeds."""
+    """Print how much each source of error contributes: the error with it alone and without it, on the same seeds."""
     from insenv.report.tables import runs_of
     from insenv.studies.budget import budget as share_out
 
@@ -177,12 +177,12 @@ def allan(
     output: Output,
     begin: Annotated[
         Optional[float],  # noqa: UP045
-        typer.Option("--from", metavar="S", help="Begin of the part to use; without it and --to the longest rest."),
+        typer.Option("--from", metavar="S", help="Start of the part to use; without --from and --to the longest rest."),
     ] = None,
     end: Annotated[Optional[float], typer.Option("--to", metavar="S", help="End of the part to use.")] = None,  # noqa: UP045
     grade: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--grade-out", parser=given_path, metavar="FILE.toml", help='Grade file to write, for grade = "X.toml".'),
+        typer.Option("--grade-out", parser=given_path, metavar="FILE.toml", help='Write a file for grade = "FILE.toml".'),
     ] = None,
     old_grade: Annotated[Optional[Path], typer.Option("--grade", parser=given_path, hidden=True)] = None,  # noqa: UP045
 ) -> None:

@@ -26,8 +26,6 @@ RUN, STREAM = "run ship-swaying --duration 2", "stream car-city-drive --duration
     [
         ("budget ship-swaying -e q-method -e analytic", "-e q-method -e analytic: allowed is one estimator"),
         ("fmu export ship-swaying -o x.fmu -e q-method -e analytic", "-e q-method -e analytic: allowed is one estimator"),
-        (f"{RUN} -e q-method -e q-method", "-e q-method is given 2 times: allowed is each estimator once"),
-        ("campaign ship-swaying -n 2 -e q-method -e q-method", "-e q-method is given 2 times"),
         (f"{RUN} --seed 1 --seed 2", "--seed is given 2 times: allowed is once"),
         ("fmu export q-method -o x.fmu -o y.fmu", "--output is given 2 times"),
         ("budget ship-swaying -e q-method -n 1", "runs = 1: allowed is a whole number from 2"),

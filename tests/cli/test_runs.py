@@ -50,7 +50,7 @@ def test_replay(tmp_path):
     found = strict(out)
     assert (status, err) == (0, "") and {path.suffix for path in (tmp_path / "out").iterdir()} == KINDS
     assert found["seed"] is None and found["results"][0]["rms"] == {} and "heading" in replay(log)[1]
-    refused(replay(log_file(tmp_path)), "aligns a vehicle in place", "9.86 m/s", "moves")
+    refused(replay(log_file(tmp_path)), "is for a vehicle that stays in place", "9.86 m/s", "moves")
 
 
 @pytest.mark.parametrize(
