@@ -351,6 +351,15 @@ static int is_old(const Samples *fed, const double *now) {
   return fed->steps > 0 && (repeats || interpolates);
 }
 
+/* Whether no sample has come yet: a master that steps all parts and then transfers gives zeros in the first step, which an
+ * estimator would take for free fall.  No inertial unit near the Earth measures zeros; a numbered sample is one whatever it holds. */
+static int is_before_first(const State *s, const double *u) {
+  const double *angle = u + DELTA_ANGLE - FIRST_INPUT, *velocity = u + DELTA_VELOCITY - FIRST_INPUT;
+  int zeros = 1;
+  for (int i = 0; i < 3; ++i) zeros = zeros && angle[i] == 0 && velocity[i] == 0;
+  return zeros && s->fed.steps == 0 && s->v[SAMPLE_NUMBER] == NOT_GIVEN;
+}
+
 /* Refuse inputs of which the importer repeats, omits or interpolates samples; else put the sums after the step in `next`.
  *
  * sample_number proves the contrary.  Without it, a slower log shows in increments that repeat or interpolate at even intervals,
@@ -404,6 +413,7 @@ static int check_samples(Instance *it, const char *function, double step, const 
 static int do_step(Instance *it, const char *function, double point, double step) {
   State *s = &it->now;
   double u[N_INPUT + 1], samples, lost = 0, nothing = 1e-6 * SAMPLE_INTERVAL;
+  int64_t advances;
   /* a step that an importer computes as a difference of two times has their rounding error */
   double rounding = nothing + 4 * DBL_EPSILON * fabs(point);
 
@@ -411,11 +421,15 @@ static int do_step(Instance *it, const char *function, double point, double step
     REFUSE("%s: the communication point is %.15g s: the instance stands at %.15g s", function, point, s->v[0]);
   if (step > 0 && step < nothing) return 1; /* what is left to the stop time of an importer that sums up steps */
   if (!check_length(it, function, step, rounding, &samples)) return 0;
+  advances = (int64_t)samples;
   if (s->stop_defined && point + step > s->stop_time + 0.5 * SAMPLE_INTERVAL)
     REFUSE("%s: a step of %g s from %g s passes the stop time, %g s", function, step, point, s->stop_time);
   if (!take_inputs(it, function, step, u)) return 0;
 #if defined(SAMPLE_NUMBER)
-  {
+  if (is_before_first(s, u)) {
+    advances = 0;
+    say(it, EVENT, "no sample yet: the increments are zero");
+  } else {
     Samples next;
     if (!check_samples(it, function, step, u, &next)) return 0;
     if (next.steps == 1 && next.number == NOT_GIVEN && !next.is_dt_given && !is_one_increment(s))
@@ -424,7 +438,7 @@ static int do_step(Instance *it, const char *function, double point, double step
   }
 #endif
 
-  for (int64_t k = 0; k < (int64_t)samples; ++k) advance(parameters(s), s->x, u);
+  for (int64_t k = 0; k < advances; ++k) advance(parameters(s), s->x, u);
 #if defined(DT)
   s->v[DT] = u[DT - FIRST_INPUT];
 #endif

@@ -283,7 +283,7 @@ def build_description(subject: Subject, fmi: int) -> str:
 def terminals(variables: Sequence[Variable], arrays: bool) -> str:
     """terminalsAndIcons.xml: the variables of each sensor, bus or solution, and the place of the icon.
 
-    Its format is that of FMI 3, which FMI 2.0.4 takes too.
+    For FMI 3; its format would be the same in FMI 2.0.4.
     """
     root = ET.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = ET.SubElement(root, "GraphicalRepresentation")

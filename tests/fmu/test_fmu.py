@@ -256,6 +256,19 @@ def test_right_samples_are_taken_with_and_without_their_numbers(slave, fmi):
 
 
 @both
+def test_an_estimator_waits_for_its_first_sample(slave, fmi):
+    """Zeros before it are what a master has not passed on yet; zeros after it, and a numbered zero, are samples."""
+    rows, one, two = rows_for(ALIGNMENT, 40), slave(ALIGNMENT, fmi), slave(ALIGNMENT, fmi)
+    rows[:3, :6] = rows[20, :6] = 0.0
+    begin = one.outputs()
+    np.testing.assert_array_equal(one.run(rows[:3]), [begin] * 3)
+    np.testing.assert_array_equal(one.run(rows[3:], first=3), expected(one, rows[3:]))
+    assert one.now == pytest.approx(40 * one.interval, abs=1e-12)
+    two.give(sample_number=0)
+    np.testing.assert_array_equal(two.run(rows[:1]), expected(two, rows[:1]))
+
+
+@both
 def test_the_rest_of_summed_up_steps_counts_as_done(slave, fmi):
     """An importer that sums up its steps ends 400 steps of 0.005 s 2e-14 s before 2 s."""
     rows, one, time = rows_for(ALIGNMENT, 401), slave(ALIGNMENT, fmi, stop_time=2.0), 0.0
