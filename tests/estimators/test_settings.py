@@ -4,7 +4,6 @@ import sys
 
 import numpy as np
 import pytest
-from command_line import call, refused
 from places import ROOT
 from simulated_log import simulated_log
 
@@ -65,8 +64,6 @@ def test_settings_of_a_replay_replace_those_of_the_log():
 
 
 def test_set_at_the_command_line():
-    call_of = ("run", "car-city-drive", "--duration", "5", "-e", "loosely-coupled", "--set", "loosely-coupled.innovation_gate=")
-    refused(call(*call_of), "loosely-coupled", "allowed")
     texts = ["fusion.b=1.5", "estimator.fusion.list=[1, 2, 3]", "imu.file=x/y=z.json"]
     assert parsed_changes(texts, ["imu"]) == ({"fusion": {"b": 1.5, "list": [1, 2, 3]}}, {"imu.file": "x/y=z.json"})
 
