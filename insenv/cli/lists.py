@@ -156,7 +156,7 @@ def _print_names() -> None:
 
     rows = [(what, ", ".join(names)) for what, names in _names()]
     print_table(("what", "names"), rows, head=False)
-    print_line("titles, states, aids, instruments, what papers simulate: insenv list WHAT")
+    print_line("insenv list WHAT lists one of these with titles, and states, aids and the scenarios of papers")
 
 
 _HEADS = {

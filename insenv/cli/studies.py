@@ -64,7 +64,7 @@ def tune(
         )  # fmt: skip
         output.keep(tuning.document())
     lines = [tuning.toml()] if tuning.is_better else []
-    unwritten = f"--out DIR writes {'this section' if tuning.is_better else 'what was found'}, the page and the figure"
+    unwritten = f"--out DIR writes {'this section' if tuning.is_better else 'the result'}, the page and the figure"
     output.show(tuning.document(), unwritten, lines)
 
 

@@ -43,8 +43,9 @@ def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path):
     for path in (left, *mine):
         path.write_text("x")
     with staged(tmp_path) as part, staged(tmp_path) as other:  # one process does not remove what another one writes
+        for name, make in (("b", part), ("c", other)):
+            make(name).write_text(name)
         with staged(tmp_path) as third:
-            for name, make in (("b", part), ("c", other), ("d", third)):
-                make(name).write_text(name)
+            third("d").write_text("d")
     assert not left.exists() and all(path.exists() for path in mine)
     assert [(tmp_path / name).read_text() for name in "bcd"] == list("bcd")

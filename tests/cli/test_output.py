@@ -82,7 +82,6 @@ def test_former_names_of_options_work_with_a_note(tmp_path):
     assert (tmp_path / "a.toml").read_text() == (tmp_path / "b.toml").read_text()
     for out in ("--out", "--output", "-o"):
         assert call(*SHORT, "-e", "q-method", "--no-figure", out, tmp_path / "x")[0] == 0
-        assert call("fmu", "run", "none.fmu", out, tmp_path / "y.csv")[2].startswith("insenv: none.fmu: ")
 
 
 def test_a_shell_completes_commands_scenarios_and_estimators(monkeypatch):

@@ -206,7 +206,6 @@ IMPORTED = {  # samples a row, offset of the rows (samples), held or interpolate
     "190 Hz held": (1.05, 0, True, "", ONCE),
     "every tenth row, dt": (10, 0, False, "", ONCE),
     "100 Hz, dt": (2, 0, False, "dt", ADDS_UP),
-    "125 Hz, dt": (1.6, 0, False, "dt", ADDS_UP),
     "125 Hz, numbered": (1.6, 0, False, "sample_number", BETWEEN),
     "half a step off, numbered": (1, 0.5, False, "sample_number", BETWEEN),
     "every second, numbered": (0.5, 0, True, "sample_number", "sample_number = 2 follows 0"),
