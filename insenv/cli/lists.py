@@ -250,7 +250,8 @@ def new(
     if file.suffix != ".toml":
         raise InputError(f"FILE = {str(file)!r}: allowed is a name that ends in .toml")
     if not file.parent.is_dir():
-        raise InputError(f"cannot write {str(file)!r}: there is no folder {str(file.parent)!r}")
+        what = "is not a folder" if file.parent.exists() else "does not exist"
+        raise InputError(f"cannot write {str(file)!r}: {str(file.parent)!r} {what}")
     source = examples_folder()
     if kind is Kind.scenario:
         texts = {file.name: _renamed(source / "own_scenario.toml", {"examples/own_scenario.toml": file.as_posix()})}
