@@ -42,9 +42,14 @@ def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
 
 
 def guess(name: str, allowed: Iterable[str]) -> str:
-    """The nearest allowed name as a question; empty if none is near."""
-    close = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    """The nearest allowed name as a question; empty if none is near.
+
+    A name with another first letter must be nearer: 'super' is not a misspelt 'consumer'.
+    """
+    for close in difflib.get_close_matches(name, list(allowed), n=NEAREST_NAMES, cutoff=0.5):
+        if close[:1].lower() == name[:1].lower() or difflib.SequenceMatcher(None, close, name).ratio() >= 0.7:
+            return f"; did you mean {close!r}?"
+    return ""
 
 
 # Errors of functions that an author writes (of steps, vehicles, sensors): they name the function and its fault.

@@ -209,9 +209,17 @@ def read_toml(path: str | Path, hints: Mapping[str, str] | None = None) -> dict[
     except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
         if content != OTHER or path.suffix.lower() != ".toml":
             raise InputError(f"{path}: {content}, not a TOML file{hint}") from None
-        raise InputError(f"{path}: not valid TOML: {error}") from None
+        raise InputError(f"{path}: not valid TOML: {_said_by_parser(str(error))}") from None
     except RecursionError:
         raise InputError(f"{path}: not valid TOML: nested too deeply") from None
+
+
+def _said_by_parser(message: str) -> str:
+    """What the TOML parser says; a doubled key by its line."""
+    line = re.search(r"at line (\d+)", message)
+    if line and re.match(r"Cannot (overwrite a value|mutate|declare .* twice)", message):
+        return f"line {line[1]} gives a key or table that the file has before: allowed is each once"
+    return message
 
 
 def validated(model: type[AnyModel], data: Any, label: str) -> AnyModel:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, nearest
 from insenv.base.installing import is_installed
 from insenv.base.output import WIDTH
 from insenv.bench.figure import Figure
@@ -26,7 +26,8 @@ def figures(only: str | None = None) -> Iterator[Figure]:
     known = _measurements()
     chosen = {name: entry for name, entry in known.items() if only is None or name.startswith(only)}
     if not chosen:
-        raise InputError(f"no figure starts with {only!r} (allowed: {', '.join(known)})")
+        groups = dict.fromkeys(name.partition(".")[0] for name in known)
+        raise InputError(f"no figure starts with {only!r}{nearest(str(only), groups)}")
     for name, (unit, measure) in chosen.items():
         yield replace(measure(), name=name, unit=unit)
 

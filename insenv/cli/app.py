@@ -11,21 +11,20 @@ from insenv.cli import fmu
 from insenv.cli.campaign import campaign
 from insenv.cli.lists import examples, list_all, new, schema
 from insenv.cli.measures import bench, reproduce
-from insenv.cli.options import HELP
+from insenv.cli.options import HELP, OnceCommand
 from insenv.cli.runs import page, replay, run
 from insenv.cli.stream import stream
 from insenv.cli.studies import allan, budget, train, tune
 
 app = typer.Typer(
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings=HELP,
     help="Simulate vehicles with inertial sensors, and align and navigate them.",
     epilog="Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N (130: Ctrl-C).",
 )
-app.command("list")(list_all)
+app.command("list", cls=OnceCommand)(list_all)
 for command in (run, replay, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema):
-    app.command()(command)
+    app.command(cls=OnceCommand)(command)
 app.add_typer(fmu.app, name="fmu")
 
 

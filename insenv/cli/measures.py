@@ -15,7 +15,7 @@ def reproduce(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Repeat the tests of the papers; print the published values, those of the printed form, insenv's, and the limit."""
+    """Repeat the tests of the papers; print published values, those of the printed form and of insenv, and the limit."""
     from insenv.cli.output import print_blocks, print_json, print_line, working
     from insenv.report import OutputFolder
     from insenv.reproduce import chosen, document, figure
@@ -27,9 +27,8 @@ def reproduce(
     with working(f"measuring {papers[0]}") as progress:
         for name, quantities in measure(paper):
             by_paper[name] = quantities
-            progress.describe(f"measured {name}")
+            progress.finished(f"measured {name}")
         if folder is not None:
-            folder.path.mkdir(parents=True, exist_ok=True)
             for name in papers:
                 written += figure(name, folder.path)
     shown = document(by_paper)

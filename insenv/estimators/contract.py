@@ -305,7 +305,8 @@ class Estimator:
         if self.fix_velocity and (follows or self.motion != "in place") and not drive.fix_velocity:
             return f"{this} needs the velocity of GNSS: the fixes of {drive.where} have none"
         if self.motion == "in place" and drive.in_place is False and not follows:
-            return f"{this} aligns a vehicle in place: that of {drive.where} moves{drive.motion and f' ({drive.motion})'}"
+            motion = f" ({drive.motion})" if drive.motion else ""
+            return f"{this} is for a vehicle that stays in place; that of {drive.where} moves{motion}"
         if self.motion == "moving" and drive.in_place:
             return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
         if self.smooths and not drive.offline:

@@ -15,7 +15,7 @@ from insenv.base.errors import InputError, nearest
 from insenv.logs.files import Faults, all_of, read_bytes
 from insenv.logs.formats import SECTION_FORMATS
 from insenv.logs.formats.contract import FileColumns, Format, SectionKeys
-from insenv.logs.formats.csv_table import Column, TextTable, column_names, read_table
+from insenv.logs.formats.csv_table import Column, TextTable, check_delimiter, column_names, read_table
 
 _CSV = "csv"
 _LAYOUT = ("delimiter", "header_rows", "comment")
@@ -217,6 +217,8 @@ def located(section: str, files: Sequence[SectionFile], columns: Sequence[Column
             messages.append(f"{section}: several files have the column {column!r}: allowed is a name with its file, {named}")
         elif not owners:
             known = list(dict.fromkeys(str(each) for header in headers for each in header))
+            if len(known) == len(files):
+                check_delimiter(files[0].label, known)
             messages.append(f"{labels}: no column {column!r}{nearest(str(column), known)}")
         else:
             places[owners[0][0]][column] = owners[0][1]

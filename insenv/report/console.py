@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from insenv.base.output import WIDTH
 from insenv.report.document import Block, Grid, Line, Listing
 
 if TYPE_CHECKING:
@@ -35,6 +37,17 @@ def fitted(console: Console, blocks: Iterable[Block]) -> Iterator[RenderableType
             needed = measured.maximum if isinstance(block, Grid) else measured.minimum
         console.width = max(width, needed)
         yield part
+
+
+def as_text(blocks: Iterable[Block]) -> str:
+    """The lines of blocks as in a file or pipe, `insenv.base.output.WIDTH` columns wide."""
+    from rich.console import Console
+
+    console = Console(width=WIDTH, file=io.StringIO(), markup=False, highlight=False, emoji=False, color_system=None)
+    with console.capture() as captured:
+        for part in fitted(console, blocks):
+            console.print(part)
+    return "\n".join(line.rstrip() for line in captured.get().splitlines())
 
 
 def rendered(blocks: Iterable[Block]) -> Iterator[RenderableType]:

@@ -58,7 +58,7 @@ def run_blocks(report: RunData) -> Iterator[Block]:
     yield Line()
     if any(result.errors for result in report.results):
         shown = {name for result in report.results if result.errors for name in error_columns(result)}
-        yield Line("final: at the end; all others: over the statistics' time", "dim")
+        yield Line("final: at the end; other columns: over the time of the statistics", "dim")
         meanings = {"stated": "stated: the estimator's own 1 sigma", "limit": "limit: theory's 1 sigma"}
         if explained := [meaning for name, meaning in meanings.items() if name in shown]:
             yield Line("; ".join(explained), "dim")

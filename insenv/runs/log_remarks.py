@@ -64,8 +64,8 @@ def latitude_at_rest(log: RecordedLog, first: int, latitude: float) -> dict[str,
 
 @remark(
     "noise-in-motion",
-    "in motion the samples have more white noise than the unit's data sheet says: {noise}. Vibration does that, and motion "
-    "faster than the samples; estimators are tuned to it ([imu] noise_in_motion = false: to the data sheet)",
+    "in motion the samples have more white noise than the unit's data sheet says: {noise}. The cause is vibration, or "
+    "motion faster than the samples; estimators are tuned to it ([imu] noise_in_motion = false: to the data sheet)",
 )
 def noise_in_motion(log: RecordedLog) -> dict[str, Any] | None:
     """The white noise of the log in motion exceeds that of its unit."""
@@ -109,7 +109,7 @@ def unseen(log: RecordedLog, estimator: Estimator, begin_s: float, latitude: flo
 
 @remark(
     "standstill-missed",
-    "{used}: the filter takes the vehicle to move. If it is parked, say so: in_place = true, and vehicle_kind = {kinds}",
+    "{used}: the filter assumes that the vehicle moves. If it is parked, say so: in_place = true, and vehicle_kind = {kinds}",
 )
 def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dict[str, Any] | None:
     """Of all aids only zero velocity would hold the velocity of an estimate, and it is no longer used.

@@ -111,6 +111,7 @@ class Scenario(Section):
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'
     )
     _name: str = PrivateAttr("")
+    _changes: tuple[Remark, ...] = PrivateAttr(())
 
     @property
     def name(self) -> str:
@@ -120,7 +121,7 @@ class Scenario(Section):
     @property
     def notes(self) -> tuple[Remark, ...]:
         """Sentences on what the scenario leaves open, for a reader of its results."""
-        said = coded(self.vehicle.notes, "vehicle")
+        said = (*self._changes, *coded(self.vehicle.notes, "vehicle"))
         for id, section in self.sensors.items():
             said += coded(section.notes(self.rate_hz), id)
         perfect = self.imu.grade == "perfect" and all(getattr(self.imu, name) is None for name in FIGURES)

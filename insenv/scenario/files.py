@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from insenv.base.changes import Changes, changed, sentence
 from insenv.base.errors import LISTED, InputError, nearest
 from insenv.base.resources import scenario_folder
 from insenv.base.resources import scenario_names as names
@@ -72,6 +73,19 @@ def with_settings(scenario: ScenarioLike, settings: Settings | None, estimators:
     for id, table in settings.items():
         values["estimator"][id] = {**values["estimator"].get(id, {}), **table}
     return parse(values, loaded.name or "scenario", loaded.name)
+
+
+def with_changes(scenario: ScenarioLike, changes: Changes) -> Scenario:
+    """The scenario with other values of single keys, by their dotted names, as in ``{"imu.grade": "tactical"}``.
+
+    Raises `InputError` as `load`, and for keys and values that a scenario may not have.
+    """
+    loaded = load(scenario)
+    if not changes:
+        return loaded
+    made = parse(changed(loaded.stated(), changes), "--set", loaded.name)
+    made._changes = sentence(changes)
+    return made
 
 
 def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:

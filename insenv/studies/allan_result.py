@@ -279,7 +279,7 @@ def _explained(rows: Sequence[SensorNoise]) -> Iterator[str]:
     if shown:
         yield f"{'; '.join(text for name, text in _MEANINGS.items() if name in shown)}; in brackets: 95 % bounds"
     if any(noise.terms is not None and not (noise.terms.slow and WHITE in noise.terms.figures) for noise in rows):
-        yield "not seen: noise above this bound (95 %) would have been"
+        yield "not seen: not detected; the value is an upper bound (95 %)"
     if any(noise.floor() for noise in rows):
         yield "lowest (deg/h, ug): of the Allan deviation, a data sheet's bias instability; empty while it still falls"
 

@@ -176,8 +176,8 @@ def _case(
     duration_s: float | None,
     settings: Settings | None,
 ) -> _Case:
-    if isinstance(runs, bool) or not isinstance(runs, (int, np.integer)) or not 1 <= runs <= MAX_RUNS:
-        raise InputError(f"runs = {runs!r}: allowed is a whole number from 1 to {MAX_RUNS}")
+    if isinstance(runs, bool) or not isinstance(runs, (int, np.integer)) or not 2 <= runs <= MAX_RUNS:
+        raise InputError(f"runs = {runs!r}: allowed is a whole number from 2 to {MAX_RUNS}, because a budget compares runs")
     loaded = load(scenario)
     plant = build(loaded, seed=seed, duration_s=duration_s)
     chosen = get(estimator)

@@ -27,6 +27,7 @@ from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.errors import statistics_from
+from insenv.logs import RecordedLog
 from insenv.scenario import ScenarioLike, limit_of, no_limit, with_settings
 from insenv.scenario.loop import PREFIX
 from insenv.studies.campaign.block import in_pieces
@@ -108,7 +109,7 @@ class Seeds:
 
 
 def tune(
-    source: ScenarioLike | str | Path,
+    source: ScenarioLike | str | Path | RecordedLog,
     estimator: str | Estimator,
     *,
     runs: int | None = None,
@@ -141,7 +142,7 @@ def tune(
     check_progress(progress)
     need("tuning", "cma", extra="workbench")
     _check(evaluations=evaluations)
-    if is_log(source):
+    if isinstance(source, RecordedLog) or is_log(source):
         for option, value in (("runs", runs), ("held_out", held_out), ("seed", seed), ("duration_s", duration_s)):
             if value is not None:
                 raise InputError(

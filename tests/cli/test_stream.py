@@ -183,24 +183,6 @@ def test_the_dashboard_of_a_closed_terminal_requests_the_end(monkeypatch):
     assert request()
 
 
-PX4 = ("--lockstep", "px4")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((), ["--to"]),
-        ((*NOWHERE, "--rate", "ATITUDE=5"), ["ATITUDE", "ATTITUDE"]),
-        ((*NOWHERE, "--out", "x"), ["--out: allowed with --score"]),
-        ((*PX4, "--score"), ["--score: not allowed with --lockstep"]),
-        (("--lockstep", "ardupilot-json", "--tlog", "a"), ["--tlog"]),
-    ],
-    ids=lambda value: " ".join(map(str, value)),
-)
-def test_wrong_calls_are_refused(arguments, words):
-    refused(call("stream", "car-city-drive", *arguments), *words)
-
-
 def test_a_log_that_cannot_be_written_is_refused_before_the_stream(tmp_path):
     for path, word in ((tmp_path, "folder"), (os.devnull, "not a regular file"), (tmp_path / "no" / "a", "No such")):
         refused(call("stream", "car-city-drive", *NOWHERE, "--tlog", path), word)

@@ -176,7 +176,7 @@ def test_the_rows_are_the_sums_of_the_test_ratios(id, monkeypatch):
 def test_a_run_without_a_fix_says_so(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     result = run("car-city-drive", "loosely-coupled", duration_s=0.5).results[0]
-    assert result.health is None and "no fix came: the estimate is that of the inertial unit alone" in result.notes
+    assert result.health is None and "no fix was received: the estimate is that of the inertial unit alone" in result.notes
 
 
 @pytest.fixture(scope="module")

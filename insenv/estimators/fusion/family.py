@@ -152,7 +152,7 @@ chance in 2 runs of 100 000.
 
 _SURPRISING = declared(
     "estimate-surprising",
-    "the estimate of {state} is {ratio} times the standard deviation told of it ({sigma}): the instrument, its description or "
+    "the estimate of {state} is {ratio} times its stated standard deviation ({sigma}): the instrument, its description or "
     "that sigma is wrong",
     Doubt,
 )
@@ -280,8 +280,8 @@ UNKNOWN_START = (
 IN_PLACE = "in_place"
 NO_HEADING = declared(
     "no-heading-aid",
-    "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
-    "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable",
+    "none of the aids shows the heading: a linearised filter treats turns as information about it, and its sigmas of heading "
+    "and position are too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable",
 )
 
 
@@ -300,25 +300,24 @@ def _holds(filter: Composition, what: str) -> bool:
 
 NO_PLACE = declared(
     "no-place-aid",
-    "the vehicle is a turntable, and no aid tells that the unit stays in place while it turns: after a turn the sigmas can "
-    "be more than ten times too small; use the aid in_place",
+    "the vehicle is a turntable, and no aid states that the unit stays in place while it turns: after a turn the sigmas "
+    "can be more than ten times too small; use the aid in_place",
 )
 
 
 NO_MOUNTING = declared(
     "mounting-unknown",
-    "nothing is told of how the unit is mounted to the wheels, and their constraint takes its axes for theirs: a degree "
-    "between them is a degree of heading error; use the state odometer_mounting_error",
+    "the mounting of the unit relative to the wheels is not stated, and the wheel constraint assumes aligned axes: one degree "
+    "of misalignment is one degree of heading error; use the state odometer_mounting_error",
 )
 _ERRORS_UNCOUNTED = declared(
     "errors-uncounted",
-    "errors of the instruments that are known to be there and are neither states nor noise of this filter: {states}; its "
-    "sigmas are too small",
+    "instrument errors that this filter neither estimates nor counts as noise: {states}; its stated sigmas are too small",
 )
 _UNIT_UNCOUNTED = declared(
     "unit-errors-uncounted",
-    "errors of the unit that a turn shows and that are no states of this filter: {states}; after a turn its sigmas are several "
-    "times too small",
+    "errors of the unit that a turn reveals and that this filter does not estimate: {states}; after a turn its stated sigmas "
+    "are several times too small",
 )
 _IDLE_STATE = declared(
     "state-without-effect", "the state {state} has no effect: its standard deviation at the start is 0. Set {sigma}"

@@ -100,8 +100,9 @@ def prepared(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
 
 @remark(
     "place-uncertain",
-    f"the place at the start is uncertain by {{sigma:.3g}} km: from {LARGEST_PLACE / 1000:.3g} km on this start by a Doppler "
-    "log alone states sigmas of place and heading that are several times too small; give the place better, or add GNSS",
+    f"the place at the start is uncertain by {{sigma:.3g}} km: above {LARGEST_PLACE / 1000:.3g} km a start with a Doppler "
+    "log alone states sigmas of position and heading that are several times too small; state the place more accurately, or "
+    "add GNSS",
 )
 def far_place(way: VelocityIntegration, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """A place that is not known well enough for a start by a log, after which nothing shows it."""

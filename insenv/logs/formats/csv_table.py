@@ -25,6 +25,14 @@ MISSING = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
 _CUT_OFF = declared("table-cut-off", "{label}: the last line has no line end and its last value is short: is the file cut off?")
 
 
+def check_delimiter(label: str, names: Sequence[str]) -> None:
+    """Raise `InputError` if a header was read as one name because it has another delimiter than the description says."""
+    marks = {",": ",", ";": ";", "tab": "\t", "space": " "}
+    fits = next((given for given, mark in marks.items() if mark in names[0].strip()), "") if len(names) == 1 else ""
+    if fits:
+        raise InputError(f"{label}: the header is one column, {names[0][:60]!r}: allowed is delimiter = {fits!r}, or 'auto'")
+
+
 @dataclass(frozen=True)
 class TextTable:
     """Columns read from a file.
@@ -228,6 +236,7 @@ class _Text:
             return names.index(column)
         if not names:
             raise InputError(f"{label}: no column {column!r}: the file has no header; give column numbers 0 to {last}")
+        check_delimiter(label, names)
         raise InputError(f"{label}: no column {column!r}{nearest(column, names)}")
 
     def filled(self, places: list[int], may_miss: list[bool], skip_empty: bool) -> tuple[np.ndarray, list[str]]:

@@ -194,8 +194,8 @@ def consistency_lines(campaign: Statistics) -> Iterator[str]:
     """NEES with its bounds, and the health of the runs, if there are any."""
     if (nees := campaign.as_json()["nees"]) is not None:
         yield (
-            f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
-            f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
+            f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, within its 95 % bounds ("
+            f"{number(nees['low'])} to {number(nees['high'])}) {100 * nees['share_inside']:.0f} % of the time"
         )
     if (of_runs := campaign.verdicts()) is not None:
         yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes')}"

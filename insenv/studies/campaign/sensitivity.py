@@ -2,7 +2,7 @@
 
 The quantity is the rms error of a run.  Spearman's rank correlation says whether it rises or falls with a key; the first-order
 index is the share of its variance that a key explains alone, the total index the share that it takes part in (Saltelli et al.
-2008, chapter 4).  What the indices leave to 1 is the noise of the runs, and of the first-order ones also the interactions.
+2008, chapter 4).  The remainder to 1 is due to the noise of the runs, and for first-order indices also to interactions.
 First-order indices come from any design (random balance, SALib's `rbd_fast`), total ones from a saltelli design.
 """
 

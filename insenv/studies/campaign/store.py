@@ -50,7 +50,9 @@ def check_compared(folder: Path, plans: Sequence[Plan]) -> None:
     for id, theirs in compared.items():
         other = [name for name, value in ours.items() if json.dumps(value) != json.dumps(theirs.get(name))]
         if other:
-            raise InputError(f"{str(folder)!r} holds another comparison: its campaign of {id} differs in {', '.join(other)}")
+            raise InputError(
+                f"{str(folder)!r} holds another comparison: its campaign of {id} differs in {', '.join(other)}; {OTHER_FOLDER}"
+            )
 
 
 class Memory:
@@ -79,6 +81,36 @@ class Memory:
     def held(self) -> Iterator[None]:
         """Hold the store for one campaign; memory belongs to this process."""
         yield
+
+
+OTHER_FOLDER = "name another folder with --out, or repeat that campaign's options with --resume"
+
+
+def _differences(theirs: Mapping[str, Any], plan: Plan) -> str:
+    """The options in which another campaign differs, with its values and those of the plan."""
+    ours = plan.as_json()
+    pairs = {name: (theirs.get(name), ours[name]) for name in ours if _text(theirs.get(name)) != _text(ours[name])}
+    if isinstance((pairs.get("scenario") or (None,))[0], dict):
+        there, here = pairs.pop("scenario")
+        pairs = {**{f"scenario.{key}": each for key, each in _leaves(there, here)}, **pairs}
+    stated = {name: each for name, each in pairs.items() if name not in ("equations", "parameters")}
+    shown = [f"{name} ({_text(there)[:40]} there, {_text(here)[:40]} here)" for name, (there, here) in stated.items()]
+    more = [f"and {len(shown) - 4} more"] if len(shown) > 4 else []
+    return ", ".join([*shown[:4], *more] or pairs)
+
+
+def _leaves(there: Any, here: Any, key: str = "") -> Iterator[tuple[str, tuple[Any, Any]]]:
+    """The values in which two tables differ, by dotted key."""
+    if not (isinstance(there, dict) and isinstance(here, dict)):
+        if _text(there) != _text(here):
+            yield key, (there, here)
+        return
+    for name in dict.fromkeys([*there, *here]):
+        yield from _leaves(there.get(name), here.get(name), f"{key}.{name}" if key else name)
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value)
 
 
 class Folder:
@@ -209,8 +241,8 @@ class Folder:
         except (*_DAMAGE, TypeError):
             raise InputError(f"{str(manifest)!r} is not the manifest of a campaign: choose another folder") from None
         if digest != self._digest:
-            ours = self.plan.as_json()
-            other = [name for name in ours if json.dumps(ours[name]) != json.dumps(plan.get(name))]
-            raise InputError(f"{str(self.path)!r} holds another campaign: it differs in {', '.join(other)}")
+            raise InputError(
+                f"{str(self.path)!r} holds another campaign: it differs in {_differences(plan, self.plan)}; {OTHER_FOLDER}"
+            )
         if not resume:
             raise InputError(f"{str(self.path)!r} holds this campaign already: --resume continues it")

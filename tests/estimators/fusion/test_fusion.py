@@ -107,7 +107,13 @@ WHEELS = ["odometer", "non_holonomic"]
     ("scenario", "filter", "settings", "said", "unsaid"),
     [
         ("car-survey", fusion(["gyro_misalignment"], ["gnss"]), {}, "standard deviation at the start is 0", "neither"),
-        ("multirotor-hover", "fusion", {"states": ["gnss_wander"]}, "neither states nor noise", "is 0"),  # 13 m off
+        (
+            "multirotor-hover",
+            "fusion",
+            {"states": ["gnss_wander"]},
+            "neither estimates nor counts as noise",
+            "is 0",
+        ),  # 13 m off
         ("car-odometer", fusion([], ["odometer"]), {}, "holds the height", "at the start is 0"),  # 1.5 km after 600 s
         ("car-odometer", fusion([], WHEELS), {}, "none of the aids shows the heading", "holds the height"),
         (with_barometer_alone(0.2), "fusion", {}, "holds the horizontal velocity", "neither states"),
@@ -195,4 +201,4 @@ def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_tol
     assert "odometer_mounting_error" in chosen.outputs
     exact, known = (insenv.run(name, filter, duration_s=2.0).results[0].notes for name in ("car-city-drive", "car-odometer"))
     assert any("use the state odometer_mounting_error" in note for note in exact)
-    assert not any("nothing is told of how the unit is mounted" in note for note in known)
+    assert not any("the mounting of the unit relative to the wheels is not stated" in note for note in known)
