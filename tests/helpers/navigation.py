@@ -1,7 +1,5 @@
 """Helpers of the estimator tests: models as NumPy functions, and error states by the filter's own definition."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -6,7 +6,6 @@ from typing import Any
 import allantools
 import numpy as np
 import pytest
-from exactness import inexact_operations
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom, chi2
 from sensor_plant import CHANCE, assert_gauss_markov, assert_mean, assert_variance, plant, simulate, starts
@@ -15,10 +14,6 @@ from insenv.core.runner import make_runner
 from insenv.sensors import imu_grade
 from insenv.sensors.imu import true_unit_errors
 from insenv.sensors.imu_tables import FLICKER_PARTS, FLICKER_SIGMA, FLICKER_TIMES
-
-
-def test_operations_are_exact() -> None:
-    assert not any(inexact_operations(function) for function in plant().functions.values())
 
 
 def test_the_output_of_a_perfect_imu_is_the_truth_to_the_last_bit() -> None:
