@@ -8,7 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from changed_scenario import changed
+from earth_fixed import EARTH_RATE
 from interpreted import interpreted  # noqa: F401
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 import insenv
@@ -146,17 +148,9 @@ def test_a_deflection_of_the_vertical_is_a_tilt():
     assert found.sigma["roll_deg"][-1] == pytest.approx(30.0 / 3600, rel=0.02)
 
 
-OMEGA = np.array([0.0, 0.0, 7.292115e-5])
-
-
 def rotation(vector):
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues' formula."""
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    x, y, z = np.moveaxis(vector, -1, 0)
-    zero = np.zeros_like(x)
-    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*vector.shape, 3)
-    safe = np.where(angle > 1e-12, angle, 1.0)
-    return np.eye(3) + np.sinc(angle / np.pi) * K + (1 - np.cos(safe)) / safe**2 * (K @ K) * (angle > 1e-12)
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    return Rotation.from_rotvec(vector.reshape(-1, 3)).as_matrix().reshape(*vector.shape, 3)
 
 
 def gravity(r):
@@ -171,9 +165,9 @@ def navigate(C, v, r, angles, velocities, dt):
     for angle, velocity in zip(angles, velocities, strict=True):
         half = C @ rotation(0.5 * angle)
         g = gravity(r)
-        turned = rotation(-OMEGA * dt) @ C @ rotation(angle)
+        turned = rotation(-EARTH_RATE * dt) @ C @ rotation(angle)
         thrust = (half @ velocity[..., None])[..., 0]
-        new = v + thrust + (g - 2 * np.cross(OMEGA, v)) * dt
+        new = v + thrust + (g - 2 * np.cross(EARTH_RATE, v)) * dt
         r = r + 0.5 * (v + new) * dt
         C, v = turned, new
     return C, v, r

@@ -1,7 +1,5 @@
 """A recorded log in text files, written to a folder, changed and loaded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

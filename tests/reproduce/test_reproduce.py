@@ -7,8 +7,7 @@ import pytest
 import reproduced
 from command_line import call
 
-from insenv.estimators import inertial_fir
-from insenv.reproduce import PAPERS, Quantity, conditions, ecef, figure, reproduce, swaying, table_2
+from insenv.reproduce import PAPERS, Quantity, conditions, ecef, figure, reproduce, table_2
 from insenv.reproduce.unit_limits import mean_limit
 
 UNIT = 10.0 ** (1 - reproduced.DIGITS)
@@ -31,14 +30,6 @@ def test_the_command_prints_conditions_and_notes(monkeypatch):
     assert f"conditions: {conditions('ecef')}" in " ".join(lines)
     assert "[1] at rest" in lines
     assert json.loads(call("reproduce", "ecef", "--json")[1]) == [row.as_json()]
-
-
-def test_the_attenuation_is_that_of_the_design():
-    frequency = np.array([inertial_fir.PASS_HZ, inertial_fir.STOP_HZ, 0.5, 2.0, 4.9])
-    gain = swaying.attenuation(frequency)
-    assert abs(gain[0] - 1) < 0.01
-    assert np.all(20 * np.log10(gain[1:]) < -inertial_fir.STOP_DB + 0.1)
-    assert swaying.attenuation(np.zeros(1))[0] == pytest.approx(1.0, abs=1e-14)
 
 
 def test_the_mean_of_a_magnitude_is_below_its_root_mean_square():
