@@ -154,7 +154,7 @@ def _print_names() -> None:
 
     rows = [(what, ", ".join(names)) for what, names in _names()]
     print_table(("what", "names"), rows, head=False)
-    print_line("insenv list WHAT lists one of these with titles, and states, aids and the scenarios of papers")
+    print_line("titles, states, aids, instruments, scenarios of papers: insenv list WHAT")
 
 
 _HEADS = {

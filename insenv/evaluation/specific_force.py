@@ -118,11 +118,11 @@ def specific_force(
         if q is not None
     ]
     left = [float(np.sqrt(np.mean(each))) for each in squares]
-    if q_reference is None:
-        return SpecificForce(left[0], len(rows))
     middle = len(rows) // 2
+    if q_reference is None or middle < FEWEST:
+        return SpecificForce(left[0], len(rows), *left[1:])
     halves = [[float(np.mean(each[half])) for each in squares] for half in (slice(middle), slice(middle, None))]
-    contradicted = middle >= FEWEST and all(_far_more(reference, estimate) for estimate, reference in halves)
+    contradicted = all(_far_more(reference, estimate) for estimate, reference in halves)
     return SpecificForce(left[0], len(rows), left[1], contradicted)
 
 

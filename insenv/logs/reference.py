@@ -12,8 +12,8 @@ from insenv import attitude, geodesy
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.description import ReferenceSection
 from insenv.logs.formats.csv_table import Column, TextTable
+from insenv.logs.frames import LOCAL_AXES, of_ecef, of_local
 from insenv.logs.inertial import InertialSamples
-from insenv.logs.positions import LOCAL_AXES, of_ecef, of_local
 from insenv.logs.recorded import Reference
 from insenv.logs.units import ANGLE_UNITS, Array, axes_matrix, wrap
 

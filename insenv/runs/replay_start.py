@@ -395,8 +395,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
             gyro_bias_error=level.gyro_bias_error,
         )
         # rocking in place shows nothing of a heading, and a linearised filter takes it to: the bank begins where the rest ends
-        leaves = max(first, int(np.searchsorted(log.imu_time, log.rest[1] - REST_WINDOW_S)) if log.rest else first)
-        leaves = min(leaves, len(log.imu_time) - 1)
+        leaves = max(first, int(np.searchsorted(log.imu_time[:-1], log.rest[1] - REST_WINDOW_S)) if log.rest else first)
         answer = attitude_by_motion(log, leaves, begun) if _shows_attitude(log, at_rest=True) else None
         shown = heading_at_rest(log, (roll, pitch), tilt_sigma, height)
         heading, sigmas["heading_sigma"], of_motion = heading_of(stated, sigmas["heading_sigma"], answer, shown)

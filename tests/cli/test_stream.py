@@ -45,8 +45,8 @@ def test_one_document_and_a_log_of_all_that_was_sent(tmp_path):
     assert sensors == [5000 * k for k in range(1, 601)]  # the simulation's clock, without gap or repetition
     parameters, frames = logged(log)
     assert len(parameters) > 50 and len(frames) == total
-    status, text, _ = call("replay", log, "-e", "loosely-coupled")
-    assert status == 0 and "is that of the magnetometer" in " ".join(text.split())
+    status, text, said = call("replay", log, "-e", "loosely-coupled")
+    assert status == 0 and "is that of the magnetometer" in " ".join(text.split()), said
 
 
 def test_several_addresses_are_several_links_that_sign_with_numbers_of_their_own(tmp_path):
