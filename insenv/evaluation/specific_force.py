@@ -120,7 +120,7 @@ def specific_force(
     left = [float(np.sqrt(np.mean(each))) for each in squares]
     middle = len(rows) // 2
     if q_reference is None or middle < FEWEST:
-        return SpecificForce(left[0], len(rows), *left[1:])
+        return SpecificForce(left[0], len(rows), left[1] if len(left) > 1 else None)
     halves = [[float(np.mean(each[half])) for each in squares] for half in (slice(middle), slice(middle, None))]
     contradicted = all(_far_more(reference, estimate) for estimate, reference in halves)
     return SpecificForce(left[0], len(rows), left[1], contradicted)
