@@ -169,22 +169,6 @@ def test_every_interface_takes_it(installed, tmp_path):
     assert log.stat().st_size > 10_000
 
 
-@pytest.mark.slow
-def test_filters_and_smoothers_take_its_aid(compass):
-    """A compass with a constant error of 3 deg beside GNSS."""
-    states, aids = ["compass_deviation"], ["gnss", "zero_velocity", "compass"]
-    filter, smoother, blind = (
-        insenv.fusion(states, aids, "own"),
-        insenv.fusion(states, aids, "own", smoother=True),
-        insenv.fusion(id="blind"),
-    )
-    filtered, smoothed, without = insenv.run(CAR, [filter, smoother, blind]).results
-    sigma = filtered.sigma["heading_deg"][-1]
-    assert sigma < 0.9 * without.sigma["heading_deg"][-1]
-    assert all(abs(each.errors["heading_deg"][-1]) < 3 * sigma for each in (filtered, smoothed))
-    assert abs(np.degrees(filtered.outputs["compass_deviation"][-1, 0]) - 3.0) < 1.5
-
-
 def test_the_command_line_knows_what_is_installed(installed, tmp_path):
     quick, rail = {**installed, "INSENV_BACKEND": "interpreter"}, PACKAGE / "rail.toml"
     listed = json.loads(call(quick, "-m", "insenv", "list", "--json"))
