@@ -18,7 +18,6 @@ SECOND = {"samples_per_step": 200, "duration_s": 8.0}
 
 @pytest.fixture(scope="module")
 def second():
-    """An environment with steps of one second."""
     return TuningEnv(**SECOND)
 
 

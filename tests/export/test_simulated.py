@@ -29,7 +29,6 @@ EVERYTHING = {
 
 
 def written(folder, log):
-    """The log after it was written and read."""
     (description, *_) = insenv.write(log, folder, ["log"], name="drive")
     return load(description)
 

@@ -24,7 +24,6 @@ from insenv.scenario import load
 
 
 def streaming(port, *options):
-    """`insenv stream` of the car in a process of its own."""
     arguments = ["stream", "car-city-drive", "--to", f"udpout:127.0.0.1:{port}", "--json", *options]
     command = [sys.executable, "-c", PROGRAM, *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

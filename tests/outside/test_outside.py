@@ -35,7 +35,6 @@ CAR = {
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """Environment of a process that has the outside package installed."""
     target = tmp_path_factory.mktemp("target")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation"]
     done = subprocess.run([*pip, "--target", target, PACKAGE], capture_output=True, text=True)
@@ -53,7 +52,6 @@ def call(installed, *command):
 
 @pytest.fixture
 def registered_rail(rail):
-    """The outside package, registered here."""
     for thing in (rail["ahrs"].ESTIMATOR, rail["trolley"].TrolleySection, rail["compass"].COMPASS):
         insenv.register(thing)
     return rail
@@ -94,7 +92,6 @@ SHORT = {**CAR, "compass": {"deviation_deg": 3}, "duration_s": 40}
 
 @pytest.fixture
 def compass(rail):
-    """An instrument in one file, registered here."""
     return insenv.register(rail["compass"].COMPASS)
 
 

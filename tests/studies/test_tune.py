@@ -30,7 +30,6 @@ def car():
 
 
 def log_of_car(duration_s):
-    """The drive as a log of a tactical unit."""
     return simulated_log(car(), seed=3, duration_s=duration_s, grade="tactical",
                          initial={"static_until_s": 28.0, "heading_deg": 90.0})  # fmt: skip
 

@@ -101,8 +101,6 @@ def test_a_worker_of_another_version_is_refused():
 
 @contextmanager
 def alarm_interrupts():
-    """The alarm's signal is Ctrl-C."""
-
     def interrupted(*_):
         raise KeyboardInterrupt
 
