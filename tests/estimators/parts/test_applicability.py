@@ -44,9 +44,8 @@ QUIET = {"grade": "perfect", "gyro_bias_sigma_deg_h": 0.01, "accel_bias_sigma_ug
     ],
 )
 def test_the_unit_is_compared_with_the_horizontal_earth_rate(id, duration_s, latitude_deg, imu, begins):
-    ship = load("ship-swaying")
-    start = ship.start if latitude_deg is None else ship.start.model_copy(update={"latitude_deg": latitude_deg})
-    ship = ship.model_copy(update={"imu": ship.imu.model_copy(update=imu), "start": start, "rate_hz": 10.0})
+    start = {} if latitude_deg is None else {"latitude_deg": latitude_deg}
+    ship = changed("ship-swaying", imu=imu, start=start, rate_hz=10.0)
     said = lasting(run(ship, id, duration_s=duration_s).results[0].notes)
     assert len(said) == len(begins)
     assert all(note.startswith(words) for note, words in zip(said, begins, strict=True)), said
