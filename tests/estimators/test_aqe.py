@@ -1,4 +1,4 @@
-"""aqe: errors of any size, Jacobians against differences, sums over sigma points, between its updates."""
+"""aqe: its exact difference against SciPy, Jacobians against differences, sums over sigma points, between its updates."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -54,6 +54,16 @@ def unit(rng):
 
 def dcm(q):
     return Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_difference_of_attitude_matrices_is_exact_for_errors_of_any_size(seed):
+    rng = np.random.default_rng(seed)
+    q_hat, q = unit(rng), unit(rng)
+    dQ = q_hat - q
+    assert np.allclose(delta_C(dQ, q_hat), dcm(q_hat) - dcm(q), atol=1e-14)  # (8), (9)
+    other = 2 * call("Y", dQ).T @ call("U", q) + call("Y", dQ).T @ call("U", dQ)  # the second line of (9)
+    assert np.allclose(other, dcm(q_hat) - dcm(q), atol=1e-14)
 
 
 def random_state(rng):

@@ -1,4 +1,4 @@
-"""ecef-kf: two samples against SciPy, observations, starts; the printed filter against full matrices in NumPy."""
+"""ecef-kf: two samples against SciPy, Jacobians, starts; the printed filter against full matrices in NumPy."""
 
 import casadi as ca
 import numpy as np
@@ -48,11 +48,44 @@ def test_velocity_change_over_two_samples():
     assert np.abs(found - true).max() < 1e-5 * np.abs(true).max()
 
 
+def _errors(seed):
+    """Error equations of the true nonlinear dynamics by differences: F (12x12) at a random attitude."""
+    rng = np.random.default_rng(seed)
+    C, force, rate, velocity = (
+        Rotation.random(random_state=seed).as_matrix(),
+        rng.normal(size=3) * 9,
+        rng.normal(size=3),
+        rng.normal(size=3),
+    )
+
+    def derivative(error):
+        """d(dv)/dt, d(phi)/dt of an estimate off by `error`, C_hat = exp(-phi) C, to first order in phi."""
+        dv, phi, b_a, b_g = error.reshape(4, 3)
+        turn = Rotation.from_rotvec(-phi).as_matrix()
+        C_hat = turn @ C
+        d_velocity = C_hat @ (force + b_a) - 2 * np.cross(EARTH, velocity + dv) - (C @ force - 2 * np.cross(EARTH, velocity))
+        # body rate relative to e, estimated and true; C_hat C^T = exp(-phi)
+        spin = C_hat @ (rate + b_g - C_hat.T @ EARTH) - turn @ C @ (rate - C.T @ EARTH)
+        return np.concatenate([d_velocity, -spin])
+
+    step = 1e-6
+    return C, force, np.array([(derivative(e) - derivative(-e)) / (2 * step) for e in np.eye(12) * step]).T
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_error_model_against_differences(seed):
+    C, force, F = _errors(seed)
+    A = ecef_kf.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))
+    assert np.allclose(np.array(ca.DM(A))[:6], F, atol=1e-8)
+    assert not np.array(ca.DM(A))[6:].any()
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_observation_of_a_mean_against_integration(seed):
     """The mean of the velocity error over a window from the error at its end."""
     rng = np.random.default_rng(seed)
-    C, force, T, n = Rotation.random(random_state=seed).as_matrix(), rng.normal(size=3) * 9, 0.5, 500
+    C, force, _ = _errors(seed)
+    T, n = 0.5, 500
     F = np.array(ca.DM(ecef_kf.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))))
     x = rng.normal(size=12)
     mean = np.zeros(3)
