@@ -13,6 +13,17 @@ from insenv import replay
 from insenv.evaluation.errors import CHANNELS
 
 EXAMPLES = ROOT / "examples"
+SAID = {  # what each script must print
+    "active_alignment.py": ("S-turns", "straight, constant speed"),
+    "align_a_ship.py": ("heading_deg", "limit"),
+    "compare_estimators.py": ("q-method", "gyrocompass", "limit at the end"),
+    "env_loop.py": ("aligned after", "limit"),
+    "navigate_a_log.py": ("vd_mps", "KF-GINS"),
+    "own_estimator.py": ("frozen frame", "q-method"),
+    "rank_navigators.py": ("wander-sins", "loosely-coupled", "limit"),
+    "rank_policies.py": ("quit", "bound"),
+    "step_by_step.py": ("90 s", "stated sigma"),
+}
 SHORTER = {"rank_navigators.py": ("--seeds", "4", "--duration", "30", "insenv/ShipNavigation-v0")}
 
 
@@ -28,7 +39,8 @@ def test_script(name, tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, encoding="utf-8", timeout=600)
     assert done.returncode == 0 and done.stderr == "", done.stderr
-    assert not list(tmp_path.iterdir()) and done.stdout and "nan" not in done.stdout
+    assert not list(tmp_path.iterdir()) and "nan" not in done.stdout
+    assert all(text in done.stdout for text in SAID[name]), done.stdout
 
 
 def test_the_files_of_the_plain_log_are_those_that_its_tool_writes():
