@@ -78,7 +78,7 @@ WIDE = float(np.radians(3.0))
 before found it.  At three of these sigmas a field is 1 % longer along its direction than a first order says, which the errors
 of the instrument take up."""
 PASSES = 4
-"""They find a heading that is 120 deg off."""
+"""They find a heading that is 60 deg off with honest sigmas."""
 
 
 def wide(x: Any, n: int) -> Any:
