@@ -10,6 +10,7 @@ import typer
 from insenv.cli import fmu
 from insenv.cli.bench import bench
 from insenv.cli.campaign import campaign
+from insenv.cli.describe import describe
 from insenv.cli.lists import examples, list_all, new, schema
 from insenv.cli.options import HELP
 from insenv.cli.reproduce import reproduce
@@ -25,7 +26,10 @@ app = typer.Typer(
     epilog="Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N (130: Ctrl-C).",
 )
 app.command("list")(list_all)
-for command in (run, replay, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema):
+commands = (
+    run, replay, describe, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema,
+)  # fmt: skip
+for command in commands:
     app.command()(command)
 app.add_typer(fmu.app, name="fmu")
 
