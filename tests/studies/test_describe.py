@@ -174,6 +174,21 @@ def test_what_names_and_sizes_say_of_gyros():
     assert [unit for unit, _ in gyro_units(turning / 60.0, "rate", 0.01)] == ["rad/s", "deg/s"]
 
 
+def test_whole_numbers_of_a_receiver_and_heights_that_are_not_in_metres(tmp_path):
+    """Latitude and longitude in 1e-7 deg are read to the digit; heights in mm, which no key states, are refused."""
+    header, gnss = rows_of(FILES[1])
+    gnss[:, 1:3] = np.rint(gnss[:, 1:3] * 1e7)
+    write(tmp_path, "gnss.csv", gnss, header)
+    made = describe([PLAIN / FILES[0], tmp_path / "gnss.csv"], folder=tmp_path)
+    assert made.keys["gnss"]["position_unit"] == "1e-7 deg"
+    (tmp_path / "log.toml").write_text(made.text, encoding="utf-8")
+    assert load(tmp_path / "log.toml").gnss.latitude == pytest.approx(np.radians(rows_of(FILES[1])[1][:, 1]), abs=1e-9)
+    gnss[:, 3] *= 1000.0
+    write(tmp_path, "gnss.csv", gnss, header)
+    with pytest.raises(UnclearError, match="not in metres"):
+        describe([PLAIN / FILES[0], tmp_path / "gnss.csv"], folder=tmp_path)
+
+
 def test_what_the_log_leaves_open_is_refused_in_one_sentence(tmp_path):
     """No fixes and no unit; decimal commas; two clocks; a flight log; a description."""
     header, imu = rows_of(FILES[0])

@@ -277,7 +277,7 @@ def _at(series: Array, place: Array) -> Array:
     return np.asarray(series[..., rows, low, :] * (1 - part) + series[..., rows, low + 1, :] * part)
 
 
-PRIOR = np.array([0.05] * 3 + [0.3] * 3 + [10.0] * 3 + [1.0, 0.3])
+PRIOR = np.array([0.05] * 3 + [0.3] * 3 + [4.0] * 3 + [1.0, 0.3])
 """Standard deviations of the errors of gyros (rad/s) and accelerometers (m/s^2), of the lever arm (m), of the delay (s) and
 of its change from the middle of the log to its end: what the motion does not show stays small."""
 GYRO, ACCEL, ARM, DELAY, DRIFT = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10

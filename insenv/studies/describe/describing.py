@@ -27,6 +27,8 @@ from insenv.studies.describe.written import description_text
 
 SUFFIXES = (".csv", ".txt", ".dat", ".tsv", ".asc", ".gz", ".zip")
 """Ends of the names of files that are looked at in a folder."""
+FEWER = 3.0
+"""Factor by which a file has fewer rows than that of the samples, if it is not another one with samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +117,7 @@ def _inertial_table(tables: Sequence[LogTable]) -> tuple[LogTable, list[Triads]]
             continue
         triads = triads_of(timed, [timed.time], timed.interval)
         if triads:
-            found.append((bool(positions(timed)), table, triads))
+            found.append((bool(positions(timed)), -len(timed.values), table, triads))
         else:
             why.append(
                 f"{table.file}: no two sets of three columns are gyros and accelerometers: one whose size is that of "
@@ -123,15 +125,15 @@ def _inertial_table(tables: Sequence[LogTable]) -> tuple[LogTable, list[Triads]]
                 "another of rates or increments"
             )
     if not found:
-        found = [(False, table, triads) for table, triads in _joined(tables)]
+        found = [(False, 0, table, triads) for table, triads in _joined(tables)]
     if not found:
         raise UnclearError("no file holds inertial samples:\n" + "\n".join(why))
-    found.sort(key=lambda each: each[0])
-    if len(found) > 1 and found[0][0] == found[1][0]:
+    found.sort(key=lambda each: each[:2])
+    if len(found) > 1 and found[0][0] == found[1][0] and found[0][1] > FEWER * found[1][1]:
         raise UnclearError(
-            f"{found[0][1].file} and {found[1][1].file} both hold inertial samples: describe one of them at a time"
+            f"{found[0][2].file} and {found[1][2].file} both hold inertial samples: describe one of them at a time"
         )
-    return found[0][1], found[0][2]
+    return found[0][2], found[0][3]
 
 
 def _joined(tables: Sequence[LogTable]) -> list[tuple[LogTable, list[Triads]]]:

@@ -15,13 +15,13 @@ import numpy as np
 
 from insenv import geodesy
 from insenv.logs.text import repeats
-from insenv.logs.units import Array
+from insenv.logs.units import ANGLE_UNITS, Array
 from insenv.studies.describe.agreement import Track
 from insenv.studies.describe.finding import Finding, UnclearError, listed
 from insenv.studies.describe.text_tables import LogTable
 
-ANGLES = {"deg": np.pi / 180, "rad": 1.0, "1e-7 deg": np.pi / 180e7}
-"""Units of latitude and longitude."""
+HIGHEST_M = 20_000.0
+"""Height that a vehicle does not exceed: beyond it the column is not in metres."""
 LARGEST_SPEED = 350.0
 """Speed (m/s) that a vehicle does not exceed."""
 LARGEST_EXTENT = np.radians(20.0)
@@ -81,7 +81,7 @@ def angle_units(table: LogTable, column: int, time: Array | None = None) -> list
     steps = steps[steps > 0]
     interval = _interval(table, column)
     units = []
-    for unit, scale in ANGLES.items():
+    for unit, scale in ANGLE_UNITS.items():
         reach = np.pi * 2 / scale
         if np.abs(values).max() > reach or np.ptp(values) * scale > LARGEST_EXTENT or np.median(np.abs(values)) * scale < 1e-6:
             continue
@@ -115,7 +115,7 @@ def positions(table: LogTable) -> list[tuple[int, int, str]]:
     found = []
     for a, b in pairs:
         for unit in angle_units(table, a):
-            within = np.nanmax(np.abs(table.values[:, a])) * ANGLES[unit] <= np.pi / 2
+            within = np.nanmax(np.abs(table.values[:, a])) * ANGLE_UNITS[unit] <= np.pi / 2
             if within and unit in angle_units(table, b):
                 found.append((a, b, unit))
     return found
@@ -125,7 +125,7 @@ def fixes_of(table: LogTable) -> list[Fixes]:
     """What the fixes of a table may be; several where velocities do not decide.  Raises `UnclearError` if there are none."""
     found = positions(table)
     if not found:
-        raise UnclearError(f"{table.file}: no two columns are latitude and longitude in {listed(ANGLES)}")
+        raise UnclearError(f"{table.file}: no two columns are latitude and longitude in {listed(ANGLE_UNITS)}")
     made = [_with_height(table, *each) for each in found]
     sure = [each for each in made if each.velocity is not None]
     return sure or made
@@ -149,12 +149,19 @@ def _with_height(table: LogTable, latitude: int, longitude: int, unit: str) -> F
     rows = np.isfinite(table.values[:, [table.time, latitude, longitude, height]]).all(axis=1)
     time = table.seconds[rows]
     data = table.values[rows]
+    usual = float(np.median(np.abs(data[:, height]))) if len(data) else 0.0
+    if usual > HIGHEST_M:
+        raise UnclearError(
+            f"{table.file}: column {table.label(height)}, the height, is {usual:.6g} in the median (allowed "
+            f"{HIGHEST_M:g} m): it is not in "
+            "metres, which replay reads alone"
+        )
     order = np.concatenate([[True], np.diff(time) > 0])
     time, data = time[order], data[order]
     again = repeats(time, data[:, [latitude, longitude, height]])
     if again is not None:
         time, data = time[again.rows], data[again.rows]
-    place = data[:, latitude] * ANGLES[unit], np.unwrap(data[:, longitude] * ANGLES[unit]), data[:, height]
+    place = data[:, latitude] * ANGLE_UNITS[unit], np.unwrap(data[:, longitude] * ANGLE_UNITS[unit]), data[:, height]
     track = Track(time, *place, spacing=SPACING_S)
     used = {table.time, latitude, longitude, height}
     free = [c for c in columns if c not in used and np.isfinite(data[:, c]).mean() > 0.95]
@@ -244,6 +251,12 @@ def _velocity(
     if down is None:
         return None, "down", ()
     follows, slope = verticals[down]
+    if down not in fitting and abs(follows) > FOLLOWS:
+        raise UnclearError(
+            f"{table.file}: the integral of column {table.label(down)} is {1 / abs(slope):.4g} times the change of the "
+            f"height: either is "
+            "not in metres"
+        )
     if down in fitting:
         vertical = "down" if follows > 0 else "up"
         says = f"column {table.label(down)} is that {vertical}: slope {slope:.3f}, correlation {follows:.3f}"

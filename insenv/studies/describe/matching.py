@@ -101,15 +101,16 @@ def agreed(table: LogTable, choices: Sequence[Choice], track: Track) -> Agreed:
             screened.append(_screened(choice, windows, track))
         tried += min(screened, key=lambda each: min(one.mean for one in each))
     best = _best(tried, track, START_DELAYS)
-    noise = _noise(track)
-    if best.left > EXPLAINED and float(best.fit.mean) > noise:
-        best = min((best, _best(tried, track, OTHER_DELAYS)), key=lambda each: each.left)
-    if best.left > EXPLAINED and float(best.fit.mean) > noise:
-        raise UnclearError(
-            f"{table.file}: whatever unit, order and sign its columns have, {100 * best.left:.3g} % of the changes of "
-            f"velocity that "
-            f"the fixes show remain unexplained (allowed {100 * EXPLAINED:g} %): are both of one drive and one clock?"
-        )
+    if best.left > EXPLAINED and float(best.fit.mean) > _noise(track):
+        # what is only as small as the noise shows no delay of seconds
+        later = _best(tried, track, OTHER_DELAYS)
+        if later.left > EXPLAINED:
+            raise UnclearError(
+                f"{table.file}: whatever unit, order and sign its columns have, {100 * best.left:.3g} % of the changes "
+                f"of velocity "
+                f"that the fixes show remain unexplained (allowed {100 * EXPLAINED:g} %): are both of one drive and one clock?"
+            )
+        best = later
     if best.unit_margin < SURE:
         raise UnclearError(
             f"{table.file}: two units or choices of columns fit about alike ({best.choice.gyro_unit}, "

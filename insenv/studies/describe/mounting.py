@@ -18,6 +18,8 @@ STEADY = 0.85
 """Length of the mean of unit vectors from which they have one direction."""
 TURNING = 0.1
 """Rate (rad/s) above which a vehicle may bank, so that its attitude says less of what is down."""
+STRAIGHT, LEAST_STRAIGHT = 0.03, 5.0
+"""Rate (rad/s) above which a vehicle does not go straight, and the number of pairs in which it has to."""
 OBLIQUE = np.radians(30.0)
 """Angle from the nearest axis from which a unit is not mounted along the axes."""
 
@@ -26,10 +28,12 @@ OBLIQUE = np.radians(30.0)
 class Mounting:
     """C_bs (3, 3) of the accelerometers' columns (with their sign), whether the forward axis is seen, the angles (deg) of
     the mean directions of down and forward from their axes, and the length of the mean forward direction; exact (3, 3): with
-    the mean directions themselves, which are those of a car."""
+    the mean directions themselves, which are
+    those of a car, with the standard deviation of its heading (rad)."""
 
     C_bs: Array
     exact: Array
+    heading_sigma: float
     forward_seen: bool
     down_off: float
     forward_off: float
@@ -64,24 +68,39 @@ def mounting(found: Agreed, table: LogTable) -> Mounting:
     if not seen:
         forward = next(each for each in np.eye(3) if abs(each @ axis) < 0.5)
     C_bs = np.stack([forward, np.cross(axis, forward), axis])
-    return Mounting(
-        C_bs,
-        _along_motion(C[moving], velocity[moving], weight[moving], down) if seen else C_bs,
-        seen,
-        down_off,
-        forward_off,
-        steadiness,
-    )
+    # in a turn the antenna moves sideways by its lever arm, and a window in which little happens has no heading
+    known = moving & (weight > 1.0 / (2.0 * MIN_HEADING_SIGMA**2))
+    straight = np.where(known, 1.0 / (1.0 + (_turning(found) / STRAIGHT) ** 2), 0.0)
+    if not seen or straight.sum() < LEAST_STRAIGHT:
+        return Mounting(C_bs, C_bs, np.pi, seen, down_off, forward_off, steadiness)
+    return Mounting(C_bs, *_along_motion(found, C_bs, down, straight), seen, down_off, forward_off, steadiness)
 
 
-def _along_motion(C: Array, velocity: Array, weight: Array, down: Array) -> Array:
-    """C_bs (3, 3) of a vehicle that moves where it points; down (3,): on the mean, which is right but for the pitch."""
-    ahead = np.einsum("nji,nj->ni", C, velocity) / np.linalg.norm(velocity, axis=1)[:, None]
-    x = np.average(ahead, axis=0, weights=weight)
-    x /= np.linalg.norm(x)
+def _along_motion(found: Agreed, C_bs: Array, down: Array, straight: Array) -> tuple[Array, float]:
+    """C_bs (3, 3) of a vehicle that moves where it points, and the standard deviation (rad) of its heading.
+
+    down (3,): on the mean, right but for the pitch; straight (n,): weights.  Medians count, because the heading of a window in
+    which little happens is wrong by anything.
+    """
+    C, velocity, _ = attitudes(found)
+    ahead = np.einsum("ij,nkj,nk->ni", C_bs, C, velocity) / np.linalg.norm(velocity, axis=1)[:, None]
+    heading, pitch = np.arctan2(ahead[:, 1], ahead[:, 0]), -np.arcsin(np.clip(ahead[:, 2], -1, 1))
+    middle = [_median(angle, straight) for angle in (heading, pitch)]
+    x = np.array([np.cos(middle[1]) * np.cos(middle[0]), np.cos(middle[1]) * np.sin(middle[0]), -np.sin(middle[1])]) @ C_bs
     y = np.cross(down, x)
     y /= np.linalg.norm(y)
-    return np.stack([x, y, np.cross(x, y)])
+    which = np.repeat(np.arange(len(found.pairs.valid)), found.pairs.valid.sum(axis=1))
+    parts = [which == w for w in np.unique(which) if straight[which == w].sum() > 0]
+    each = np.array([_median(heading[rows], straight[rows]) for rows in parts])
+    weights = np.array([straight[rows].sum() for rows in parts])
+    weights = weights / weights.sum()
+    spread = _median(np.abs(each - middle[0]), weights) / 0.6745
+    return np.stack([x, y, np.cross(x, y)]), float(spread * np.sqrt(np.sum(weights**2)))
+
+
+def _median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())])
 
 
 def mounting_angles(mount: Mounting) -> Array:

@@ -22,8 +22,9 @@ WIDENED = 3.0
 estimated."""
 DRIFTED, LEAST_DRIFT_S = 9.0, 0.01
 """Formal sigmas and time (s) by which a clock must drift over half of the log to be corrected."""
-MOUNTED_DEG = 4.0
-"""Angle (deg) from which a unit in a car is not mounted along its axes; a bias of 40 mg looks like 2.3 deg."""
+MOUNTED_SIGMAS, MOUNTED_DEG = 5.0, 5.0
+"""Standard deviations and angle (deg) from which a unit in a car is not mounted along its axes; biases of 40 mg look like
+2.3 deg, and more in a heading."""
 KNOWN_ARM_M = 0.3
 """Widened sigma (m) of a component of the lever arm from which the file asks for it."""
 OPEN_ARM_M = 2.0
@@ -49,7 +50,7 @@ def with_fixes(
     keys: dict[str, Any] = {} if vehicle.value is None else {"vehicle_kind": vehicle.value}
     keys["imu"] = _imu_keys(imu, found.choice, mount.C_bs)
     angles, C_bs = mounting_angles(mount), mount.C_bs
-    if vehicle.value == "car" and np.abs(angles).max() > MOUNTED_DEG:
+    if vehicle.value == "car" and np.abs(angles).max() > max(MOUNTED_DEG, MOUNTED_SIGMAS * np.degrees(mount.heading_sigma)):
         keys["imu"]["mounting_angles_deg"] = [round(float(each), 1) for each in angles]
         C_bs = mount.exact
         findings.append(
