@@ -82,7 +82,7 @@ _starting.prepare()  # before anything that takes long to import
 from typing import TYPE_CHECKING  # noqa: E402
 
 from insenv.base.registration import register as _register_environments  # noqa: E402
-from insenv.base.version import __version__ as __version__  # noqa: E402
+from insenv.base.shipped import __version__ as __version__  # noqa: E402
 
 if TYPE_CHECKING:
     from insenv import testing
@@ -191,9 +191,9 @@ if not TYPE_CHECKING:  # a type checker reads the imports above
 
         if name in _HOME:
             home = import_module(_HOME[name])
-            found = vars(home)[name] if name in vars(home) else import_module(f"{_HOME[name]}.{name}")
-            globals()[name] = found
-            return found
+            value = vars(home)[name] if name in vars(home) else import_module(f"{_HOME[name]}.{name}")
+            globals()[name] = value
+            return value
         if not name.startswith("_") and find_spec(f"{__name__}.{name}") is not None:
             return import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

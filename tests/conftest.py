@@ -1,7 +1,5 @@
 """Shared fixtures: a small model that exercises everything a model can do."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

@@ -4,7 +4,7 @@
     python tools/calibration.py SCENARIO [RUNS [STATE]]  STATE: axis by axis
 
 By state: the root mean square over runs and axes of the error before (what the data sheet states) and after, of the stated
-standard deviation after, and the smallest that any method can have.
+standard deviation after, and the theoretical lower bound.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 from pathlib import Path
@@ -305,7 +305,7 @@ def judged(one: Case, folder: Path) -> tuple[str, str]:
     return ("wrong", "; ".join(faults)) if faults else ("right", f"open: {', '.join(left_open)}" if left_open else "")
 
 
-def lines(seeds: range, each: bool = False) -> Iterator[str]:
+def lines(seeds: Iterable[int], each: bool = False) -> Iterator[str]:
     """The table, line by line."""
     counts: dict[str, Counter[str]] = {}
     for seed in seeds:
@@ -323,11 +323,12 @@ def lines(seeds: range, each: bool = False) -> Iterator[str]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", default=f"{FIRST_SEED}-{LAST_SEED}", help="first and last")
+    parser.add_argument("--seeds", default=f"{FIRST_SEED}-{LAST_SEED}", help="first and last, or several with commas")
     parser.add_argument("-v", "--each", action="store_true", help="a line for each log")
     given = parser.parse_args()
-    first, _, last = given.seeds.partition("-")
-    for line in lines(range(int(first), int(last or first) + 1), given.each):
+    parts = [part.partition("-") for part in given.seeds.split(",")]
+    seeds = [seed for first, _, last in parts for seed in range(int(first), int(last or first) + 1)]
+    for line in lines(seeds, given.each):
         print(line, flush=True)
 
 

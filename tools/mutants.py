@@ -35,6 +35,8 @@ else:
 
 ROOT = Path(__file__).parents[1]
 LIST = Path(__file__).with_suffix(".toml")
+FOUND_BY = Path(__file__).with_name("mutants-found.json")
+"""Which test found each fault in an earlier run (``--keep``)."""
 TRAVELS = ("insenv", "scenarios", "fmu", "web", "tests", "tools", "examples", "docs", "pyproject.toml", "README.md")
 REQUIRED, REQUIRED_FAST = 0.98, 0.95
 """Least share of the faults that all tests find, and that those of `make test` find."""
@@ -105,10 +107,10 @@ def copied(folder: Path) -> Path:
     return copy
 
 
-def tested(tree: Path, tests: tuple[str, ...], limit_s: float, marked: str = "not slow") -> tuple[str, str]:
+def tested(tree: Path, tests: tuple[str, ...], limit_s: float, marked: str = "not slow", workers: int = 0) -> tuple[str, str]:
     """Run tests in a copy of the tree until the first fails: (outcome, test that failed and why, or the end of the output).
 
-    marked: expression of the marks of the tests that run.
+    marked: expression of the marks of the tests that run.  workers: processes side by side, if not one.
     """
     arguments = [
         "-x",
@@ -122,6 +124,7 @@ def tested(tree: Path, tests: tuple[str, ...], limit_s: float, marked: str = "no
         "--no-header",
         "--tb=no",
         "-rfE",
+        *(("-n", str(workers), "--dist", "worksteal") if workers else ()),
         *tests,
     ]
     environment = {
@@ -145,8 +148,11 @@ def tested(tree: Path, tests: tuple[str, ...], limit_s: float, marked: str = "no
     return "broken", (done.stdout + done.stderr)[-2000:]
 
 
-def tried(mutant: Mutant, tree: Path, limit_s: float) -> Outcome:
-    """Make one fault in a copy of the tree, run its tests, and restore the file."""
+def tried(mutant: Mutant, tree: Path, limit_s: float, likely: str = "") -> Outcome:
+    """Make one fault in a copy of the tree, run its tests, and restore the file.
+
+    likely: the test that found it in an earlier run, which is run first.
+    """
     path, begun = tree / mutant.file, time.monotonic()
     source, times = path.read_text(encoding="utf-8"), path.stat()
     path.write_text(source.replace(mutant.text, mutant.becomes), encoding="utf-8")
@@ -154,7 +160,9 @@ def tried(mutant: Mutant, tree: Path, limit_s: float) -> Outcome:
     stamp = next(_SECONDS)
     os.utime(path, (stamp, stamp))
     try:
-        said, found_by = tested(tree, mutant.tests, limit_s)
+        said, found_by = tested(tree, (likely,), limit_s) if likely else ("survived", "")
+        if said != "killed":  # it may have another name now
+            said, found_by = tested(tree, mutant.tests, limit_s)
         if said == "survived":
             said, found_by = tested(tree, mutant.tests, limit_s, "slow")
             said = "slow" if said == "killed" else said
@@ -164,11 +172,11 @@ def tried(mutant: Mutant, tree: Path, limit_s: float) -> Outcome:
     return Outcome(mutant, said, found_by.split(" - ")[0] if said in FOUND else found_by, time.monotonic() - begun)
 
 
-def sound(mutants: list[Mutant], tree: Path) -> None:
+def sound(mutants: list[Mutant], tree: Path, workers: int) -> None:
     """Raise `SystemExit` if a test that is to find faults fails without one."""
     tests = tuple(dict.fromkeys(test for mutant in mutants for test in mutant.tests))
     begun = time.monotonic()
-    said, text = tested(tree, tests, 3600.0)
+    said, text = tested(tree, tests, 3600.0, workers=workers)
     if said != "survived":
         raise SystemExit(f"the tests fail without a fault: {said} {text}")
     print(f"without a fault the tests pass in {time.monotonic() - begun:.0f} s", flush=True)
@@ -191,6 +199,7 @@ def all_tried(mutants: list[Mutant], workers: int, limit_s: float, file: Path | 
     """Try every fault, some at a time; prints each outcome as it comes, and adds it to `file`."""
     outcomes = killed_before(mutants, file)
     known = {outcome.mutant for outcome in outcomes}
+    likely = json.loads(FOUND_BY.read_text(encoding="utf-8")) if FOUND_BY.exists() else {}
     left = [mutant for mutant in mutants if mutant not in known]
     if not left:
         return outcomes
@@ -199,13 +208,13 @@ def all_tried(mutants: list[Mutant], workers: int, limit_s: float, file: Path | 
         for _ in range(workers):
             trees.put(copied(Path(name)))
         tree = trees.get()
-        sound(left, tree)
+        sound(left, tree, workers)
         trees.put(tree)
 
         def one(mutant: Mutant) -> Outcome:
             tree = trees.get()
             try:
-                return tried(mutant, tree, limit_s)
+                return tried(mutant, tree, limit_s, likely.get(str(mutant), ""))
             finally:
                 trees.put(tree)
 
@@ -233,6 +242,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--limit", type=float, default=LIMIT_S, help="time limit of one fault, s")
     parser.add_argument("--resume", type=Path, help="file of outcomes: what it says was killed is not tried again")
     parser.add_argument("--list", action="store_true", help="check the list and print it")
+    parser.add_argument(
+        "--keep", action="store_true", help=f"write which test found each fault to {FOUND_BY.name}: it runs first"
+    )
     given = parser.parse_args(arguments)
     mutants = listed(given.files)
     if given.list:
@@ -243,6 +255,9 @@ def main(arguments: list[str] | None = None) -> int:
         raise SystemExit("no fault is listed for these files")
     begun = time.monotonic()
     outcomes = all_tried(mutants, given.workers, given.limit, given.resume)
+    if given.keep:
+        found_by = {str(each.mutant): each.found_by for each in outcomes if each.said == "killed"}
+        FOUND_BY.write_text(json.dumps(dict(sorted(found_by.items())), indent=0) + "\n", encoding="utf-8")
     left = [outcome for outcome in outcomes if outcome.said not in FOUND]
     fast = sum(outcome.said == "killed" for outcome in outcomes)
     total = len(outcomes)

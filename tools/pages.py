@@ -38,8 +38,8 @@ from insenv.scenario.tracks.readers import Columns
 from insenv.scenario.tracks.section import RecordedSection
 from insenv.scenario.tracks.waypoints import Waypoint, WaypointsSection
 from insenv.sensors import GnssSection, ImuSection
-from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
-from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, GNSS_STATED
+from insenv.sensors.catalogue import IMU_GRADES
+from insenv.sensors.gnss import FIGURES, GNSS_GRADES, GNSS_PARAMETERS, GNSS_STATE, GNSS_STATED
 from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 from insenv.sensors.registry import instruments, registered
@@ -243,13 +243,16 @@ def imu_grades() -> str:
 
 def gnss_grades() -> str:
     """The GNSS catalogue."""
-    head = ("grade", "what", "white position N, E, D (m)", "white velocity (m/s)", "correlated position", "source")
-    rows = []
-    for grade in GNSS_GRADES.values():
-        wander = f"{_figure(grade.wander_sigma_m)} m, {grade.wander_time_s:g} s" if any(grade.wander_sigma_m) else ""
-        noise = _figure(grade.position_noise_m), _figure(grade.velocity_noise_mps)
-        rows.append([f"`{grade.name}`", grade.title, *noise, wander, grade.source])
-    return markdown(head, rows)
+    rows = (
+        [
+            f"`{grade.name}`",
+            grade.title,
+            *(_figure(grade.figures[key]) if key in grade.figures else "" for key in FIGURES),
+            grade.source(""),
+        ]
+        for grade in GNSS_GRADES.values()
+    )
+    return markdown(("grade", "what", *(f"`{key}`" for key in FIGURES), "source"), rows)
 
 
 def _imu_grade(grade: ImuGrade) -> str:
@@ -313,9 +316,9 @@ def estimators_table() -> str:
 
 def remarks_table() -> str:
     """The codes of remarks with their texts, of all modules that declare some."""
-    estimators.registered()
-    for module in ("insenv.runs.replayed", "insenv.studies.campaign.plan"):
-        importlib.import_module(module)
+    for path in (ROOT / "insenv").rglob("*.py"):
+        if "insenv.base.remarks import" in path.read_text(encoding="utf-8"):
+            importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
     return markdown(("code", "text"), [[f"`{code}`", text] for code, text in sorted(TEXTS.items())])
 
 

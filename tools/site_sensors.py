@@ -12,7 +12,8 @@ from insenv.core.tables import Table
 from insenv.geodesy import OMEGA_IE
 from insenv.sensors import GNSS_GRADES, IMU_GRADES, ImuSection
 from insenv.sensors import registry as sensors
-from insenv.sensors.grades import GnssGrade, ImuGrade
+from insenv.sensors.figures import Grade
+from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 
 
@@ -86,14 +87,9 @@ def what_the_biases_cost(grade: ImuGrade) -> str:
     )
 
 
-def gnss_grade(grade: GnssGrade) -> str:
+def gnss_grade(grade: Grade) -> str:
     """The page of a grade of receivers."""
-    rows = [
-        ["white noise of the position, north, east, down", ", ".join(f"{v:g}" for v in grade.position_noise_m), "m"],
-        ["white noise of the velocity", ", ".join(f"{v:g}" for v in grade.velocity_noise_mps), "m/s"],
-        ["correlated error of the position", ", ".join(f"{v:g}" for v in grade.wander_sigma_m), "m"],
-        ["its correlation time", f"{grade.wander_time_s:g}", "s"],
-    ]
-    table = markdown(("figure, 1 sigma", "value", "unit"), rows)
+    rows = [[f"`{key}`", ", ".join(f"{v:g}" for v in np.atleast_1d(value))] for key, value in grade.figures.items()]
+    shown = f"{markdown(('figure, 1 sigma', 'value'), rows)}\n\nSource: {grade.source('')}." if rows else "No errors."
     section = f'[gnss]\ngrade = "{grade.name}"'
-    return f"# GNSS `{grade.name}`\n\n**{grade.title}**\n\n```toml\n{section}\n```\n\n{table}\n\nSource: {grade.source}.\n"
+    return f"# GNSS `{grade.name}`\n\n**{grade.title}**\n\n```toml\n{section}\n```\n\n{shown}\n"

@@ -115,7 +115,7 @@ export class Machine {
       const into = target.into === "known" ? known : p;
       const number = FORMS[target.form](value, target.scale);
       for (const at of target.at) into[at] = number;
-      for (const at of target.given) known[at] = 1;
+      for (const at of target.stated) known[at] = 1;
     }
   }
 

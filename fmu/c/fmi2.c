@@ -22,15 +22,17 @@
   do {                                      \
     Instance *it = (Instance *)c;           \
     if (it == NULL) return fmi2Error;       \
-    say(it, 1, "%s: %s", function, reason); \
+    say(it, ERROR, "%s: %s", function, reason); \
     return fmi2Error;                       \
   } while (0)
 
-static void say2(Instance *it, int is_error, const char *message) {
+static void say2(Instance *it, int level, const char *message) {
+  static const fmi2Status STATUSES[] = {fmi2OK, fmi2Error, fmi2Warning};
+  static const char *const CATEGORIES[] = {"logEvents", "logStatusError", "logStatusWarning"};
   fmi2CallbackLogger logger;
   memcpy(&logger, &it->logger, sizeof logger);
   if (logger == NULL) return;
-  logger(it->environment, it->name, is_error ? fmi2Error : fmi2OK, is_error ? "logStatusError" : "logEvents", "%s", message);
+  logger(it->environment, it->name, STATUSES[level], CATEGORIES[level], "%s", message);
 }
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
@@ -43,8 +45,8 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nC
   for (size_t i = 0; i < nCategories; ++i) {
     const char *name = categories[i] ? categories[i] : "NULL";
     if (!strcmp(name, "logEvents") || !strcmp(name, "logAll")) events = 1;
-    else if (strcmp(name, "logStatusError")) {
-      say(it, 1, "fmi2SetDebugLogging: no category %s: allowed is logAll, logEvents or logStatusError", name);
+    else if (strcmp(name, "logStatusError") && strcmp(name, "logStatusWarning")) {
+      say(it, ERROR, "fmi2SetDebugLogging: no category %s: allowed is logAll, logEvents, logStatusWarning or logStatusError", name);
       return fmi2Error;
     }
   }
@@ -73,7 +75,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
   memcpy(&it->logger, &functions->logger, sizeof it->logger);
   it->say = say2;
   it->events_logged = loggingOn != 0;
-  say(it, 0, "instantiated");
+  say(it, EVENT, "instantiated");
   return it;
 }
 
@@ -99,14 +101,14 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
 fmi2Status fmi2Terminate(fmi2Component c) {
   ENTER(STEPPING | FAILED, "fmi2Terminate");
   it->now.mode = TERMINATED;
-  say(it, 0, "terminated");
+  say(it, EVENT, "terminated");
   return fmi2OK;
 }
 
 fmi2Status fmi2Reset(fmi2Component c) {
   ENTER(ALWAYS, "fmi2Reset");
   to_start(it);
-  say(it, 0, "reset");
+  say(it, EVENT, "reset");
   return fmi2OK;
 }
 

@@ -23,15 +23,17 @@
   do {                                      \
     Instance *it = (Instance *)instance;    \
     if (it == NULL) return fmi3Error;       \
-    say(it, 1, "%s: %s", function, reason); \
+    say(it, ERROR, "%s: %s", function, reason); \
     return fmi3Error;                       \
   } while (0)
 
-static void say3(Instance *it, int is_error, const char *message) {
+static void say3(Instance *it, int level, const char *message) {
+  static const fmi3Status STATUSES[] = {fmi3OK, fmi3Error, fmi3Warning};
+  static const char *const CATEGORIES[] = {"logEvents", "logStatusError", "logStatusWarning"};
   fmi3LogMessageCallback logger;
   memcpy(&logger, &it->logger, sizeof logger);
   if (logger == NULL) return;
-  logger(it->environment, is_error ? fmi3Error : fmi3OK, is_error ? "logStatusError" : "logEvents", message);
+  logger(it->environment, STATUSES[level], CATEGORIES[level], message);
 }
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
@@ -43,8 +45,8 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, siz
   for (size_t i = 0; i < nCategories; ++i) {
     const char *name = categories[i] ? categories[i] : "NULL";
     if (!strcmp(name, "logEvents")) events = 1;
-    else if (strcmp(name, "logStatusError")) {
-      say(it, 1, "fmi3SetDebugLogging: no category %s: allowed is logEvents or logStatusError", name);
+    else if (strcmp(name, "logStatusError") && strcmp(name, "logStatusWarning")) {
+      say(it, ERROR, "fmi3SetDebugLogging: no category %s: allowed is logEvents, logStatusWarning or logStatusError", name);
       return fmi3Error;
     }
   }
@@ -96,7 +98,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
   memcpy(&it->logger, &logMessage, sizeof it->logger);
   it->say = say3;
   it->events_logged = loggingOn;
-  say(it, 0, "instantiated");
+  say(it, EVENT, "instantiated");
   return it;
 }
 
@@ -117,14 +119,14 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
 fmi3Status fmi3Terminate(fmi3Instance instance) {
   ENTER(STEPPING | FAILED, "fmi3Terminate");
   it->now.mode = TERMINATED;
-  say(it, 0, "terminated");
+  say(it, EVENT, "terminated");
   return fmi3OK;
 }
 
 fmi3Status fmi3Reset(fmi3Instance instance) {
   ENTER(ALWAYS, "fmi3Reset");
   to_start(it);
-  say(it, 0, "reset");
+  say(it, EVENT, "reset");
   return fmi3OK;
 }
 

@@ -6,8 +6,8 @@
  *     time | parameters | inputs | outputs        (FIRST_PARAMETER, FIRST_INPUT, FIRST_OUTPUT, N_VALUE)
  *
  * config.h, which insenv writes from the model's tables, defines the sizes, ROWS (the variables: name, unit, place, size,
- * bounds), START (start values), KIND (kind of each place) and how long a communication step may be.  equations.h holds the generated functions.  A function that refuses a call logs the reason and returns 0; a refused call
- * changes nothing.
+ * bounds), START (start values), KIND (kind of each place) and how long a communication step may be.  equations.h holds the
+ * generated functions.  A function that refuses a call logs the reason and returns 0; a refused call changes nothing.
  */
 #include <float.h>
 #include <math.h>
@@ -43,6 +43,21 @@ enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, TERMINATED = 8, FAILE
 
 #define SAID 512 /* longest message */
 
+#if defined(SAMPLE_NUMBER)
+/* What the inputs say about the samples, so that each counts once whatever the importer does between the rows of a log. */
+typedef struct {
+  int64_t steps;       /* steps made */
+  int64_t is_dt_given; /* the importer has set dt */
+  int64_t since_old;   /* steps since an increment that repeats or interpolates began */
+  int64_t spacing;     /* steps from one such increment to the next */
+  int64_t even;        /* how often in succession that spacing was met */
+  int64_t was_old;     /* the last increment repeats or interpolates */
+  double number;       /* the last sample_number; NOT_GIVEN */
+  double seconds, dt;  /* sums of the steps and of dt */
+  double last[2][6];   /* the increments of the last two steps */
+} Samples;
+#endif
+
 typedef struct {
   int32_t mode;
   int32_t stop_defined;
@@ -50,6 +65,9 @@ typedef struct {
   int64_t stale;      /* the outputs do not belong to the state */
   double start_time;  /* s */
   double stop_time;   /* s */
+#if defined(SAMPLE_NUMBER)
+  Samples fed;
+#endif
   double v[N_VALUE];
   double x[N_STATE + 1];
 } State;
@@ -61,8 +79,11 @@ struct Instance {
   char *name;
   void *environment;
   void *logger;
-  void (*say)(Instance *, int is_error, const char *message);
+  void (*say)(Instance *, int level, const char *message);
 };
+
+/* Levels of messages; an EVENT is logged only if the importer asks for it. */
+enum { EVENT, ERROR, WARNING };
 
 /* A saved state.  Its mark tells it from other memory when the importer passes it back. */
 typedef struct {
@@ -80,17 +101,17 @@ typedef struct {
 #if defined(__GNUC__)
 __attribute__((format(printf, 3, 4)))
 #endif
-static void say(Instance *it, int is_error, const char *format, ...) {
+static void say(Instance *it, int level, const char *format, ...) {
   char message[SAID];
   va_list values;
-  if (!is_error && !it->events_logged) return;
+  if (level == EVENT && !it->events_logged) return;
   va_start(values, format);
   vsnprintf(message, sizeof message, format, values);
   va_end(values);
-  it->say(it, is_error, message);
+  it->say(it, level, message);
 }
 
-#define REFUSE(...) return say(it, 1, __VA_ARGS__), 0
+#define REFUSE(...) return say(it, ERROR, __VA_ARGS__), 0
 
 static int is_finite(double value) { return value - value == 0; }
 
@@ -132,7 +153,7 @@ static void say_bad_value(Instance *it, const char *function, size_t place, doub
   const Row *row = row_of(place);
   char element[24] = "";
   if (row->size > 1) snprintf(element, sizeof element, " (element %lu)", (unsigned long)(place - row->place + 1));
-  say(it, 1, "%s: %s%s = %.15g %s: allowed is a %s number from %g to %g", function, row->name, element, value, row->unit,
+  say(it, ERROR, "%s: %s%s = %.15g %s: allowed is a %s number from %g to %g", function, row->name, element, value, row->unit,
       row->whole ? "whole" : "finite", row->lower, row->upper);
 }
 
@@ -159,6 +180,9 @@ static void to_start(Instance *it) {
   s->mode = INSTANTIATED;
   s->stale = 1;
   memcpy(s->v, START, sizeof s->v);
+#if defined(SAMPLE_NUMBER)
+  s->fed.number = NOT_GIVEN;
+#endif
 }
 
 static Instance *new_instance(const char *name) {
@@ -201,6 +225,9 @@ static int check_values(Instance *it, const char *function, size_t place, size_t
 
 static void put_values(Instance *it, size_t place, size_t size, const double *values) {
   memcpy(it->now.v + place, values, size * sizeof *values);
+#if defined(SAMPLE_NUMBER)
+  if (place == DT) it->now.fed.is_dt_given = 1;
+#endif
   if (KIND[place] != INPUT && it->now.mode != STEPPING) it->now.stale = 1;
 }
 
@@ -217,14 +244,14 @@ static int set_times(Instance *it, const char *function, double start_time, int 
 
 static int enter_initialization(Instance *it) {
   it->now.mode = INITIALIZATION;
-  say(it, 0, "initialization mode");
+  say(it, EVENT, "initialization mode");
   return 1;
 }
 
 static int exit_initialization(Instance *it) {
   if (!refresh(it)) return 0;
   it->now.mode = STEPPING;
-  say(it, 0, "step mode");
+  say(it, EVENT, "step mode");
   return 1;
 }
 
@@ -304,10 +331,89 @@ static int take_inputs(Instance *it, const char *function, double step, double *
   return 1;
 }
 
+#if defined(SAMPLE_NUMBER)
+#define NOT_GIVEN_TEXT                                                                                                         \
+  "sample_number and dt are not set: this FMU takes the inputs of each step as one sample of %.15g s and cannot see whether "  \
+  "the importer interpolates between rows; set sample_number (0, 1, 2, ... by row of the log)"
+#define ENOUGH 50      /* intervals of the same length that no noise gives by chance */
+#define FARTHEST 200   /* steps, the longest interval between two rows that is looked for */
+#define COLLINEAR 1e-4 /* of the change: an importer's weights between two rows have the rounding error of the time */
+
+/* Whether the increments `now` repeat those of the last step, or lie on a straight line with those of the last two. */
+static int is_old(const Samples *fed, const double *now) {
+  int repeats = 1, interpolates = fed->steps > 1;
+  for (int i = 0; i < 6; ++i) {
+    double one = fed->last[0][i], two = fed->last[1][i];
+    double rounding = 4 * DBL_EPSILON * (fabs(now[i]) + 2 * fabs(one) + fabs(two));
+    if (now[i] != one) repeats = 0;
+    if (fabs(now[i] - 2 * one + two) > COLLINEAR * fabs(now[i] - two) + rounding) interpolates = 0;
+  }
+  return fed->steps > 0 && (repeats || interpolates);
+}
+
+/* Whether no sample has come yet: a master that steps all parts and then transfers gives zeros in the first step, which an
+ * estimator would take for free fall.  No inertial unit near the Earth measures zeros; a numbered sample is one whatever it holds. */
+static int is_before_first(const State *s, const double *u) {
+  const double *angle = u + DELTA_ANGLE - FIRST_INPUT, *velocity = u + DELTA_VELOCITY - FIRST_INPUT;
+  int zeros = 1;
+  for (int i = 0; i < 3; ++i) zeros = zeros && angle[i] == 0 && velocity[i] == 0;
+  return zeros && s->fed.steps == 0 && s->v[SAMPLE_NUMBER] == NOT_GIVEN;
+}
+
+/* Refuse inputs of which the importer repeats, omits or interpolates samples; else put the sums after the step in `next`.
+ *
+ * sample_number proves the contrary.  Without it, a slower log shows in increments that repeat or interpolate at even intervals,
+ * and, if dt is set, in the sum of dt. */
+static int check_samples(Instance *it, const char *function, double step, const double *u, Samples *next) {
+  const double number = it->now.v[SAMPLE_NUMBER];
+  double now[6];
+  *next = it->now.fed;
+  memcpy(now, u + DELTA_ANGLE - FIRST_INPUT, 3 * sizeof *now);
+  memcpy(now + 3, u + DELTA_VELOCITY - FIRST_INPUT, 3 * sizeof *now);
+  if (number != NOT_GIVEN) {
+    if (number < 0 || fabs(number - floor(number + 0.5)) > 0.01)
+      REFUSE("%s: sample_number = %.9g: allowed is a whole number from 0.  The inputs lie between two samples: set them at the times "
+             "at which the importer steps, or export the FMU with the log's sample_interval", function, number);
+    if (next->number != NOT_GIVEN && fabs(number - next->number - 1) > 0.02)
+      REFUSE("%s: sample_number = %.9g follows %.9g: allowed is one sample a step, in order.  Export the FMU with the log's "
+             "sample_interval, and fill gaps first", function, number, next->number);
+    next->number = number;
+  } else if (is_old(next, now)) {
+    ++next->since_old;
+    if (!next->was_old) { /* an interval between such increments ends */
+      int64_t difference = next->since_old - next->spacing;
+      next->even = difference >= -1 && difference <= 1 && next->since_old > 1 && next->since_old <= FARTHEST ? next->even + 1 : 0;
+      if (next->even == 0) next->spacing = next->since_old;
+      next->since_old = 0;
+    }
+    next->was_old = 1;
+    if (next->even >= ENOUGH)
+      REFUSE("%s: delta_angle and delta_velocity repeat or interpolate earlier increments at even intervals, so that samples count "
+             "more than once: allowed is one sample of %.15g s a step.  Export the FMU with the log's sample_interval, or, if every "
+             "step has a sample of its own, set sample_number (0, 1, 2, ...)",
+             function, (double)SAMPLE_INTERVAL);
+  } else {
+    ++next->since_old;
+    next->was_old = 0;
+  }
+  next->seconds += step;
+  next->dt += u[DT - FIRST_INPUT];
+  if (fabs(next->dt - next->seconds) > 0.1 * next->seconds + 3 * step)
+    REFUSE("%s: dt adds up to %.6g s over %.6g s of steps: allowed is a log whose samples are as long as the steps within a tenth, "
+           "because each would otherwise count more than once, or not at all.  Export the FMU with the log's sample_interval",
+           function, next->dt, next->seconds);
+  memcpy(next->last[1], next->last[0], sizeof now);
+  memcpy(next->last[0], now, sizeof now);
+  ++next->steps;
+  return 1;
+}
+#endif
+
 /* Make a communication step. */
 static int do_step(Instance *it, const char *function, double point, double step) {
   State *s = &it->now;
   double u[N_INPUT + 1], samples, lost = 0, nothing = 1e-6 * SAMPLE_INTERVAL;
+  int64_t advances;
   /* a step that an importer computes as a difference of two times has their rounding error */
   double rounding = nothing + 4 * DBL_EPSILON * fabs(point);
 
@@ -315,11 +421,24 @@ static int do_step(Instance *it, const char *function, double point, double step
     REFUSE("%s: the communication point is %.15g s: the instance stands at %.15g s", function, point, s->v[0]);
   if (step > 0 && step < nothing) return 1; /* what is left to the stop time of an importer that sums up steps */
   if (!check_length(it, function, step, rounding, &samples)) return 0;
+  advances = (int64_t)samples;
   if (s->stop_defined && point + step > s->stop_time + 0.5 * SAMPLE_INTERVAL)
     REFUSE("%s: a step of %g s from %g s passes the stop time, %g s", function, step, point, s->stop_time);
   if (!take_inputs(it, function, step, u)) return 0;
+#if defined(SAMPLE_NUMBER)
+  if (is_before_first(s, u)) {
+    advances = 0;
+    say(it, EVENT, "no sample yet: the increments are zero");
+  } else {
+    Samples next;
+    if (!check_samples(it, function, step, u, &next)) return 0;
+    if (next.steps == 1 && next.number == NOT_GIVEN && !next.is_dt_given && !is_one_increment(s))
+      say(it, WARNING, NOT_GIVEN_TEXT, (double)SAMPLE_INTERVAL);
+    s->fed = next;
+  }
+#endif
 
-  for (int64_t k = 0; k < (int64_t)samples; ++k) advance(parameters(s), s->x, u);
+  for (int64_t k = 0; k < advances; ++k) advance(parameters(s), s->x, u);
 #if defined(DT)
   s->v[DT] = u[DT - FIRST_INPUT];
 #endif

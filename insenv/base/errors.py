@@ -6,7 +6,10 @@ Every message names the thing, its value and what is allowed.  The command line 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
 
 
 class InsenvError(Exception):
@@ -39,6 +42,45 @@ def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
 
 
 def guess(name: str, allowed: Iterable[str]) -> str:
-    """The nearest allowed name as a question; empty if none is near."""
-    close = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    """The nearest allowed name as a question; empty if none is near.
+
+    A name with another first letter must be nearer: 'super' is not a misspelt 'consumer'.
+    """
+    for close in difflib.get_close_matches(name, list(allowed), n=NEAREST_NAMES, cutoff=0.5):
+        if close[:1].lower() == name[:1].lower() or difflib.SequenceMatcher(None, close, name).ratio() >= 0.7:
+            return f"; did you mean {close!r}?"
+    return ""
+
+
+# Errors of functions that an author writes (of steps, vehicles, sensors): they name the function and its fault.
+
+
+@contextmanager
+def naming(where: str, prefixed: bool = True) -> Iterator[None]:
+    """Raise an error of the block as an `InputError` that begins with `where`, with the original as its cause.
+
+    prefixed: whether the message of an `InputError` begins with `where` too; else it stays.
+    """
+    try:
+        yield
+    except InputError as error:
+        if not prefixed:
+            raise
+        raise InputError(f"{where}: {error}") from error
+    except InsenvError:
+        raise
+    except Exception as error:
+        raise InputError(f"{where}: {_fault(error)}") from error
+
+
+def _fault(error: Exception) -> str:
+    """One line about an error of Python, NumPy or CasADi."""
+    if isinstance(error, AttributeError) and isinstance(error.obj, SimpleNamespace):
+        return f"no row named {error.name!r}{nearest(str(error.name), vars(error.obj))}"
+    text = str(error).strip()
+    if "truth value" in text:
+        return (
+            "a CasADi symbol has no truth value: allowed is casadi.if_else instead of `if`, casadi.logic_and instead of `and`"
+        )
+    line = re.sub(r"^\.\.\./casadi/\S+ ", "", text.splitlines()[-1].strip()) if text else "no message"
+    return f"{type(error).__name__}: {line}"

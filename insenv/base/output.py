@@ -6,17 +6,30 @@ complete, and an interruption leaves the earlier file as it was.
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
+import re
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from insenv.base.errors import InputError, InsenvError
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_PART = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
+"""Names of temporary files, as `staged` makes them."""
+
+
+def cannot_write(path: Path, error: OSError) -> InsenvError:
+    """The error about a path that cannot be written: `InputError`, which another call mends, unless the disk is full."""
+    kind = InsenvError if error.errno in _FULL else InputError
+    return kind(f"cannot write {str(path)!r}: {error.strerror or error}")
 
 
 def as_path(what: str, value: object) -> Path:
@@ -39,22 +52,33 @@ def check_output_file(path: Path, ending: str = "") -> None:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
-        raise InputError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+        raise cannot_write(path, error) from None
 
 
 @contextmanager
 def staged(folder: Path, private: bool = False) -> Iterator[Callable[[str], Path]]:
     """Give a function from a final name in `folder` to a temporary path; rename all files at the end of the block, or none.
 
-    If the block fails, the temporary files are removed.
+    If the block fails, the temporary files are removed; so are, first, those that a killed process has left in the folder.
     private: readable and writable by the owner alone; otherwise permissions follow the umask.
-    Raises OSError, and `InsenvError` if a folder has one of the names.
+    Raises OSError, which names a final path, and `InsenvError` if a folder has one of the names.
     """
     parts: dict[Path, Path] = {}
+    handles: list[int] = []
+    _remove_left(folder)
 
     def part(name: str) -> Path:
-        handle, path = tempfile.mkstemp(prefix=f".{name}.", suffix=".part", dir=folder)
-        os.close(handle)
+        try:
+            handle, path = tempfile.mkstemp(prefix=f".{name}.", suffix=".part", dir=folder)
+        except OSError as error:
+            error.filename = str(folder / name)
+            raise
+        if _HELD_WHILE_WRITTEN:
+            handles.append(handle)
+            with suppress(OSError):  # a file system without locks
+                _take(handle)
+        else:
+            os.close(handle)
         parts[Path(path)] = folder / name
         return Path(path)
 
@@ -70,10 +94,36 @@ def staged(folder: Path, private: bool = False) -> Iterator[Callable[[str], Path
                 temporary.chmod(0o666 & ~mask)
         for temporary, final in parts.items():
             os.replace(temporary, final)
+    except OSError as error:
+        if len(parts) == 1 and (error.filename is None or Path(str(error.filename)) in parts):
+            error.filename = str(*parts.values())
+        elif error.filename is None and error.errno in _FULL:
+            error.filename = str(folder)
+        raise
     finally:
         for temporary in parts:
             with suppress(OSError):
                 temporary.unlink()
+        for handle in handles:
+            os.close(handle)
+
+
+def _remove_left(folder: Path) -> None:
+    """Remove temporary files whose process has ended: it holds a lock on each while it writes; else what is old is left."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for path in [Path(entry.path) for entry in entries if _PART.fullmatch(entry.name)]:
+            with suppress(OSError):
+                if not _HELD_WHILE_WRITTEN:
+                    is_left = time.time() - path.stat().st_mtime > _OLD_S
+                else:
+                    handle = os.open(path, os.O_RDWR)
+                    try:
+                        _take(handle)
+                        is_left = True
+                    finally:
+                        os.close(handle)
+                if is_left:
+                    path.unlink()
 
 
 @contextmanager
@@ -108,6 +158,10 @@ def finite(value: Any) -> Any:
 
 
 # A lock on a file, which one process at a time holds; the system releases it when the process ends, however it ends.
+
+_HELD_WHILE_WRITTEN = sys.platform != "win32"
+"""Whether a temporary file is locked while it is written: Windows renames no open file."""
+_OLD_S = 3600.0
 
 if sys.platform == "win32":
     import msvcrt

@@ -18,6 +18,17 @@ TEXTS: dict[str, str] = {}
 _NAMED = re.compile(r"\{(\w+)(?::[^{}]*)?\}")
 
 
+LATE_S = 1e6
+"""Times from which on a log counts from a date, such as Unix time: s."""
+
+
+def clock(time_s: float, digits: int = 6) -> str:
+    """A time of a log in a sentence: with so many significant digits, or from `LATE_S` on in full, to the millisecond."""
+    if abs(time_s) < LATE_S:
+        return f"{time_s:.{digits}g}"
+    return f"{time_s:.3f}".rstrip("0").rstrip(".")
+
+
 class Remark(str):
     """A sentence with its code."""
 
@@ -30,6 +41,10 @@ class Remark(str):
 
     def __reduce__(self) -> tuple[type[Remark], tuple[str, str]]:
         return type(self), (self.code, str(self))
+
+    def of(self, who: str) -> Remark:
+        """With the name of what it is about before it."""
+        return type(self)(self.code, f"{who}: {self}")
 
     def filled(self, **values: Any) -> Remark:
         """With values for the names in braces; other braces stay."""
@@ -69,10 +84,11 @@ def remark(
 
 
 def coded(sentences: Iterable[str], code: str) -> tuple[Remark, ...]:
-    """Sentences as remarks: those without a code get this one."""
+    """Sentences of code outside the package as remarks: those without a code get this one."""
     return tuple(each if isinstance(each, Remark) else Remark(code, each) for each in sentences)
 
 
-def as_json(remarks: Iterable[str], code: str = "note") -> list[dict[str, str]]:
-    """The documented JSON form; code: of sentences without one."""
-    return [{"code": each.code, "text": str(each)} for each in coded(remarks, code)]
+def as_json(remarks: Iterable[Remark], key: str = "notes") -> dict[str, Any]:
+    """The documented JSON form: the sentences by `key`, and the same with their codes."""
+    said = list(remarks)
+    return {key: list(said), "remarks": [{"code": each.code, "text": str(each)} for each in said]}

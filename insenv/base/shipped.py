@@ -1,10 +1,13 @@
-"""What insenv ships, by name: where each estimator, kind of vehicle and sensor is defined, in the order of listings.
+"""What insenv ships: its version, and where each estimator, kind of vehicle and sensor is defined, in the order of listings.
 
 As the entry points of an outside package, a place is ``"module:attribute"``, imported when the thing is asked for
 (`insenv.base.plugins`), so that a command imports only what it uses.
 """
 
 from __future__ import annotations
+
+__version__ = "0.1.0"
+"""Here, where every module can import it without the public face of the package."""
 
 ESTIMATORS = {
     "analytic": "insenv.estimators.analytic:ESTIMATOR",

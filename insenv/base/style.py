@@ -80,13 +80,6 @@ def save(figure: Figure, paths: Mapping[str, Path | BinaryIO]) -> None:
             figure.savefig(path, format=kind, dpi=150, metadata=metadata.get(kind, {}))
 
 
-def save_both(figure: Figure, stem: str | Path) -> list[Path]:
-    """Save as STEM.png and STEM.svg; return both paths."""
-    paths = {kind: Path(f"{stem}.{kind}") for kind in ("png", "svg")}
-    save(figure, paths)
-    return list(paths.values())
-
-
 def title(figure: Figure, text: str) -> None:
     """The title of a figure, as plain text."""
     figure.suptitle(text.replace("$", r"\$"), fontsize=TITLE)

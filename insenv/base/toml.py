@@ -209,9 +209,17 @@ def read_toml(path: str | Path, hints: Mapping[str, str] | None = None) -> dict[
     except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
         if content != OTHER or path.suffix.lower() != ".toml":
             raise InputError(f"{path}: {content}, not a TOML file{hint}") from None
-        raise InputError(f"{path}: not valid TOML: {error}") from None
+        raise InputError(f"{path}: not valid TOML: {_said_by_parser(str(error))}") from None
     except RecursionError:
         raise InputError(f"{path}: not valid TOML: nested too deeply") from None
+
+
+def _said_by_parser(message: str) -> str:
+    """What the TOML parser says; a doubled key by its line."""
+    line = re.search(r"at line (\d+)", message)
+    if line and re.match(r"Cannot (overwrite a value|mutate|declare .* twice)", message):
+        return f"line {line[1]} gives a key or table that the file has before: allowed is each once"
+    return message
 
 
 def validated(model: type[AnyModel], data: Any, label: str) -> AnyModel:
@@ -300,10 +308,10 @@ def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[Ba
         return dotted, f": {_LENGTHS[kind].format(**context)} {noun}, {context['actual_length']} given"
     other = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")  # a validator's own message
     begun = isinstance(value, str) and other.startswith(f"{value}: ")  # a message about the file at this path
-    given = "" if begun or value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
+    stated = "" if begun or value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
     limits = {name: plain(limit) if isinstance(limit, (int, float)) else limit for name, limit in context.items()}
     allowed = _MESSAGES[kind].format(**limits) if kind in _MESSAGES else other
-    said = f"{given}: {allowed}"
+    said = f"{stated}: {allowed}"
     return dotted, said if dotted else said.removeprefix(" = ").removeprefix(": ")  # of the whole, the label says what it is
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, nearest
 from insenv.base.installing import is_installed
 from insenv.base.output import WIDTH
 from insenv.bench.figure import Figure
@@ -26,7 +26,8 @@ def figures(only: str | None = None) -> Iterator[Figure]:
     known = _measurements()
     chosen = {name: entry for name, entry in known.items() if only is None or name.startswith(only)}
     if not chosen:
-        raise InputError(f"no figure starts with {only!r} (allowed: {', '.join(known)})")
+        groups = dict.fromkeys(name.partition(".")[0] for name in known)
+        raise InputError(f"no figure starts with {only!r}{nearest(str(only), groups)}")
     for name, (unit, measure) in chosen.items():
         yield replace(measure(), name=name, unit=unit)
 
@@ -45,10 +46,10 @@ def machine() -> dict[str, str | int]:
     }
 
 
-def machine_line(found: Mapping[str, str | int]) -> str:
+def machine_line(machine: Mapping[str, str | int]) -> str:
     """What `machine` returned in one line."""
-    words = {"cores": "1 core" if found["cores"] == 1 else "{} cores", "python": "Python {}", "compilers": "compilers: {}"}
-    return ", ".join(words.get(name, "{}").format(value) for name, value in found.items())
+    words = {"cores": "1 core" if machine["cores"] == 1 else "{} cores", "python": "Python {}", "compilers": "compilers: {}"}
+    return ", ".join(words.get(name, "{}").format(value) for name, value in machine.items())
 
 
 def document(measured: Sequence[Figure]) -> Document:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from insenv.bench.figure import Figure, empty_loop, median_time
 from insenv.core.runner import make_runner
 from insenv.web.live import Live, compressed, live, page
-from insenv.web.start import told_places
+from insenv.web.start import reported_places
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class PageMachine:
         """Start with a seed of the page."""
         live = self.live
         p = np.array(live.parameters if parameters is None else parameters)
-        for place, _ in told_places(live.page, live.plant):
+        for place, _ in reported_places(live.page, live.plant):
             p[place] = 0.0  # begin fills it in; without this, one that does not would go unseen
         p[live.page.model.parameters.slice("seed")] = seed
         k = np.array(live.known if known is None else known)
@@ -61,10 +61,6 @@ class PageMachine:
             shown.append(self._get(self._y, count // every * self._width).reshape(-1, self._width))
             n -= count
         return np.concatenate(shown)
-
-    def set_inputs(self, u: Array) -> None:
-        """Inputs of the next samples."""
-        self._set(self._u, u)
 
     @property
     def parameters(self) -> Array:

@@ -43,9 +43,9 @@ def drift(sample_interval: float, q_nb: Array, latitude: Array, longitude: Array
         warnings.simplefilter("ignore")
         trajectory, imu = pyins.sim.generate_imu(times, places, angles, sensor_type="increment")
         increments = pyins.strapdown.compute_increments_from_imu(imu, "increment")
-        found = pyins.strapdown.Integrator(trajectory.iloc[0]).integrate(increments)
+        integrated = pyins.strapdown.Integrator(trajectory.iloc[0]).integrate(increments)
         columns = ["lat", "lon", "alt"]
-        error_ned = pyins.transform.compute_lla_difference(found[columns].values, trajectory[columns].values)
+        error_ned = pyins.transform.compute_lla_difference(integrated[columns].values, trajectory[columns].values)
     return f"pyins {_version()}, its own increments and integration", float(np.abs(error_ned).max() * 1e3)
 
 

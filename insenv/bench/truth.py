@@ -70,8 +70,8 @@ def _drift_ned(plant: Plant, start: dict[str, Any], truth: dict[str, Any], id: s
         "delta_velocity": truth["true_delta_velocity"],
         "dt": np.full(plant.samples, plant.sample_interval),
     }
-    found = estimator.outputs.unpack(navigator.run(plant.samples, input_rows(estimator, columns, plant.samples)))
-    places = [(t["latitude"], t["longitude"], t["height"]) for t in (found, truth)]
+    estimate = estimator.outputs.unpack(navigator.run(plant.samples, input_rows(estimator, columns, plant.samples)))
+    places = [(t["latitude"], t["longitude"], t["height"]) for t in (estimate, truth)]
     return np.abs(geodesy.numeric.ned_offset(*places[0], *places[1])).max(axis=0) * 1e3
 
 

@@ -76,7 +76,11 @@ def _report(error: BaseException, arguments: Sequence[str], number: int) -> int:
         kind, status, message = "Interrupted", 128 + number, str(error) or starting.message(number)
     elif hasattr(error, "format_message"):  # the parser's UsageError, whose module differs between versions of typer
         context = getattr(error, "ctx", None)
-        kind, status, message = "InputError", WRONG, _plain(error.format_message(), arguments, context)
+        kind, status, message = (
+            "InputError",
+            WRONG,
+            _plain(error.format_message(), arguments, context, getattr(error, "param", None)),
+        )
         hint = f" (try '{context.command_path if context else 'insenv'} --help')"
     elif isinstance(error, InsenvError):
         message = str(error)
@@ -106,14 +110,46 @@ _PARSER_TEXTS = (
 )
 
 
-def _plain(message: str, arguments: Sequence[str], context: Any) -> str:
-    """A message of the parser in the words of all other messages.  context: of the parser, or None."""
+def _plain(message: str, arguments: Sequence[str], context: Any, parameter: Any) -> str:
+    """A message of the parser in the words of all other messages.  context, parameter: of the parser, or None."""
     extra = re.match(r"Got unexpected extra argument\S* \((\S+).*\)$", message)
     if extra and context is not None:
         return _extra_argument(extra[1], arguments, context)
+    missing = re.match(r"Missing (?:argument|option|parameter) '([^']+)'", message)
+    if missing and context is not None:
+        if _is_option(parameter):
+            return f"{parameter.opts[0]} {parameter.metavar} is missing: {parameter.help.rstrip('.')}"
+        return f"{missing[1]} is missing: allowed is {_usage(context)}"
     for pattern, text in _PARSER_TEXTS:
         message = re.sub(pattern, text, message)
+    wrong = re.match(r"Invalid value for '([^']+)'[^:]*: (.*)", message, re.DOTALL)
+    value = _value_of(parameter, arguments)
+    if wrong and value is not None and value not in wrong[2]:
+        return f"{wrong[1]} {value}: {wrong[2]}"
     return message
+
+
+def _value_of(parameter: Any, arguments: Sequence[str]) -> str | None:
+    """The last value that the command line gives an option; None if it gives none, or for an argument."""
+    found = None
+    for name in parameter.opts if _is_option(parameter) else ():
+        for place, text in enumerate(arguments):
+            if text == name and place + 1 < len(arguments):
+                found = arguments[place + 1]
+            elif name.startswith("--") and text.startswith(f"{name}="):
+                found = text.partition("=")[2]
+            elif len(name) == 2 and text.startswith(name) and not text.startswith("--") and len(text) > 2:
+                found = text[2:]
+    return found
+
+
+def _is_option(parameter: Any) -> bool:
+    return getattr(parameter, "param_type_name", "") == "option"
+
+
+def _usage(context: Any) -> str:
+    """The command with its arguments, which newer versions of the parser put in braces."""
+    return re.sub(r"[{}]", "", " ".join([context.command_path, *context.command.collect_usage_pieces(context)]))
 
 
 def _extra_argument(value: str, arguments: Sequence[str], context: Any) -> str:
@@ -123,5 +159,4 @@ def _extra_argument(value: str, arguments: Sequence[str], context: Any) -> str:
     for before, argument in pairwise(arguments):
         if argument == value and before in flags:
             return f"{value!r} after {before}, which takes no value: {flags[before].help}"
-    allowed = " ".join([context.command_path, *command.collect_usage_pieces(context)])
-    return f"{value!r} is an argument too many: allowed is {allowed}"
+    return f"unexpected argument {value!r}: allowed is {_usage(context)}"

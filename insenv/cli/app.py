@@ -8,29 +8,27 @@ from typing import Annotated, Any
 import typer
 
 from insenv.cli import fmu
-from insenv.cli.bench import bench
 from insenv.cli.campaign import campaign
 from insenv.cli.describe import describe
 from insenv.cli.lists import examples, list_all, new, schema
-from insenv.cli.options import HELP
-from insenv.cli.reproduce import reproduce
+from insenv.cli.measures import bench, reproduce
+from insenv.cli.options import HELP, OnceCommand
 from insenv.cli.runs import page, replay, run
 from insenv.cli.stream import stream
 from insenv.cli.studies import allan, budget, train, tune
 
 app = typer.Typer(
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings=HELP,
     help="Simulate vehicles with inertial sensors, and align and navigate them.",
     epilog="Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N (130: Ctrl-C).",
 )
-app.command("list")(list_all)
+app.command("list", cls=OnceCommand)(list_all)
 commands = (
     run, replay, describe, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema,
 )  # fmt: skip
 for command in commands:
-    app.command()(command)
+    app.command(cls=OnceCommand)(command)
 app.add_typer(fmu.app, name="fmu")
 
 
@@ -46,7 +44,7 @@ def root(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
 ) -> None:
     if version:
-        from insenv.base.version import __version__
+        from insenv.base.shipped import __version__
 
         print(f"insenv {__version__}")
         raise typer.Exit(0)

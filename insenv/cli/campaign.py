@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import Duration, FirstSeed, Output, Scenario, Settings, command
+from insenv.cli.options import Duration, FirstSeed, Output, Scenario, Settings, changed_scenario, command, each_once
 
 if TYPE_CHECKING:
     from insenv.studies.campaign.running import Workers
@@ -34,7 +34,10 @@ def campaign(
         str, typer.Option(metavar="NAME", help="Spread varied keys over the runs: random, latin, sobol or saltelli.")
     ] = "random",
     settings: Settings = None,
-    workers: Annotated[Optional[int], typer.Option(metavar="N", help="Use N processes instead of threads.")] = None,  # noqa: UP045
+    workers: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option("--workers", "--jobs", "-j", metavar="N", help="Use N processes instead of threads."),
+    ] = None,
     scheduler: Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:PORT.")] = None,  # noqa: UP045
     resume: Annotated[bool, typer.Option("--resume", help="Continue from the results in the folder of --out.")] = False,
     table: Annotated[
@@ -43,7 +46,6 @@ def campaign(
     ] = None,
 ) -> None:
     """Run a scenario many times (Monte Carlo); print the statistics of the errors beside their theoretical limit."""
-    from insenv.estimators.settings import parsed_settings
     from insenv.report.tables import runs_of
     from insenv.studies.campaign import compare, make_plans, parse_variation, run_campaigns, stores_of
     from insenv.studies.campaign.comparison import write_comparison
@@ -58,9 +60,10 @@ def campaign(
         check_format(table)
     pool = _workers(workers, scheduler)
     variations = [parse_variation(text) for text in vary or []]
+    loaded, values = changed_scenario(scenario, settings)
     plans = make_plans(
-        scenario, estimator, runs, first_seed=seed, duration_s=duration, variations=variations, design=design,
-        settings=parsed_settings(settings or []),
+        loaded, each_once(estimator), runs, first_seed=seed, duration_s=duration, variations=variations, design=design,
+        settings=values,
     )  # fmt: skip
     stores = stores_of(None if folder is None else folder.path, plans, resume)
     with output.working(f"{plans[0].name}, {runs_of(runs)}") as progress:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
+from insenv.cli.output import is_quiet
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
@@ -24,11 +26,11 @@ _REJECTED = ("wrong_checksum", "unsigned", "wrongly_signed", "replayed", "stale"
 
 @contextmanager
 def dashboard(running: Stream, request: Ending) -> Iterator[Callable[[Stream], None] | None]:
-    """A dashboard on stderr while the block runs; None if stderr is not a terminal.
+    """A dashboard on stderr while the block runs; None with --quiet or if stderr is not a terminal.
 
     A terminal that is closed, so that nothing can be written to it, is a request to end.
     """
-    if not sys.stderr.isatty():
+    if is_quiet() or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, command, given_path, one
+from insenv.cli.options import HELP, Estimator, Json, OnceCommand, Scenario, Seed, command, given_path, one
 
 if TYPE_CHECKING:
     from insenv.fmu.running import Outputs
@@ -42,13 +42,13 @@ class Version(str, Enum):
     three = "3"
 
 
-@app.command("export")
+@app.command("export", cls=OnceCommand)
 @command
 def export_fmu(
     subject: Annotated[
         str, typer.Argument(metavar="ID|SCENARIO", help="An estimator's id, or a scenario, whose plant is exported.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", parser=given_path, metavar="X.fmu", help="File to write.")],
+    output: Annotated[Path, typer.Option("--output", "--out", "-o", parser=given_path, metavar="X.fmu", help="File to write.")],
     estimator: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(
@@ -91,12 +91,12 @@ def export_fmu(
     print_answer(as_json, content, lines)
 
 
-@app.command("ssp")
+@app.command("ssp", cls=OnceCommand)
 @command
 def ssp(
     scenario: Scenario,
     estimator: Estimator,
-    output: Annotated[Path, typer.Option("--output", "-o", parser=given_path, metavar="X.ssp", help="File to write.")],
+    output: Annotated[Path, typer.Option("--output", "--out", "-o", parser=given_path, metavar="X.ssp", help="File to write.")],
     seed: Seed = None,
     fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs, which have scalars in both.")] = Version.two,
     platform: Platforms = None,
@@ -116,7 +116,7 @@ def ssp(
     print_answer(as_json, {"written": str(output), **made}, lines)
 
 
-@app.command("run")
+@app.command("run", cls=OnceCommand)
 @command
 def run(
     fmu: Annotated[
@@ -136,7 +136,7 @@ def run(
     ] = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--output", "-o", parser=given_path, metavar="CSV", help="Write the outputs there."),
+        typer.Option("--output", "--out", "-o", parser=given_path, metavar="CSV", help="Write the outputs there."),
     ] = None,
     step: Annotated[
         Optional[float],  # noqa: UP045

@@ -59,7 +59,6 @@ def _known(what: What) -> dict[str, Rows]:
     from insenv.base.toml import summary
     from insenv.estimators.fusion.available import all_aids, all_states
     from insenv.sensors import registry
-    from insenv.sensors.figures import FiguresSection
 
     if what is What.scenarios:
         return {"scenarios": scenario.summaries()}
@@ -88,9 +87,8 @@ def _known(what: What) -> dict[str, Rows]:
     lists = {key: _titled("name", {name: known[name].title for name in real_first(known)}) for key, known in grades.items()}
     lists["instrument_grades"] = [
         {"sensor": id, "name": grade.name, "title": grade.title}
-        for id, section in registry.registered().items()
-        if issubclass(section, FiguresSection)
-        for grade in section.grades.values()
+        for id, each in registry.instruments().items()
+        for grade in each.grades.values()
     ]
     return lists
 
@@ -156,7 +154,7 @@ def _print_names() -> None:
 
     rows = [(what, ", ".join(names)) for what, names in _names()]
     print_table(("what", "names"), rows, head=False)
-    print_line("titles, states, aids, instruments, what papers simulate: insenv list WHAT")
+    print_line("titles, states, aids, instruments, scenarios of papers: insenv list WHAT")
 
 
 _HEADS = {
@@ -250,7 +248,8 @@ def new(
     if file.suffix != ".toml":
         raise InputError(f"FILE = {str(file)!r}: allowed is a name that ends in .toml")
     if not file.parent.is_dir():
-        raise InputError(f"cannot write {str(file)!r}: there is no folder {str(file.parent)!r}")
+        what = "is not a folder" if file.parent.exists() else "does not exist"
+        raise InputError(f"cannot write {str(file)!r}: {str(file.parent)!r} {what}")
     source = examples_folder()
     if kind is Kind.scenario:
         texts = {file.name: _renamed(source / "own_scenario.toml", {"examples/own_scenario.toml": file.as_posix()})}
@@ -284,7 +283,7 @@ def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
 
     Raises `InputError` if one exists with another content or the folder cannot be written to.
     """
-    from insenv.base.output import staged
+    from insenv.base.output import cannot_write, staged
 
     try:
         equal = [name for name, text in texts.items() if (folder / name).is_file() and (folder / name).read_bytes() == text]
@@ -305,6 +304,8 @@ def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
                 for name, text in texts.items():
                     if (folder / name).parent == place:
                         part(Path(name).name).write_bytes(text)
+    except FileExistsError:
+        raise InputError(f"cannot write to the folder {str(folder)!r}: it is a file") from None
     except OSError as error:
-        raise InputError(f"cannot write {str(error.filename or folder)!r}: {error.strerror or error}") from None
+        raise cannot_write(Path(error.filename or folder), error) from None
     return list(texts)

@@ -38,7 +38,7 @@ def lockstep(
     kind: a key of `AUTOPILOTS`.  speed: None is 1 for PX4, which has no pace of its own, and 0 for ArduPilot, which keeps that
     of its --speedup.
     """
-    from insenv.cli.output import print_json, print_line, working
+    from insenv.cli.output import is_quiet, print_json, print_line, working
     from insenv.cli.signals import ending, written
 
     with ending() as request:
@@ -47,7 +47,7 @@ def lockstep(
                 stack, scenario, to, speed, tlog, rates, estimator=estimator, seed=seed
             )
             progress = stack.enter_context(working(f"lockstep with {kind} on {address}"))
-            if sys.stderr.isatty():
+            if sys.stderr.isatty() and not is_quiet():
                 print_line(f"waiting for {kind} on {address}; Ctrl-C ends", stderr=True)
                 if kind != "px4":
                     print_line(f"start it with --home={home_option(vehicle)}", stderr=True)

@@ -12,13 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
 
 import typer
+from typer.core import TyperCommand
 
 from insenv.base.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.cli.output import Bar
+    from insenv.estimators.settings import Settings as Settings_
+    from insenv.logs import RecordedLog
     from insenv.report.document import Document
     from insenv.report.files import FilesWritten, OutputFolder
+    from insenv.scenario import Scenario as Scenario_
 
 Work = Callable[[], "int | None"]
 """Returns the exit status; None: done."""
@@ -34,16 +38,37 @@ def given_path(text: str) -> Path:
 HELP = {"help_option_names": ["-h", "--help"]}
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
-Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="A name that `insenv list` shows, or a .toml file.")]
+
+
+def _names(incomplete: str) -> list[str]:
+    """The scenarios that a shell offers, beside files."""
+    from insenv.base.resources import scenario_names
+
+    return [name for name in scenario_names() if name.startswith(incomplete)]
+
+
+Scenario = Annotated[
+    str,
+    typer.Argument(metavar="SCENARIO", help="A name that `insenv list` shows, or a .toml file.", autocompletion=_names),
+]
 Log = Annotated[
     Path, typer.Argument(parser=given_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
 ]
-Estimator = Annotated[list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.")]
+
+
+def _ids(incomplete: str) -> list[str]:
+    """The estimators that a shell offers."""
+    from insenv.estimators import registry
+
+    return [id for id in registry.names() if id.startswith(incomplete)]
+
+
+Estimator = Annotated[list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.", autocompletion=_ids)]
 """One, which `one` takes out of the list: an option that is not a list keeps the last of several without a word."""
 # Optional: older versions of typer do not accept unions
 Estimators = Annotated[
     Optional[list[str]],  # noqa: UP045
-    typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; may be given more than once."),
+    typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; may be given more than once.", autocompletion=_ids),
 ]
 Seed = Annotated[Optional[int], typer.Option(metavar="N", help="Replaces the scenario's seed.")]  # noqa: UP045
 FirstSeed = Annotated[
@@ -58,14 +83,16 @@ Settings = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option(
         "--set",
-        metavar="ID.KEY=VALUE",
-        help="Set a parameter of an estimator, by a key of the scenario's table estimator.ID; may be given more than once.",
+        metavar="KEY=VALUE",
+        help="Change a key of the scenario or of the log's description (imu.grade=tactical) or a parameter of an estimator"
+        " (loosely-coupled.arw_deg_sqrt_h=0.3); may be given more than once.",
     ),
 ]
 Out = Annotated[
     Optional[Path],  # noqa: UP045
     typer.Option(
         "--out",
+        "--output",
         "-o",
         parser=given_path,
         metavar="DIR",
@@ -79,6 +106,27 @@ Strict = Annotated[
     ),
 ]
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure and no page.")]
+
+
+class OnceCommand(TyperCommand):
+    """A command that refuses an option given twice, of which the parser would keep the last one without a word."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        *_, order = self.make_parser(ctx).parse_args(args=list(args))
+        for option in order:
+            is_once = option.param_type_name == "option" and not (option.multiple or getattr(option, "is_flag", False))
+            if is_once and order.count(option) > 1:
+                raise InputError(f"{option.opts[0]} is given {order.count(option)} times: allowed is once")
+        return super().parse_args(ctx, args)
+
+
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show no progress and no notices on stderr, only warnings and errors.")
+]
+Verbose = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Show progress and each compilation as lines on stderr, also without a terminal."),
+]
 
 
 class Options:
@@ -146,8 +194,19 @@ def command(work: Callable[..., int | None]) -> Callable[..., Work]:
         for field in fields(group):  # type: ignore[arg-type]
             shared.append(parameter.replace(name=field.name, default=field.default, annotation=types[field.name]))
     parameters += shared
+    for name, kind in (("quiet", Quiet), ("verbose", Verbose)):
+        parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind))
 
     def run(**options: Any) -> int | None:
+        from insenv.cli.output import speaking
+
+        quiet, verbose = options.pop("quiet"), options.pop("verbose")
+        if quiet and verbose:
+            raise InputError("--quiet and --verbose: allowed is one of them")
+        with speaking(-1 if quiet else int(verbose)):
+            return made(**options)
+
+    def made(**options: Any) -> int | None:
         for name, group in groups.items():
             options[name] = group(**{field.name: options.pop(field.name) for field in fields(group)})
         return work(**options)
@@ -161,10 +220,47 @@ def command(work: Callable[..., int | None]) -> Callable[..., Work]:
     return parsed
 
 
+def changed_scenario(name: str, texts: Sequence[str] | None) -> tuple[Scenario_, Settings_]:
+    """The scenario with the keys that --set changes, and the parameters by estimator id that it sets."""
+    from insenv.estimators.settings import parsed_changes
+    from insenv.scenario import load, with_changes
+    from insenv.scenario.description import scenario_class
+
+    settings, changes = parsed_changes(texts or (), scenario_class().model_fields)
+    return with_changes(load(name), changes), settings
+
+
+def changed_log(path: Path, texts: Sequence[str] | None) -> tuple[RecordedLog | Path, Settings_]:
+    """The log at the path, loaded with the keys that --set changes, if any; and the parameters by estimator id that it sets."""
+    from insenv.estimators.settings import parsed_changes
+    from insenv.logs.loading import keys, load
+
+    settings, changes = parsed_changes(texts or (), keys())
+    return load(path, changes) if changes else path, settings
+
+
+def renamed(old: str, new: str, value: Any) -> Any:
+    """The value of an option under its former name, with a note on stderr."""
+    from insenv.cli.output import notice
+
+    notice(f"note: {old} is now {new}; the former name still works")
+    return value
+
+
 def one(estimators: Sequence[str] | None) -> str | None:
-    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several different ones."""
-    if estimators and len(set(estimators)) > 1:
-        raise InputError(
-            f"-e {' -e '.join(estimators)}: allowed is one estimator; `insenv run` and `insenv campaign` take several"
-        )
-    return estimators[0] if estimators else None
+    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several."""
+    named = each_once(estimators)
+    if len(named) > 1:
+        raise InputError(f"-e {' -e '.join(named)}: allowed is one estimator; `insenv run` and `insenv campaign` take several")
+    return named[0] if named else None
+
+
+def each_once(estimators: Sequence[str] | None) -> Sequence[str]:
+    """The estimators of a command, each once; a note says which are named several times."""
+    from insenv.cli.output import notice
+
+    named = list(estimators or ())
+    for id in dict.fromkeys(named):
+        if named.count(id) > 1:
+            notice(f"note: -e {id} is given {named.count(id)} times; it runs once")
+    return list(dict.fromkeys(named))

@@ -7,6 +7,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 from insenv.base.output import WIDTH, to_json
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from insenv.report.files import FilesWritten
 
 
+_LEVEL: ContextVar[int] = ContextVar("level", default=0)
+"""How much is said on stderr about the work: -1 nothing (--quiet), 0, or 1 every step as a line (--verbose)."""
 COMPILER = "insenv.core.compile"
 """Name of the logger that tells of compilations."""
 
@@ -90,7 +93,7 @@ def print_result(
     """
     paths = [str(path) for path in written.paths] if written else []
     if written and written.note:
-        print_line(f"insenv: {written.note}", stderr=True)
+        notice(written.note)
     if as_json:
         print_json(document.as_json(paths))
         return
@@ -113,21 +116,57 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, head: 
     print_blocks([Listing(columns, rows, head=head)])
 
 
+@contextmanager
+def speaking(level: int) -> Iterator[None]:
+    """Say more or less on stderr during the block; level: -1, 0 or 1."""
+    token, notices = _LEVEL.set(level), _notices()
+    for each in notices:
+        each.spoken = level
+    try:
+        yield
+    finally:
+        _LEVEL.reset(token)
+        for each in notices:
+            each.spoken = 0
+
+
+def is_quiet() -> bool:
+    """Whether nothing is shown about the work (--quiet)."""
+    return _LEVEL.get() < 0
+
+
+def notice(text: str) -> None:
+    """Print a line about the work on stderr, unless --quiet is given."""
+    if _LEVEL.get() >= 0:
+        print_line(f"insenv: {text}", stderr=True)
+
+
 class Bar:
-    """A progress bar; call it with the amount done and the total."""
+    """A progress bar; call it with the amount done and the total.  With --verbose it prints lines, one for each tenth."""
 
     def __init__(self, progress: Progress, description: str) -> None:
         self._progress = progress
         self._description = description
         self._task = progress.add_task(description, total=None)
+        self._tenths = 0
 
     def __call__(self, done: int, total: int) -> None:
         self._progress.update(self._task, completed=done, total=total)
+        tenths = 10 * done // total if total else 0
+        if _LEVEL.get() > 0 and tenths > self._tenths:
+            self._tenths = tenths
+            print_line(f"insenv: {self._description}: {10 * tenths} %", stderr=True)
 
     def describe(self, text: str) -> None:
         """Change the description."""
-        self._description = text
+        self._description, self._tenths = text, 0
         self.remark("")
+
+    def finished(self, text: str) -> None:
+        """Say that a part of the work is done; without a terminal as a line."""
+        self.describe(text)
+        if self._progress.disable:
+            notice(text)
 
     def remark(self, text: str) -> None:
         """Show a remark behind the description; "" for none."""
@@ -147,18 +186,23 @@ def working(description: str) -> Iterator[Bar]:
         TextColumn("left:"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=_console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
+    disabled = _LEVEL.get() != 0 or not sys.stderr.isatty()
+    with Progress(*columns, console=_console(stderr=True), transient=True, disable=disabled) as progress:
         bar = Bar(progress, description)
         with _noticed_by(None if progress.disable else bar):
             yield bar
 
 
 class CompilingNotice(logging.Handler):
-    """Reports on stderr that models are compiled: behind the progress bar's description, or once in a separate line."""
+    """Reports on stderr that models are compiled: behind the progress bar's description, or once in a separate line.
+
+    With --verbose the begin and the end of each compilation are lines.
+    """
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self.bar: Bar | None = None
+        self.spoken = 0  # as `_LEVEL`, which the threads that compile do not know
         self._notified = False
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -168,7 +212,9 @@ class CompilingNotice(logging.Handler):
         text = record.getMessage()
         if self.bar is not None:
             self.bar.remark("" if text == COMPILED else text)
-        elif text != COMPILED and not self._notified:
+        elif self.spoken > 0:
+            print_line(f"insenv: {text}", stderr=True)
+        elif self.spoken == 0 and text != COMPILED and not self._notified:
             self._notified = True
             print_line(f"insenv: {text}", stderr=True)
 
@@ -189,10 +235,14 @@ def compiling_noticed() -> Iterator[None]:
         log.propagate = propagates
 
 
+def _notices() -> list[CompilingNotice]:
+    return [handler for handler in logging.getLogger(COMPILER).handlers if isinstance(handler, CompilingNotice)]
+
+
 @contextmanager
 def _noticed_by(bar: Bar | None) -> Iterator[None]:
     """Show the notices of compilations in the line of `bar` during the block; None: in separate lines."""
-    notices = [handler for handler in logging.getLogger(COMPILER).handlers if isinstance(handler, CompilingNotice)]
+    notices = _notices()
     for notice in notices:
         notice.bar = bar
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
@@ -22,7 +22,10 @@ from insenv.cli.options import (
     Seed,
     Settings,
     Strict,
+    changed_log,
+    changed_scenario,
     command,
+    each_once,
     given_path,
 )
 from insenv.cli.signals import DONE, FAILED
@@ -95,13 +98,11 @@ def run(
 ) -> int:
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
     from insenv.estimators import get_all
-    from insenv.estimators.settings import parsed_settings
     from insenv.runs.simulated import run as simulate
-    from insenv.scenario import load
 
-    chosen, values = get_all(estimators) if estimators else None, parsed_settings(settings or [])
+    chosen = get_all(each_once(estimators)) if estimators else None
     names = formats.names(output.out)
-    loaded = load(scenario)
+    loaded, values = changed_scenario(scenario, settings)
     if live and not (output.folder and output.figure):
         raise InputError("--live is about the page that --out DIR writes: allowed with --out and without --no-figure")
     if "nmea" in names and loaded.gnss is None:
@@ -134,21 +135,35 @@ def replay(
         Start, typer.Option(help="Start from the log alone, from the state of its reference, or from that of its \\[initial].")
     ] = Start.coarse,
     settings: Settings = None,
+    outage: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(
+            "--outage",
+            metavar="BEGIN:END",
+            help="Withhold the fixes from BEGIN to END [s] of the log's clock, or +BEGIN:+END from the start on, and compare "
+            "the estimate with them; may be given more than once.",
+        ),
+    ] = None,
+    outages: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option("--outages", metavar="every=S,length=S", help="The same in regular outages."),
+    ] = None,
     strict: Strict = False,
 ) -> int:
-    """Run estimators on a recorded log; print their errors against its reference."""
+    """Run estimators on a recorded log; print their errors against its reference, and against fixes withheld from them."""
     from insenv.estimators import get_all
-    from insenv.estimators.settings import parsed_settings
     from insenv.logs import load
     from insenv.runs.replayed import replay as follow
 
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
-    chosen, values = get_all(estimators), parsed_settings(settings or [])
-    names = formats.names(output.out)
+    chosen, names = get_all(each_once(estimators)), formats.names(output.out)
     with output.working(log.name) as progress:
-        report = follow(log, chosen, start=start.value, settings=values, progress=progress)
-        _keep(report, output, _exported(report, names, lambda: load(log)))
+        windows = [*(outage or ()), *([outages] if outages is not None else ())]
+        taken, values = changed_log(log, settings)
+        report = follow(taken, chosen, start=start.value, settings=values, outages=windows, progress=progress)
+        report = replace(report, scenario=str(log))
+        _keep(report, output, _exported(report, names, lambda: load(log) if isinstance(taken, Path) else taken))
     return _show(report, output, strict)
 
 
@@ -199,7 +214,7 @@ def page(
     estimators: Estimators = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--output", "-o", parser=given_path, metavar="X.html", help="File to write; without it the page opens."),
+        typer.Option("--output", "--out", "-o", parser=given_path, metavar="X.html", help="File; without it the page opens."),
     ] = None,
     seed: Seed = None,
     duration: Duration = None,
@@ -208,14 +223,12 @@ def page(
 ) -> None:
     """Write a scenario and estimators as one HTML file that simulates in a browser; without -o, open it."""
     from insenv.cli.output import print_answer, working
-    from insenv.estimators.settings import parsed_settings
-    from insenv.scenario import load
     from insenv.web.live import page as write
 
-    values, loaded = parsed_settings(settings or []), load(scenario)
+    loaded, values = changed_scenario(scenario, settings)
     path = output or _lasting(loaded.name)
     with working(f"page of {loaded.name}") as progress:
-        write(loaded, path, estimators or None, seed=seed, duration_s=duration, settings=values, progress=progress)
+        write(loaded, path, each_once(estimators) or None, seed=seed, duration_s=duration, settings=values, progress=progress)
     opened = output is None and _open(path)
     size = path.stat().st_size
     lines = [f"{path}: {size / 1000:.0f} kB{'; opened in the browser' if opened else ''}"]

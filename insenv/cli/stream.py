@@ -13,8 +13,9 @@ import typer
 from insenv.base.errors import InputError
 from insenv.cli.dashboard import dashboard
 from insenv.cli.lockstep import lockstep as run_lockstep
-from insenv.cli.options import Json, Seed, command, given_path, one
+from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, given_path, one
 from insenv.cli.options import Scenario as ScenarioName
+from insenv.cli.signals import DONE, FAILED
 
 if TYPE_CHECKING:
     from insenv.evaluation.limits import Limit
@@ -85,6 +86,7 @@ def stream(
         Optional[Lockstep],  # noqa: UP045
         typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
     ] = None,
+    settings: Settings = None,
     score: Annotated[
         bool,
         typer.Option("--score", help="Judge the estimates that clients send: ODOMETRY, ATTITUDE and others (docs/score.md)."),
@@ -92,22 +94,28 @@ def stream(
     out: Annotated[
         Optional[Path],  # noqa: UP045
         typer.Option(
-            "--out", "-o", parser=given_path, metavar="DIR", help="With --score: write the results, as of a run, there."
+            "--out",
+            "--output",
+            "-o",
+            parser=given_path,
+            metavar="DIR",
+            help="With --score: write the results there.",
         ),
     ] = None,
     as_json: Json = False,
-) -> None:
+) -> int:
     """Stream the simulated vehicle and its estimate live over MAVLink to ground stations and other clients."""
-    from insenv.cli.output import print_json
+    from insenv.cli.output import print_json, print_line
     from insenv.cli.signals import ending, written
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
     from insenv.mavlink.score import Score, report_of
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
     from insenv.report import OutputFolder, run_document, write_files
-    from insenv.scenario import load
+    from insenv.scenario import with_settings
 
     addresses, rates = to or [], rate or []
+    _check_addresses(addresses)
     if lockstep is not None:
         if signing_key_file is not None:
             raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
@@ -121,7 +129,9 @@ def stream(
         raise InputError("--out: allowed with --score, whose results it takes")
     elif not addresses:
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
-    id, loaded = one(estimator), load(scenario)
+    id, (loaded, values) = one(estimator), changed_scenario(scenario, settings)
+    if values:
+        loaded = with_settings(loaded, values, [id] if id else loaded.estimators[:1])
     if duration is not None and not 0.0 < duration < 1e9:
         raise InputError(f"--duration {duration:g}: allowed is above 0 and below 1e9 simulated seconds")
     if lockstep is not None:
@@ -129,12 +139,11 @@ def stream(
             loaded, id, kind=lockstep.value, to=addresses[0] if addresses else None, seed=seed, speed=speed,
             duration_s=duration, tlog=tlog, rates=rates, as_json=as_json,
         )  # fmt: skip
-        return
+        return DONE
     chosen = parse_rates(rates, loaded.rate_hz)
     pace = 1.0 if speed is None else speed
     if duration is None and pace == 0.0:
         duration = loaded.duration_s
-    _check_addresses(addresses)
     folder = None if out is None else OutputFolder(out)
     limit = _limit(loaded, seed, duration) if score else None
     report: Report | None = None
@@ -161,6 +170,10 @@ def stream(
                 files = write_files(report, folder).paths if folder is not None and report.results else ()
                 summary["score"] = run_document(report).as_json([str(path) for path in files])
         written(lambda: print_json(summary) if as_json else _print_summary(summary, report), request)
+    unheard = [link["address"] for link in summary["links"] if link["address"].startswith("tcpout") and not link["sent_frames"]]
+    if unheard:
+        print_line(f"insenv: nobody accepted a connection at {', '.join(unheard)}", stderr=True)
+    return FAILED if unheard and not summary["interrupted"] else DONE
 
 
 def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Limit | None:
@@ -176,10 +189,13 @@ def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Li
 
 
 def _check_addresses(to: Sequence[str]) -> None:
-    """Raise `InputError` for too many links, or an address that is named twice."""
+    """Raise `InputError` for too many links, or an address that is wrong or named twice."""
+    from insenv.mavlink.wire.link import parse_address
+
     if len(to) > MAX_LINKS:
         raise InputError(f"--to: {len(to)} addresses; allowed are 1 to {MAX_LINKS}")
     for place, address in enumerate(to):
+        parse_address(address)
         if address in to[:place]:
             raise InputError(f"--to {address}: named twice; each address is one link")
 

@@ -11,7 +11,22 @@ import typer
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.output import check_output_file
-from insenv.cli.options import Duration, Estimator, FirstSeed, Json, Log, Output, Scenario, Settings, command, given_path, one
+from insenv.cli.options import (
+    Duration,
+    Estimator,
+    FirstSeed,
+    Json,
+    Log,
+    Output,
+    Scenario,
+    Settings,
+    changed_log,
+    changed_scenario,
+    command,
+    given_path,
+    one,
+    renamed,
+)
 
 
 @command
@@ -25,30 +40,31 @@ def tune(
     ] = None,
     runs: Annotated[
         Optional[int],  # noqa: UP045
-        typer.Option("--runs", "-n", metavar="N", help="Of a scenario: seeds on which to search; 8 by default."),
+        typer.Option("--runs", "-n", metavar="N", help="Of a scenario: number of seeds to tune on; 8 by default."),
     ] = None,
     held_out: Annotated[
         Optional[int],  # noqa: UP045
-        typer.Option(metavar="N", help="Of a scenario: further seeds on which to judge; 32 by default."),
+        typer.Option(metavar="N", help="Of a scenario: number of further seeds to evaluate on; 32 by default."),
     ] = None,
-    evaluations: Annotated[int, typer.Option(metavar="N", help="About how many sets of factors to try.")] = 200,
+    evaluations: Annotated[int, typer.Option(metavar="N", help="Approximate number of parameter sets to try.")] = 200,
     seed: FirstSeed = None,
     duration: Duration = None,
     settings: Settings = None,
 ) -> None:
-    """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
-    from insenv.estimators.settings import parsed_settings
+    """Tune the noises and gates of a filter, and evaluate the result on held-out data."""
+    from insenv.studies.tune import is_log
     from insenv.studies.tune import tune as search
 
-    id, values = one(estimator) or "", parsed_settings(settings or [])
+    id = one(estimator) or ""
+    taken, values = changed_log(Path(source), settings) if is_log(source) else changed_scenario(source, settings)
     with output.working(f"{source}, {id}") as progress:
         tuning = search(
-            source, id, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
+            taken, id, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
             duration_s=duration, settings=values, progress=progress,
         )  # fmt: skip
         output.keep(tuning.document())
     lines = [tuning.toml()] if tuning.is_better else []
-    unwritten = f"--out DIR writes {'this section' if tuning.is_better else 'what was found'}, the page and the figure"
+    unwritten = f"--out DIR writes {'this section' if tuning.is_better else 'the result'}, the page and the figure"
     output.show(tuning.document(), unwritten, lines)
 
 
@@ -72,9 +88,9 @@ def train(
         bool,
         typer.Option("--as-printed", help="Raw differences as inputs, c = 15 and delta^2 = 0.2, as in the paper."),
     ] = False,
-    out: Annotated[Path, typer.Option("--out", "-o", parser=given_path, metavar="FILE", help="File to write.")] = Path(
-        "lssvm.json"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", "--output", "-o", parser=given_path, metavar="FILE", help="File to write.")
+    ] = Path("lssvm.json"),
     as_json: Json = False,
 ) -> None:
     """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""
@@ -140,14 +156,12 @@ def budget(
     duration: Duration = None,
     settings: Settings = None,
 ) -> None:
-    """Say which source of error dominates: each alone, and all but it, on the same seeds."""
-    from insenv.estimators.settings import parsed_settings
+    """Print how much each source of error contributes: the error with it alone and without it, on the same seeds."""
     from insenv.report.tables import runs_of
-    from insenv.scenario import load
     from insenv.studies.budget import budget as share_out
 
-    id, values = one(estimator) or "", parsed_settings(settings or [])
-    loaded = load(scenario)
+    id = one(estimator) or ""
+    loaded, values = changed_scenario(scenario, settings)
     with output.working(f"{loaded.name}, {runs_of(runs)}") as progress:
         shares = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=values, progress=progress)
         output.keep(shares.document())
@@ -163,18 +177,23 @@ def allan(
     output: Output,
     begin: Annotated[
         Optional[float],  # noqa: UP045
-        typer.Option("--from", metavar="S", help="Begin of the part to use; without it and --to the longest rest."),
+        typer.Option("--from", metavar="S", help="Start of the part to use; without --from and --to the longest rest."),
     ] = None,
     end: Annotated[Optional[float], typer.Option("--to", metavar="S", help="End of the part to use.")] = None,  # noqa: UP045
     grade: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(parser=given_path, metavar="FILE.toml", help='Write the grade file, for grade = "FILE.toml".'),
+        typer.Option("--grade-out", parser=given_path, metavar="FILE.toml", help='Write a file for grade = "FILE.toml".'),
     ] = None,
+    old_grade: Annotated[Optional[Path], typer.Option("--grade", parser=given_path, hidden=True)] = None,  # noqa: UP045
 ) -> None:
     """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
     from insenv.studies.allan import allan as measure
     from insenv.studies.allan_result import GRADE_FILE, assumed, check_grade, document, write_grade
 
+    if old_grade is not None:
+        if grade is not None:
+            raise InputError("--grade is the former name of --grade-out: allowed is one of them")
+        grade = renamed("--grade", "--grade-out", old_grade)
     check_grade(grade)
     with output.working(log.name) as progress:
         deviation = measure(log, from_s=begin, to_s=end, progress=progress)
@@ -185,5 +204,5 @@ def allan(
         output.keep(made)
     lines = [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit'] if grade else []
     lines += [assumed(deviation)] if at is not None else []
-    unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
+    unwritten = "" if grade is not None else "--grade-out FILE.toml writes the grade of this unit, --out DIR the figure too"
     output.show(made, unwritten, lines)

@@ -22,8 +22,8 @@ from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
-from insenv.base.errors import InputError
-from insenv.core.tables import Row, Table, check_rows, naming
+from insenv.base.errors import InputError, naming
+from insenv.core.tables import Row, Table, check_rows
 from insenv.core.traces import Kernel, Traced
 
 Values = SimpleNamespace

@@ -15,11 +15,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, naming
 from insenv.base.plugins import check_id
 from insenv.base.remarks import Caveat, Remark, coded, remark
 from insenv.core.model import Model, Values
-from insenv.core.tables import Table, Vector, check_rows, naming
+from insenv.core.tables import Table, Vector, check_rows
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import understated as motion_errors_understated
 from insenv.estimators.parts.finding import Finding, Reached
@@ -79,9 +79,9 @@ class Knowledge:
     @cached_property
     def rows(self) -> dict[str, Any]:
         """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``; stated errors."""
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("sensors", "instruments")}
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("sensors", "instruments")}
         sheet = {f.name: getattr(self.sensors, f.name) for f in fields(self.sensors)}
-        return {**{f"start_{name}": value for name, value in own.items()}, **own, **sheet, **self.instruments}
+        return {**{f"start_{name}": value for name, value in values.items()}, **values, **sheet, **self.instruments}
 
     def rows_of(self, table: Table) -> dict[str, Any]:
         """The values of those rows of a table that are in `rows`."""
@@ -90,11 +90,11 @@ class Knowledge:
     @staticmethod
     def field_of(row: str) -> str:
         """The name of the field whose value `rows` has under the name `row`; empty if there is none."""
-        own = {f.name for f in fields(Knowledge)} - {"sensors", "instruments"}
-        if row in own or row in {f.name for f in fields(ImuDataSheet)}:
+        names = {f.name for f in fields(Knowledge)} - {"sensors", "instruments"}
+        if row in names or row in {f.name for f in fields(ImuDataSheet)}:
             return row
         field = row.removeprefix("start_")
-        return field if field in own else ""
+        return field if field in names else ""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Drive:
     where: in messages (``"scenario 'ship-swaying'"``).  sensors: ids of those beside the inertial unit.  in_place: whether
     the vehicle stays where it is; None: unknown.  offline: whether the run can be gone through again from its end.
     vehicle: its kind ("car", "ship", ...); empty: unknown.
-    motion: where it does not stay, what shows that, for messages.
+    motion: where it does not stay, what shows that, for messages.  stands: whether all of it is known to be a rest.
     fix_velocity: whether the fixes of its GNSS, if it has one, have a velocity.
     ages: largest age (s) of the measurements of sensors when they arrive, by id, where it is not 0.
     """
@@ -115,6 +115,7 @@ class Drive:
     offline: bool = True
     vehicle: str = ""
     motion: str = ""
+    stands: bool = False
     fix_velocity: bool = True
     ages: Mapping[str, float] = field(default_factory=dict, hash=False)
 
@@ -304,7 +305,8 @@ class Estimator:
         if self.fix_velocity and (follows or self.motion != "in place") and not drive.fix_velocity:
             return f"{this} needs the velocity of GNSS: the fixes of {drive.where} have none"
         if self.motion == "in place" and drive.in_place is False and not follows:
-            return f"{this} aligns a vehicle in place: that of {drive.where} moves{drive.motion and f' ({drive.motion})'}"
+            motion = f" ({drive.motion})" if drive.motion else ""
+            return f"{this} is for a vehicle that stays in place; that of {drive.where} moves{motion}"
         if self.motion == "moving" and drive.in_place:
             return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
         if self.smooths and not drive.offline:
@@ -324,13 +326,13 @@ class Estimator:
         self, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]] | None = None, rows: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """Its parameters by row name, SI: from what is known, from `tunings` (rows by estimator id), and `rows` on top."""
-        return {**self._from(known), **self._given(tunings, rows)}
+        return {**self._from(known), **self._set_rows(tunings, rows)}
 
     def understated(
         self, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]] | None = None, rows: Mapping[str, Any] | None = None
     ) -> tuple[Remark, ...]:
         """What must be said of parameters that are set smaller than the unit's data sheet; arguments as for `parameters`."""
-        return motion_errors_understated(self._from(known), self._given(tunings, rows))
+        return motion_errors_understated(self._from(known), self._set_rows(tunings, rows))
 
     @remark("set-without-effect", "{rows}: set without effect, because this filter does not have the state or aid")
     def without_effect(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
@@ -348,7 +350,7 @@ class Estimator:
     def _unchosen(self, name: str) -> bool:
         return self.settable is not None and name in self.settable_rows and name not in self.model.parameters
 
-    def _given(self, tunings: Mapping[str, Mapping[str, Any]] | None, rows: Mapping[str, Any] | None) -> dict[str, Any]:
+    def _set_rows(self, tunings: Mapping[str, Mapping[str, Any]] | None, rows: Mapping[str, Any] | None) -> dict[str, Any]:
         """The parameter rows that are set, by name."""
         set_rows = {**self.tuned(tunings or {}), **(rows or {})}
         for name in set_rows:

@@ -190,11 +190,11 @@ def start(p: Any) -> dict[str, Any]:
         "coarse": coarse,
         "swaying": ca.logic_or(p.sway_sigma > 0, coarse),
         "velocity_e": attitude.rotate(q_en, p.start_velocity_n),
-        **given_attitude(p, q_en),
+        **start_attitude(p, q_en),
     }
 
 
-def given_attitude(p: Any, q_en: Any) -> dict[str, Any]:
+def start_attitude(p: Any, q_en: Any) -> dict[str, Any]:
     """State rows of a filter that starts with the given attitude, where n has attitude q_en."""
     tilt = ca.diag(ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma) ** 2)
     q_nb = attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)

@@ -64,7 +64,7 @@ STATE = Table((
 def start(p: Any) -> dict[str, Any]:
     """The given attitude, its covariance, and gravity."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
-    filter_rows = ecef_kf.given_attitude(p, q_en)
+    filter_rows = ecef_kf.start_attitude(p, q_en)
     return {
         **filter_rows,
         "q_eb_before": filter_rows["q_eb"],

@@ -47,5 +47,5 @@ _FILTER = Estimator(
     max_measurement_age_s=history.OLDEST,
 )
 
-SMOOTHING = smoothing_of(replace(FILTER, kept=None), "smoother")
+SMOOTHING = smoothing_of(replace(FILTER, covariance_held=None), "smoother")
 ESTIMATORS = (_FILTER, replace(_FILTER, model=SMOOTHING.forward, smooths=FILTER.id, smoothing=SMOOTHING))

@@ -18,14 +18,9 @@ def _id(thing: Estimator) -> str:
     return thing.id
 
 
-_PLUGINS: Plugins[Estimator] = Plugins(
-    "estimator",
-    "insenv.estimators",
-    _id,
-    ESTIMATORS,
-    ("a scenario", scenario_names),
-)
-
+_PLUGINS: Plugins[Estimator] = Plugins("estimator", "insenv.estimators", _id, ESTIMATORS, ("a scenario", scenario_names))
+names, registered, register = _PLUGINS.names, _PLUGINS.all, _PLUGINS.register
+"""The estimators by id, as `Plugins` gives them."""
 
 EstimatorsLike = str | Estimator | Iterable[str | Estimator]
 """One estimator or several, by id or as objects."""
@@ -45,28 +40,13 @@ def get_all(some: EstimatorsLike) -> list[Estimator]:
     if isinstance(some, (str, Estimator)):
         some = (some,)
     try:
-        found = [get(one) for one in some]
+        estimators = [get(one) for one in some]
     except TypeError:
         raise InputError(f"estimators = {shown(some)}: allowed is an id, an insenv.Estimator, or several of them") from None
-    chosen = {estimator.id: estimator for estimator in found}
-    for estimator in found:
+    chosen = {estimator.id: estimator for estimator in estimators}
+    for estimator in estimators:
         if chosen[estimator.id] is not estimator:
             raise InputError(f"two estimators have the id {estimator.id!r}: results are kept by id, so ids must differ")
     if not chosen:
         raise InputError("no estimator: name one or several, by id (`insenv list` shows them) or as insenv.Estimator")
     return list(chosen.values())
-
-
-def names() -> list[str]:
-    """The ids of all estimators; none of insenv's is imported."""
-    return _PLUGINS.names()
-
-
-def registered() -> dict[str, Estimator]:
-    """All estimators by id."""
-    return _PLUGINS.all()
-
-
-def register(estimator: Estimator) -> Estimator:
-    """Make an estimator known by its id.  Raises `InputError` if another one has it."""
-    return _PLUGINS.register(estimator)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from insenv.base.changes import parsed
 from insenv.base.errors import InputError, nearest
 from insenv.base.keys import SAME, Conversion
 from insenv.base.toml import shown
 from insenv.core.tables import Row, Table
-from insenv.estimators import Estimator, get
+from insenv.estimators import Estimator, get, registry
 from insenv.sensors.units import UNITS
 
 _UNITS: dict[str, dict[str, Conversion]] = {}
@@ -31,6 +31,8 @@ _SHORT = {
 """Short names of rows."""
 DOCUMENTED = "the table of parameters on the estimator's page"
 """Where the keys of an estimator are listed."""
+_LISTED = "docs/scenarios.md, docs/logs.md and `insenv list`"
+"""Where the keys of files and the estimators are listed."""
 FILE = "file"
 """Key of a file with parameter rows, for estimators that read one; a relative path starts at the current folder."""
 _KNOWN = ("latitude", "longitude", "height", "antenna_lever_arm", "sample_interval", "seed")
@@ -39,29 +41,32 @@ Settings = Mapping[str, Mapping[str, Any]]
 """Parameters by estimator id, with the keys of [estimator.ID]."""
 
 
-def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Settings from texts ``ESTIMATOR.KEY=VALUE``; a value is a number, a list of numbers, or the path of a file.
+def parsed_changes(texts: Iterable[str], keys: Iterable[str]) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
+    """Parameters by estimator id, and changes of the scenario or the description of the log, from texts ``KEY=VALUE``.
 
-    Raises `InputError` for a text of another form, or a key that is given twice.
+    The key of a parameter is ``ID.KEY`` or ``estimator.ID.KEY``; each other key is a dotted key of the file.  keys: those at
+    the top of the file.  Raises `InputError` for a text of another form, a key that is given twice, or one that is neither.
     """
     tables: dict[str, dict[str, Any]] = {}
+    changes: dict[str, Any] = {}
     faults: list[str] = []
-    for text in texts:
-        name, equals, value = text.partition("=")
-        id, dot, setting = name.strip().partition(".")
-        if not (id and dot and setting and equals and value.strip()):
-            faults.append(f"--set {text!r}: allowed is ESTIMATOR.KEY=VALUE, such as loosely-coupled.arw_deg_sqrt_h=0.3")
-            continue
-        table = tables.setdefault(id, {})
-        if setting in table:
-            faults.append(f"--set {text!r}: {id}.{setting} is given twice")
-            continue
-        try:
-            table[setting] = json.loads(value)
-        except ValueError:
-            table[setting] = value.strip()
+    ids = registry.names()
+    for name, value in parsed(texts).items():
+        id, _, setting = name.removeprefix("estimator.").partition(".")
+        first = name.partition(".")[0]
+        if (id in ids or name.startswith("estimator.")) and setting:
+            table = tables.setdefault(id, {})
+            if setting in table:
+                faults.append(f"--set: {id}.{setting} is given twice")
+            table[setting] = value
+        elif first in ids:
+            faults.append(f"--set {name}: allowed is {first}.KEY=VALUE, a key of [estimator.{first}]")
+        elif first not in keys:
+            faults.append(f"--set {name}: no key or estimator {first!r}{nearest(first, [*keys, *ids], _LISTED)}")
+        else:
+            changes[name] = value
     _raise(faults)
-    return tables
+    return tables, changes
 
 
 def _raise(faults: Sequence[str]) -> None:
@@ -162,7 +167,7 @@ def _numbers(value: Any, flag: bool) -> np.ndarray:
     return np.asarray(value, dtype=np.float64)
 
 
-def own_settings(estimator: Estimator, settings: Settings | None) -> dict[str, Any]:
+def settings_of(estimator: Estimator, settings: Settings | None) -> dict[str, Any]:
     """The settings of an estimator, over those of the filter under it."""
     tables = settings or {}
     return {**tables.get(estimator.smooths, {}), **tables.get(estimator.id, {})}

@@ -79,7 +79,7 @@ def contradiction_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]
 @remark(
     "fixes-contradict",
     "the fixes contradict the estimate from {begin:.1f} to {end:.1f} s: {component} is off by {innovation:+.2g} {unit}, "
-    "{ratio:.1f} times what estimate and fix state together: the stated sigmas are too small there{more}",
+    "{ratio:.1f} times the combined stated sigma of estimate and fix; the stated sigmas are too small there{more}",
     Doubt,
 )
 def contradicted(intervals: Sequence[Contradiction]) -> dict[str, Any] | None:

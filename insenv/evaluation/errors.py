@@ -23,6 +23,8 @@ from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.estimators import Estimator
 from insenv.evaluation.health import Health
+from insenv.evaluation.outages import Outages
+from insenv.evaluation.specific_force import SpecificForce
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.registry import traits_of
 
@@ -153,6 +155,8 @@ class Result:
     health: how well a filter fits its fixes; None if it does not report it, or if no fix came.
     limit_sigma: the limit at the recorded times, (n,) by channel; empty if there is none.
     unit: on a turntable, the errors of the inertial unit that the estimator found.
+    outages: errors where fixes were withheld; None if none were.  specific_force: how the attitude, and that of the reference,
+        fit the velocities of the receiver; None of a simulated run, and without such velocities.
     """
 
     estimator: str
@@ -168,6 +172,8 @@ class Result:
     settled: bool = True
     limit_sigma: dict[str, Array] = field(default_factory=dict)
     unit: tuple[UnitError, ...] = ()
+    outages: Outages | None = None
+    specific_force: SpecificForce | None = None
 
     def statistics(self) -> dict[str, dict[str, float]]:
         """Final error, rms and max (largest magnitude) by channel; rms and max over the times from `from_s` on."""
@@ -384,13 +390,13 @@ ORTHONORMAL = 1e-3
 """Largest element of C^T C - I of a matrix."""
 
 
-def checked_estimate(given: Any) -> dict[str, Array]:
+def checked_estimate(returned: Any) -> dict[str, Array]:
     """An estimate by row name.  Raises `InputError` that names the row, its value and what is allowed.
 
-    given: q_nb (4, scalar first), C_nb (3, 3), a ``scipy.spatial.transform.Rotation`` from b to n, or a dict of `SHAPES` in
+    returned: q_nb (4, scalar first), C_nb (3, 3), a ``scipy.spatial.transform.Rotation`` from b to n, or a dict of `SHAPES` in
     which ``C_nb`` may stand for ``q_nb``.
     """
-    values = dict(given) if isinstance(given, Mapping) else {"q_nb": given}
+    values = dict(returned) if isinstance(returned, Mapping) else {"q_nb": returned}
     if "C_nb" in values:
         values["q_nb"] = values.pop("C_nb")
     for name in values:

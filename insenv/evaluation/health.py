@@ -200,7 +200,7 @@ _FIXES = {
     "diverged": declared("fixes-diverged", f"the filter has diverged from its fixes: {_LOOK}"),
     "overconfident": declared("fixes-overconfident", f"the filter is overconfident: {_LOOK}"),
 }
-OR_AIDS, CAUSES = ", and at the other aids, which may be stated too surely: {aids}", ". Look at {causes}"
+OR_AIDS, CAUSES = ", and at the other aids, whose stated sigmas may be too small: {aids}", ". Look at {causes}"
 
 
 def fixes_misfit(health: Health) -> tuple[Remark, ...]:
@@ -237,8 +237,10 @@ def slow_errors(health: Health) -> dict[str, Any] | None:
     return {"mean": position.mean} if health.gnss.verdict not in WRONG and position.below else None
 
 
-NO_FIX = declared("no-fix", "no fix came: the estimate is that of the inertial unit alone")
-NO_FIX_BUT_AIDS = declared("no-fix-but-aids", "no fix came: the estimate is that of the inertial unit and the other aids")
+NO_FIX = declared("no-fix", "no fix was received: the estimate is that of the inertial unit alone")
+NO_FIX_BUT_AIDS = declared(
+    "no-fix-but-aids", "no fix was received: the estimate is that of the inertial unit and the other aids"
+)
 
 
 def no_fix(health: Health | None) -> tuple[Remark, ...]:

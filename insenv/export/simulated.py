@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.logs import GnssFixes, RecordedLog, Reference
 from insenv.logs.formats import log_tables
@@ -124,11 +125,14 @@ def _has_place(columns: Mapping[str, Array]) -> bool:
     return bool(celsius.min() >= COLDEST and celsius.max() <= HOTTEST)
 
 
-def _left_out(plant: Plant, columns: Mapping[str, Array]) -> list[str]:
+_LEFT_OUT = declared("left-out-of-log", "the format of a log has no place for: {others}")
+
+
+def _left_out(plant: Plant, columns: Mapping[str, Array]) -> list[Remark]:
     """Notes on sensors that the format of a log does not have."""
     others = [id for id in plant.scenario.sensors if id != "gnss" and registry.instrument(id) is None]
     others += [] if _has_place(columns) else [f"temperatures of the unit beyond {COLDEST:g} to {HOTTEST:g} deg C"]
-    return [f"the format of a log has no place for: {', '.join(others)}"] if others else []
+    return [_LEFT_OUT.filled(others=", ".join(others))] if others else []
 
 
 def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings, ...], reference: Reference) -> dict[str, Any]:

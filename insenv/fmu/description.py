@@ -10,8 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.shipped import SENSORS
-from insenv.base.version import __version__
+from insenv.base.shipped import SENSORS, __version__
 from insenv.core.model import Model
 from insenv.core.tables import Row, Vector
 from insenv.fmu.sources import OVERRIDE, TOKEN, main_source
@@ -29,7 +28,7 @@ _CAUSALITY = {  # of numbers; Booleans cannot be continuous
 """Causality, variability and initial.  Inputs are sampled too, but importers are slow with inputs declared discrete."""
 
 TERMINALS = {
-    "imu": ("delta_angle", "delta_velocity", "dt", "imu_valid", "imu_temperature"),
+    "imu": ("delta_angle", "delta_velocity", "dt", "sample_number", "imu_valid", "imu_temperature"),
     "gnss": ("gnss_",),
     **{id: (f"{id}_",) for id in SENSORS if id != "gnss"},
     "command": ("command_",),
@@ -70,6 +69,7 @@ _INTERFACES = {
 """What the FMU can do, by version of FMI, beside `_INTERFACE`."""
 _LOG_CATEGORIES = {
     "logStatusError": "Reasons for which calls were refused; always logged",
+    "logStatusWarning": "What the results may suffer from; always logged",
     "logEvents": "Changes of state: instantiated, initialization mode, step mode, terminated, reset",
 }
 
@@ -282,7 +282,7 @@ def build_description(subject: Subject, fmi: int) -> str:
 def terminals(variables: Sequence[Variable], arrays: bool) -> str:
     """terminalsAndIcons.xml: the variables of each sensor, bus or solution, and the place of the icon.
 
-    Its format is that of FMI 3, which FMI 2.0.4 takes too.
+    For FMI 3; its format would be the same in FMI 2.0.4.
     """
     root = ET.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = ET.SubElement(root, "GraphicalRepresentation")

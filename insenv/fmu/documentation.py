@@ -9,7 +9,7 @@ from string import Template
 import numpy as np
 
 from insenv.base.resources import fmu_folder
-from insenv.base.version import __version__
+from insenv.base.shipped import __version__
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import Kind, Variable, parts, quantity
 
@@ -34,7 +34,9 @@ _PLANT = (
 _ESTIMATOR = (
     "<p><code>delta_angle</code> and <code>delta_velocity</code> are the increments over the sample that begins at the "
     "communication point: row k of a log is set at the time at which its sample begins. <code>dt</code> is the measured "
-    "length of the sample, half to twice the step; its start value is the sample interval.</p>\n"
+    "length of the sample, half to twice the step and on average the step within a tenth; its start value is the sample "
+    "interval. <code>sample_number</code>, 0, 1, 2, ... by row of the log, lets each step check that the importer neither "
+    "repeats, omits nor interpolates samples: connect it whenever the rows of a file are the inputs.</p>\n"
     "<p>With <code>parameters.step_is_one_increment</code> a step of any length is one sample: the inputs are the "
     "increments over the whole step, and <code>dt</code> becomes its length.</p>"
 )

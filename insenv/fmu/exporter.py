@@ -70,15 +70,15 @@ def export_fmu(
         "modelDescription.xml": xml.replace(TOKEN, guid),
         "documentation/index.html": page(exported, listed, fmi, libraries),
         "sources/buildDescription.xml": description.build_description(exported, fmi),
-        "terminalsAndIcons/terminalsAndIcons.xml": description.terminals(listed, arrays),
+        # importers of FMI 2 read no terminals, and FMI Library logs those of the standard's own schema as errors
+        **({"terminalsAndIcons/terminalsAndIcons.xml": description.terminals(listed, arrays)} if fmi == 3 else {}),
         **{f"sources/{name}": text for name, text in code.items()},
         **reference_files(exported, listed, arrays),
     }
     files = {
         **{name: text.encode() for name, text in texts.items()},
         **{f"documentation/licenses/{path.name}": path.read_bytes() for path in licences},
-        **({"model.png": icon} if fmi == 2 else {}),
-        "terminalsAndIcons/icon.png": icon,
+        "model.png" if fmi == 2 else "terminalsAndIcons/icon.png": icon,
         **libraries,
     }
     write_archive(output, files)

@@ -37,7 +37,8 @@ _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 class Instance:
     """An initialized instance of a Co-Simulation FMU (FMI 2 or 3); a context manager that frees it.
 
-    version: 2 or 3.  inputs, outputs: its variables.  messages: its log.
+    version: 2 or 3.  inputs, outputs: its variables.  messages: its log.  warnings: those of them that are no reasons of a
+    failure.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class Instance:
         self.path, self.name = Path(path), name
         self.label = label or str(path)
         self.messages: list[str] = []
+        self.warnings: list[str] = []
         self._folder = Path(tempfile.mkdtemp(prefix="insenv-fmu-"))
         self._slave: Any = None
         # FMI 3: event needed, simulation ended, step ended early, and at which time
@@ -227,12 +229,13 @@ class Instance:
         return int(getattr(component, "value", component))
 
     def _log(self, status: int, text: bytes | None) -> None:
-        if status and text and len(self.messages) < MAX_MESSAGES:
-            self.messages.append(text.decode("utf-8", "replace"))
+        kept = self.warnings if status == _LABELS.index("warning") else self.messages
+        if status and text and len(kept) < MAX_MESSAGES:
+            kept.append(text.decode("utf-8", "replace"))
 
     def _reason(self) -> str:
         """What the FMU has logged, in one line."""
-        return "; ".join(dict.fromkeys(self.messages))
+        return "; ".join(dict.fromkeys(self.messages or self.warnings))
 
     def _callbacks(self) -> Any:
         """The callbacks of FMI 2, whose logger keeps the messages, formatted if FMPy has its helper for this.

@@ -14,7 +14,7 @@ from insenv.core.runner import make_runner
 from insenv.fmu.description import number, to_text
 from insenv.fmu.reading import Array
 from insenv.fmu.subject import Subject
-from insenv.fmu.variables import Kind, Variable
+from insenv.fmu.variables import SAMPLE_NUMBER, Kind, Variable
 from insenv.scenario.chunks import bridge_lost, input_rows
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref/"
@@ -61,17 +61,21 @@ def csv(times: Sequence[float], variables: Sequence[Variable], kind: Kind, value
     """A table in the format of FMPy and of the FMI cross-checks.
 
     One column per element; with `arrays` one column per row, with its elements separated by blanks.  A flag is 0 or 1.
+    `SAMPLE_NUMBER`, which is no row of the model, is the number of the row.
     """
-    listed = [v for v in variables if v.kind is kind]
-    first = min((v.place for v in variables if v.kind is kind or (kind is Kind.OUTPUT and v.kind is Kind.NONE)), default=0)
-    names = [name for v in listed for name in ([v.name] if arrays else v.elements)]
+    kinds = (kind, Kind.NONE) if kind is Kind.OUTPUT else (kind,)
+    is_numbered = kind is Kind.INPUT and any(v.row is SAMPLE_NUMBER for v in variables)
+    of_model = [v for v in variables if v.kind in kinds and v.row is not SAMPLE_NUMBER]
+    listed = [v for v in of_model if v.kind is kind]
+    first = min((v.place for v in of_model), default=0)
+    names = [name for v in listed for name in ([v.name] if arrays else v.elements)] + [SAMPLE_NUMBER.name] * is_numbered
     lines = [",".join(f'"{name}"' for name in ["time", *names])]
-    for time, row in zip(times, values.tolist(), strict=True):
+    for place, (time, row) in enumerate(zip(times, values.tolist(), strict=True)):
         cells = [repr(float(time))]
         for v in listed:
             numbers = [str(int(x) if v.row.flag else x) for x in row[v.place - first : v.place - first + v.row.size]]
             cells += [" ".join(numbers)] if arrays else numbers
-        lines.append(",".join(cells))
+        lines.append(",".join(cells + [str(place)] * is_numbered))
     return "\n".join(lines) + "\n"
 
 

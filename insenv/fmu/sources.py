@@ -12,7 +12,7 @@ from insenv.core.codegen import embedded_source
 from insenv.core.tables import Row
 from insenv.fmu.reading import flag_of
 from insenv.fmu.subject import Subject
-from insenv.fmu.variables import STEP_IS_ONE_INCREMENT, Kind, Variable
+from insenv.fmu.variables import NOT_GIVEN, SAMPLE_NUMBER, SAMPLED, STEP_IS_ONE_INCREMENT, Kind, Variable
 
 TOKEN = "@TOKEN@"
 """Placeholder in sources and description for the token, which is a hash of both."""
@@ -95,6 +95,9 @@ def config(subject: Subject, variables: Sequence[Variable], arrays: bool) -> str
         name = STEP_IS_ONE_INCREMENT.name
         place = next(v.place for v in variables if v.kind is Kind.PARAMETER and v.row.name == name)
         defines |= {"DT": inputs["dt"].place, name.upper(): place}
+        if SAMPLE_NUMBER.name in inputs:
+            defines |= {name.upper(): inputs[name].place for name in (SAMPLE_NUMBER.name, *SAMPLED)}
+            defines["NOT_GIVEN"] = f"({NOT_GIVEN!r}) /* sample_number */"
     rows = [f"  {{{', '.join(_fields(v, inputs))}}}," for v in variables]
     start = [value for v in variables for value in (v.start if v.start is not None else [0.0] * v.row.size)]
     kinds = [str(_TUNABLE if v.tunable else int(v.kind)) for v in variables for _ in range(v.row.size)]

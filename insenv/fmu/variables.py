@@ -31,7 +31,7 @@ _FRAMES = {
     "n at the start": "north, east, down at the start",
 }
 """Frames in the words of a description."""
-_SAMPLED = ("delta_angle", "delta_velocity")
+SAMPLED = ("delta_angle", "delta_velocity")
 _NOT_INTERPOLATED = "; one sample for each step, held over it and not interpolated"
 
 
@@ -44,6 +44,16 @@ STEP_IS_ONE_INCREMENT = Row(
     flag=True,
 )
 """Parameter of the FMU of an estimator that is no row of its model."""
+NOT_GIVEN = -1.0
+SAMPLE_NUMBER = Row(
+    "sample_number",
+    "Number of the inertial sample, a whole number that is 1 larger in each step: shows that the importer neither repeats, "
+    "omits nor interpolates samples; -1: not given",
+    start=NOT_GIVEN,
+    lower=NOT_GIVEN,
+    upper=2.0**53,
+)
+"""Input of the FMU of an estimator that is no row of its model.  It is not checked for being whole when it is set."""
 
 
 class Kind(IntEnum):
@@ -92,7 +102,7 @@ class Variable:
 
     @property
     def _further(self) -> str:
-        return _NOT_INTERPOLATED if self.kind is Kind.INPUT and self.row.name in _SAMPLED else ""
+        return _NOT_INTERPOLATED if self.kind is Kind.INPUT and self.row.name in SAMPLED else ""
 
     @property
     def _is_quaternion(self) -> bool:
@@ -100,7 +110,8 @@ class Variable:
 
 
 def variables(subject: Subject) -> list[Variable]:
-    """All rows in order: time, sample interval, how a step is read (of an estimator), parameters, inputs, outputs.
+    """All rows in order: time, sample interval, how a step is read and `SAMPLE_NUMBER` (of an estimator), parameters, inputs,
+    outputs.
 
     Rows of kind NONE are not variables of the FMU.
     """
@@ -112,6 +123,8 @@ def variables(subject: Subject) -> list[Variable]:
     if subject.kind == "estimator" and "dt" in model.inputs:
         row = STEP_IS_ONE_INCREMENT
         rows.append((row, PREFIX + row.name, Kind.PARAMETER, np.array([float(subject.step_is_one_increment)])))
+        if all(name in model.inputs and model.inputs[name].size == 3 for name in SAMPLED):
+            rows.append((SAMPLE_NUMBER, SAMPLE_NUMBER.name, Kind.INPUT, SAMPLE_NUMBER.flat_start()))
     for row in model.parameters:
         name, kind = _name(subject, row.name, PREFIX), Kind.PARAMETER
         if row.name == "sample_interval":

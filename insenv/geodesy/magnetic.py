@@ -81,11 +81,11 @@ def world_magnetic_years() -> tuple[float, float]:
 
 def _field(model: Any, latitude: float, longitude: float, height: float, year: float) -> Array:
     if abs(latitude) > np.pi / 2:  # beyond the pole: there north and east point back
-        found = _field(model, np.copysign(np.pi, latitude) - latitude, longitude + np.pi, height, year)
-        return found * np.array([-1.0, -1.0, 1.0])
+        field = _field(model, np.copysign(np.pi, latitude) - latitude, longitude + np.pi, height, year)
+        return field * np.array([-1.0, -1.0, 1.0])
     east = (degrees(longitude) + 180.0) % 360.0 - 180.0
-    found = model.calculate(degrees(latitude), east, height / 1e3, year, allow_date_outside_lifespan=True)
-    return np.array([found.x, found.y, found.z]) * _TESLA_PER_NT
+    field = model.calculate(degrees(latitude), east, height / 1e3, year, allow_date_outside_lifespan=True)
+    return np.array([field.x, field.y, field.z]) * _TESLA_PER_NT
 
 
 @lru_cache(maxsize=1)

@@ -4,38 +4,43 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from insenv.base.errors import InputError, nearest
-from insenv.logs import kf_gins
-from insenv.logs.columns import FileSection, MeasurementSection, window_words
+from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
+from insenv.logs.columns import FileSection, MeasurementSection, before, window_words
 from insenv.logs.description import PositionSection
-from insenv.logs.files import all_of, read_bytes
-from insenv.logs.formats.csv_table import Column, TextTable, check_finite, column_names, read_table
+from insenv.logs.formats.csv_table import Column, TextTable, check_finite
 from insenv.logs.joining import join
 from insenv.logs.recorded import Source
+from insenv.logs.section_files import SectionFile, located, open_files
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
 
 _MIN_AGE_S = -1.0
 """Smallest age of a measurement on arrival, s: a delay that a receiver underestimates makes it negative."""
+_RADIANS = declared(
+    "degrees-or-radians", "{name}: latitude and longitude in degrees lie within +-1.57 and +-3.14: are they radians?"
+)
 
 
 @dataclass
 class LogReader:
     """Reads the sections of a description and collects the files read and the notes for the user.
 
-    folder: where relative paths start; start_s, stop_s: the part of the log that is used.
+    folder: where relative paths start; start_s, stop_s: the part of the log that is used.  left_out: number of rows before
+    start_s, by section.
     """
 
     folder: Path
     start_s: float | None = None
     stop_s: float | None = None
     sources: list[Source] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    notes: list[Remark] = field(default_factory=list)
+    left_out: dict[str, int] = field(default_factory=dict)
 
     def read(
         self,
@@ -51,12 +56,6 @@ class LogReader:
         files with other times may be interpolated. Raises InputError.
         """
         table, tables = self._tables(name, section, section.named_columns() if columns is None else columns, optional, between)
-        chosen = np.ones(table.values.shape[0], bool)
-        for column_name, value in _selecting(section).items():
-            chosen &= np.isin(table.column(column_name), np.atleast_1d(value))
-        if not chosen.any():
-            raise InputError(f"{table.label}: no row is left by {name}.keep_where = {section.keep_where}")
-        table = table.select(chosen)
         check_finite(table, optional)
         for part in tables:
             self.sources.append(Source(name, part.label, part.values.shape[0], table.values.shape[0], part.sha256))
@@ -84,29 +83,22 @@ class LogReader:
     def _tables(
         self, name: str, section: FileSection, columns: Sequence[Column], optional: Sequence[Column], between: bool
     ) -> tuple[TextTable, list[TextTable]]:
-        """The table of all files of the section, and that of each file."""
-        columns = list(dict.fromkeys((section.time, *columns, *_selecting(section))))
-        layout: dict[str, Any] = {
-            "delimiter": section.delimiter,
-            "header_rows": section.header_rows,
-            "comment": section.comment,
-        }
-        options = {**layout, "skip_empty": section.skip_empty, "optional": optional}
-        files = all_of(lambda file: read_bytes(file, self.folder), section.file)
-        if len(files) > 1:
-            tables = _read_side_by_side(name, files, section.time, columns, layout, options)
-            return join(name, tables, between, self.notes), tables
-        options["expected_fields"] = kf_gins.allowed_fields(name, section)
-        table = read_table(*files[0], columns, **options)
-        if kf_gins.has_velocity(name, section, table.fields):
-            further = [column for group in kf_gins.GNSS_VELOCITY.values() for column in group]
-            table = read_table(*files[0], [*columns, *further], **options)
-        return table, [table]
+        """The rows that keep_where leaves, of all files of the section together, and the whole table of each file."""
+        files = open_files(name, dict(section), self.folder)
+        selecting = _selecting(section)
+        if len(files) == 1:
+            columns = list(dict.fromkeys((section.time, *columns, *selecting)))
+            table = files[0].table(columns, skip_empty=section.skip_empty, optional=optional)
+            return _kept(name, section, table, _chosen(table, selecting)), [table]
+        tables = _side_by_side(name, section, files, list(dict.fromkeys(columns)), optional)
+        return join(name, _kept_together(name, section, tables, selecting), between, self.notes), tables
 
     def _within(self, name: str, table: TextTable, time: Array) -> tuple[TextTable, Array]:
         low = -math.inf if self.start_s is None else self.start_s
         high = math.inf if self.stop_s is None else self.stop_s
-        inside = (time >= low) & (time <= high)
+        early, late = before(time, low), before(-time, -high)
+        self.left_out[name] = int(np.count_nonzero(early))
+        inside = ~(early | late)
         if not inside.any():
             raise InputError(
                 f"{table.label}: no {name} rows {window_words(self.start_s, self.stop_s)}: its times are {time[0]:.3f} to"
@@ -115,36 +107,27 @@ class LogReader:
         return table.select(inside), time[inside]
 
 
-def check_columns(section: Mapping[str, Any], model: type[FileSection], folder: Path) -> None:
-    """Raise one `InputError` for all columns named in a section that its files do not have, whatever else is wrong with it.
+def check_columns(name: str, section: Mapping[str, Any], model: type[FileSection], folder: Path) -> None:
+    """Raise one `InputError` for the columns named in a section that none of its files has, or several, whatever else is wrong.
 
-    section: its TOML values, unchecked; model: what it should be.
+    section: its TOML values, unchecked, completed by its format; model: what it should be.
     """
-    files = section.get("file")
-    files = [files] if isinstance(files, str) else files
-    if section.get("format", "csv") != "csv" or not isinstance(files, list) or not all(isinstance(f, str) and f for f in files):
+    right = dict(section)
+    if not isinstance(right.get("header_rows", 0), int):
+        del right["header_rows"]
+    if right.get("delimiter") not in (",", ";", "tab", "space"):
+        right.pop("delimiter", None)
+    if not isinstance(right.get("comment", ""), str):
+        del right["comment"]
+    files = open_files(name, right, folder)
+    if not any(isinstance(column, str) for file in files for column in file.names()):
         return
-    layout: dict[str, Any] = {}
-    if isinstance(section.get("header_rows"), int):
-        layout["header_rows"] = section["header_rows"]
-    if section.get("delimiter") in (",", ";", "tab", "space"):
-        layout["delimiter"] = section["delimiter"]
-    loaded = all_of(lambda file: read_bytes(file, folder), files)
-    known = [name for label, raw in loaded for name in column_names(label, raw, **layout)]
     values = [section.get(key) for key in model.column_keys()]
-    columns = [each for value in values for each in (value if isinstance(value, list) else [value])]
-    if known:
-        _check_known([name for name in columns if isinstance(name, str)], known, [label for label, _ in loaded])
+    columns = [each for value in values for each in (value if isinstance(value, (list, tuple)) else [value])]
+    located(name, files, [column for column in columns if isinstance(column, str) and column != section.get("time")])
 
 
-def _check_known(columns: Sequence[str], known: Sequence[str], files: Sequence[str]) -> None:
-    """Raise one InputError for all columns that the files do not have; known: those that they have."""
-    missing = [f"{', '.join(files)}: no column {name!r}{nearest(name, known)}" for name in columns if name not in known]
-    if missing:
-        raise InputError("\n".join(missing))
-
-
-def checked_position(name: str, section: PositionSection, table: TextTable, notes: list[str]) -> tuple[Array, Array]:
+def checked_position(name: str, section: PositionSection, table: TextTable, notes: list[Remark]) -> tuple[Array, Array]:
     """Latitude and longitude [rad]. Raises InputError if out of range; adds a note if degrees look like radians."""
     unit = section.position_unit
     assert unit is not None and section.latitude is not None and section.longitude is not None
@@ -158,7 +141,7 @@ def checked_position(name: str, section: PositionSection, table: TextTable, note
         result.append(np.clip(values * factor, -math.radians(limit), math.radians(limit)))
     latitude, longitude = result
     if unit == "deg" and np.all(np.abs(latitude) < factor * 1.5708) and np.all(np.abs(longitude) < factor * 3.1416):
-        notes.append(f"{name}: latitude and longitude in degrees lie within +-1.57 and +-3.14: are they radians?")
+        notes.append(_RADIANS.filled(name=name))
     return latitude, longitude
 
 
@@ -167,26 +150,58 @@ def _selecting(section: FileSection) -> dict[Column, Any]:
     return {int(k) if k.isdigit() else k: v for k, v in section.keep_where.items()}
 
 
-def _read_side_by_side(
-    name: str,
-    files: Sequence[tuple[str, bytes]],
-    time: Column,
-    columns: Sequence[Column],
-    layout: Mapping[str, Any],
-    options: Mapping[str, Any],
+def _chosen(table: TextTable, selecting: Mapping[Column, Any]) -> np.ndarray:
+    """The rows (n,) of bool that keep_where leaves, by those of its columns that the table has."""
+    chosen = np.ones(len(table.lines), bool)
+    for column, value in selecting.items():
+        if column in table.names:
+            chosen &= np.isin(table.column(column), np.atleast_1d(value))
+    return chosen
+
+
+def _kept(name: str, section: FileSection, table: TextTable, chosen: np.ndarray) -> TextTable:
+    if not chosen.any():
+        raise InputError(f"{table.label}: no row is left by {name}.keep_where = {section.keep_where}")
+    return table.select(chosen)
+
+
+def _kept_together(
+    name: str, section: FileSection, tables: Sequence[TextTable], selecting: Mapping[Column, Any]
 ) -> list[TextTable]:
-    """The table of each file: the time, and those of the columns that it is the first to have."""
-    names = [column for column in columns if isinstance(column, str)]
-    if len(names) < len(columns):
-        raise InputError(f"{name}.file: with several files the columns must be given by name, not by number")
-    headers = [column_names(label, raw, **layout) for label, raw in files]
-    left = [column for column in names if column != time]
-    _check_known(left, list(dict.fromkeys(column for header in headers for column in header)), [label for label, _ in files])
+    """The tables before they are joined: of files with the same times a row is kept if it is in all, of others in its own.
+
+    Without the columns of keep_where, but for the others that a key names.
+    """
+    chosen = [_chosen(table, selecting) for table in tables]
+    if all(np.array_equal(table.values[:, 0], tables[0].values[:, 0]) for table in tables[1:]):
+        chosen = [np.logical_and.reduce(chosen)] * len(tables)
+    kept = [_kept(name, section, table, rows) for table, rows in zip(tables, chosen, strict=True)]
+    named = set(section.named_columns())
+    return [_only(table, [0, *(k for k, each in enumerate(table.names) if k and each in named)]) for table in kept]
+
+
+def _only(table: TextTable, places: list[int]) -> TextTable:
+    return replace(table, names=tuple(table.names[k] for k in places), values=table.values[:, places])
+
+
+def _side_by_side(
+    name: str, section: FileSection, files: Sequence[SectionFile], columns: Sequence[Column], optional: Sequence[Column]
+) -> list[TextTable]:
+    """The table of each file: the time, the columns that it has of those named, and all of keep_where that it has."""
+    places = located(name, files, [column for column in columns if column != section.time])
+    for column in _selecting(section):
+        owners = [each for each, file in zip(places, files, strict=True) if column in file.names()]
+        if owners:
+            for each in owners:
+                each.setdefault(column, column)
+        else:
+            for each, found in zip(places, located(name, files, [column]), strict=True):
+                each |= found
     tables = []
-    for (label, raw), header in zip(files, headers, strict=True):
-        here = [column for column in left if column in header]
-        left = [column for column in left if column not in here]
-        tables.append(read_table(label, raw, [time, *here], **options))
+    for file, place in zip(files, places, strict=True):
+        may_lack = [place[column] for column in optional if column in place]
+        table = file.table([section.time, *place.values()], skip_empty=section.skip_empty, optional=may_lack)
+        tables.append(replace(table, names=(section.time, *place)))
     return tables
 
 
@@ -197,8 +212,10 @@ def _check_increasing(table: TextTable, time: Array) -> None:
     row = int(bad[0])
     before, after = float(time[row]), float(time[row + 1])
     if after == before:
-        raise InputError(f"{table.where(row + 1)}: time {after!r} s twice (also line {table.lines[row]}); times must increase")
+        raise InputError(
+            f"{table.where(row + 1)}: time {after!r} s twice (also {table.row} {table.lines[row]}); times must increase"
+        )
     week = "; a GNSS week rollover? use a continuous time" if 604000 < before - after < 605600 else ""
     raise InputError(
-        f"{table.where(row + 1)}: time goes backwards from {before!r} s (line {table.lines[row]}) to {after!r} s{week}"
+        f"{table.where(row + 1)}: time goes backwards from {before!r} s ({table.row} {table.lines[row]}) to {after!r} s{week}"
     )

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from insenv.base.remarks import Remark, declared
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.noise import noise_at_rest, noise_in_motion
 from insenv.sensors import units
@@ -27,14 +28,20 @@ _LARGEST = (
     "gyro_bias_sigma_deg_h", "gyro_scale_factor_sigma_ppm", "gyro_misalignment_sigma_urad", "gyro_g_sensitivity_deg_h_g",
     "accel_bias_sigma_ug", "accel_scale_factor_sigma_ppm", "accel_misalignment_sigma_urad",
 )  # fmt: skip
+_ASSUMED = declared(
+    "unit-assumed",
+    "the log gives no grade of its inertial unit: white noise is {source} ({arw} deg/sqrt(h), {vrw} m/s/sqrt(h)), everything "
+    "else is assumed to be that of class {name} (biases {gyro_bias} deg/h, {accel_bias} mg, 1 sigma); the key `grade` or "
+    "[estimator.ID] replaces that",
+)
 
 
 @dataclass(frozen=True)
 class AssumedUnit:
-    """What is assumed of an unknown unit: its grade, the one sentence that says so, and the class of the catalogue."""
+    """What is assumed of an unknown unit: its grade, the remark that says so, and the class of the catalogue."""
 
     grade: ImuGrade
-    sentence: str
+    remark: Remark
     name: str
 
 
@@ -64,12 +71,15 @@ def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> 
         **largest,
     )
     source = f"the log's own {where}" if measured else f"that of class {assumed.name!r}, because the log has less than any unit"
-    sentence = (
-        f"the log gives no grade of its inertial unit: white noise is {source} ({_round(float(arw))} deg/sqrt(h), "
-        f"{_round(float(vrw))} m/s/sqrt(h)), everything else is assumed to be that of class {assumed.name!r} (biases "
-        f"{_round(gyro_bias)} deg/h, {_round(accel_bias / 1000)} mg, 1 sigma); the key `grade` or [estimator.ID] replaces that"
+    said = _ASSUMED.filled(
+        source=source,
+        arw=_round(float(arw)),
+        vrw=_round(float(vrw)),
+        name=repr(assumed.name),
+        gyro_bias=_round(gyro_bias),
+        accel_bias=_round(accel_bias / 1000),
     )
-    return AssumedUnit(unit, sentence, assumed.name)
+    return AssumedUnit(unit, said, assumed.name)
 
 
 def _measured(samples: InertialSamples, rest: tuple[float, float] | None) -> tuple[float, float, str]:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from insenv.base.remarks import Remark
 from insenv.logs import instruments
 from insenv.logs.description import AnyLog, LogDescription
 from insenv.logs.inertial import InertialSamples
@@ -13,6 +17,9 @@ from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, So
 from insenv.logs.rest import rest_until
 from insenv.logs.units import Array
 from insenv.sensors.contract import Place
+
+LEFT_OUT = 1
+"""Samples before start_s with which it leaves nothing out: a time that is printed rounded may lie behind the first sample."""
 
 
 def recorded_log(
@@ -24,7 +31,7 @@ def recorded_log(
     description: LogDescription,
     lever_arm_b: Array,
     sources: Sequence[Source],
-    notes: Sequence[str],
+    notes: Sequence[Remark],
     unit: Mapping[str, Any] | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> RecordedLog:
@@ -36,7 +43,7 @@ def recorded_log(
     stated = {} if gnss is None or description.gnss is None else description.gnss.stated_errors()
     for each in readings:
         stated |= instruments.stated_errors(each.id, getattr(description, each.id, None), place)
-    return RecordedLog(
+    log = RecordedLog(
         **vars(imu),
         gnss=gnss,
         lever_arm_b=lever_arm_b,
@@ -49,6 +56,20 @@ def recorded_log(
         instruments=tuple(readings),
         told=stated,
     )
+    return replace(log, told=stated | _assumed_delay(log))
+
+
+LATE = 0.1
+"""s: 1 sigma of the time of validity of fixes in logs of low cost, which stamp a fix when it arrives."""
+LOW_COST = float(np.radians(100.0 / 3600.0))
+"""rad/s: gyro bias, 1 sigma, of the units in such logs; and more."""
+
+
+def _assumed_delay(log: RecordedLog) -> dict[str, Any]:
+    section = log.description.gnss
+    if log.gnss is None or (section is not None and section.delay_sigma_s is not None):
+        return {}
+    return {"gnss_delay_sigma": LATE} if log.sensors(in_place=True).gyro_bias_sigma >= LOW_COST else {}
 
 
 def place_of(gnss: GnssFixes | None, description: AnyLog) -> Place | None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Strict, model_validator
+import numpy as np
+from pydantic import BeforeValidator, Strict
 
+from insenv.base.remarks import clock
 from insenv.base.toml import Number, Positive, Section, check_three, key
-from insenv.logs import kf_gins
+from insenv.logs.units import Array
 
 
 def _check_column(value: object) -> object:
@@ -35,16 +36,16 @@ PositionUnit = Literal["deg", "rad", "1e-7 deg"]
 class FileSection(Section):
     """The files of a section: how they are written, and the column and unit of the time."""
 
-    KF_GINS: ClassVar[Mapping[str, Any]] = {}
-    """The keys that the format kf-gins fixes."""
-
     file: Files = key(
         ...,
         "path (relative to this TOML file), or package:NAME/path for a file inside an installed Python package; .gz and "
-        ".zip with one file are unpacked; a list of files joins their columns by time",
+        ".zip with one file are unpacked; a list of files joins their columns by time, and a column that several of them "
+        'have is named with the name of its file, "gyro.csv:x"',
     )
-    format: Literal["csv", "kf-gins"] = key(
-        "csv", "csv: any text table, columns as named below; kf-gins: a text file of KF-GINS, which sets all keys but file"
+    format: str = key(
+        "csv",
+        "how the files are written, a name of the table of formats above; csv: any text table; absent: by the end of the name "
+        "of the first file, csv if no format has it",
     )
     delimiter: Literal["auto", ",", ";", "tab", "space"] = key("auto", "separator of the fields; space: blanks and tabs")
     header_rows: Annotated[int, Strict()] | None = key(
@@ -56,7 +57,9 @@ class FileSection(Section):
     )
     comment: str = key("#", "lines that start with this character are skipped", min_length=1, max_length=1)
     keep_where: dict[str, Number | list[Number]] = key(
-        {}, "use only the rows in which this column has this value (or one of these values)"
+        {},
+        "use only the rows in which this column has this value (or one of these values); of several files, each that has the "
+        "column is reduced so before they are joined",
     )
     skip_empty: bool = key(
         False, "skip rows in which one of the columns is empty, nan or null (GNSS columns in a file at IMU rate)", strict=True
@@ -65,11 +68,6 @@ class FileSection(Section):
     time_unit: Literal["s", "ms", "us", "ns", "min", "h"] = key("s", "unit of the time column")
     time_scale: Positive = key(1.0, "further factor on the time, for a clock that runs fast or slow")
     time_offset_s: Number = key(0.0, "added to the time after unit and scale; all tables must share one clock", "s")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _fill(cls, data: Any) -> Any:
-        return kf_gins.filled(data, cls.KF_GINS)
 
     @classmethod
     def column_keys(cls) -> tuple[str, ...]:
@@ -91,8 +89,13 @@ class MeasurementSection(FileSection):
     )
 
 
+def before(time: Array, limit: float) -> np.ndarray:
+    """Whether times (n,) s are before a limit by more than rounding: a limit that is the time of a sample leaves it in."""
+    return np.asarray(time < limit - (4.0 * np.spacing(abs(limit)) if np.isfinite(limit) else 0.0))
+
+
 def window_words(start_s: float | None, stop_s: float | None) -> str:
     """The part of a log that its keys start_s and stop_s choose, for a message; those that are not given are left out."""
-    begin = "" if start_s is None else f"from start_s = {start_s:g} s"
-    end = "" if stop_s is None else f"to stop_s = {stop_s:g} s"
+    begin = "" if start_s is None else f"from start_s = {clock(start_s)} s"
+    end = "" if stop_s is None else f"to stop_s = {clock(stop_s)} s"
     return " ".join(filter(None, (begin, end))) or "in the whole log"

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, ValidationInfo, field_validator
+from pydantic import AfterValidator, BeforeValidator, ValidationInfo, field_validator
 
 from insenv import attitude
 from insenv.base.errors import nearest
+from insenv.base.keys import rows_of
+from insenv.base.remarks import clock
 from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
-from insenv.logs import kf_gins
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, PositionUnit, Sigma3
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
@@ -47,8 +47,6 @@ SLOPES = (
 
 class ImuSection(FileSection):
     """The inertial sensor."""
-
-    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.IMU
 
     gyro: Columns3 = key(..., "columns of the gyro's x, y, z")
     accel: Columns3 = key(
@@ -209,8 +207,6 @@ class PositionSection(FileSection):
 class GnssSection(PositionSection, MeasurementSection):
     """Position fixes of the antenna, each at its time of validity."""
 
-    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.GNSS
-
     latitude: Column = key(..., "column of the geodetic latitude (WGS-84)")
     longitude: Column = key(..., "column of the longitude, east positive")
     height: Column = key(..., "column of the height above the ellipsoid [m], up positive")
@@ -232,15 +228,24 @@ class GnssSection(PositionSection, MeasurementSection):
     speed_sigma: Column | None = key(None, "column of the standard deviation of the speed [m/s]")
     speed_sigma_mps: Positive | None = key(None, "constant standard deviation of the speed", "m/s", validate_default=True)
     lever_arm_m: Vector3 = key(..., "from the IMU to the antenna: forward, right, down", "m")
-    lever_arm_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m")
-    delay_sigma_s: Number = key(0.0, "error of the time of validity, 1 sigma", "s", ge=0, le=3600)
+    lever_arm_sigma_m: PerAxis = key(
+        (0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m", row="antenna_lever_arm_sigma"
+    )
+    delay_sigma_s: Number | None = key(
+        None,
+        "error of the time of validity, 1 sigma; if absent 0.1 with gyros of 100 deg/h and more, of which the class assumed if "
+        "there is no grade counts, and 0 with better ones",
+        "s",
+        row="gnss_delay_sigma",
+        ge=0,
+        le=3600,
+    )
     wander_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "part of the position error that changes slowly, 1 sigma, N, E, D", "m")
     wander_time_s: Positive = key(60.0, "correlation time of that part", "s", le=1e9)
 
     def stated_errors(self) -> dict[str, Any]:
         """Stated errors of the receiver beside the fields of `Knowledge`: rows of `sensors.gnss.GNSS_STATED`."""
-        rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s}
-        return {name: value for name, value in rows.items() if np.asarray(value).any()}
+        return {name: value for name, value in rows_of(self).items() if np.asarray(value).any()}
 
     @field_validator("position_sigma_m")
     @classmethod
@@ -268,33 +273,103 @@ class GnssSection(PositionSection, MeasurementSection):
         if info.data[quantity] is not None and number != 1:
             column, constant = ("a column", "a number") if quantity == "speed" else ("three columns", "three numbers")
             raise ValueError(f"{quantity} needs either {quantity}_sigma ({column}) or {quantity}_sigma_mps ({constant} [m/s])")
-        by_format = quantity == "velocity" and info.data.get("format") != "csv"
-        if info.data[quantity] is None and number and not by_format:
+        if info.data[quantity] is None and number:
             raise ValueError(f"{quantity}_sigma is given without {quantity}")
         return value
 
 
+def _check_four(value: object) -> object:
+    if not isinstance(value, (list, tuple)) or len(value) != 4:
+        raise ValueError("must be a list of four")
+    return tuple(value)
+
+
+Columns4 = Annotated[tuple[Column, Column, Column, Column], BeforeValidator(_check_four)]
+_check_four.takes = "4 columns"  # type: ignore[attr-defined]  # for the table of keys
+_TOGETHER: tuple[tuple[str, ...], ...] = (
+    ("latitude", "longitude", "height", "position_unit"),
+    ("roll", "pitch", "heading", "attitude_unit"),
+    ("quaternion", "quaternion_order", "quaternion_direction"),
+    ("position_local", "origin_latitude_deg", "origin_longitude_deg", "origin_height_m"),
+)
+"""Keys of a reference of which all are given, or none."""
+_ONE_OF: tuple[tuple[str, ...], ...] = (
+    ("latitude", "position_ecef", "position_local"),
+    ("velocity", "velocity_ecef"),
+    ("roll", "quaternion"),
+)
+"""Keys of a reference of which at most one is given."""
+
+
 class ReferenceSection(PositionSection):
-    """A reference solution at the IMU, for comparison and as an optional start: position, velocity and attitude, or some."""
+    """A reference solution, for comparison and as an optional start: position, velocity and attitude, or some."""
 
-    KF_GINS: ClassVar[Mapping[str, Any]] = kf_gins.REFERENCE
-
-    roll: Column | None = key(None, "column of the roll (right side down positive); with pitch, heading and attitude_unit")
-    pitch: Column | None = key(None, "column of the pitch (nose up positive); with roll and heading")
-    heading: Column | None = key(None, "column of the heading (clockwise from north); with roll and pitch")
+    position_ecef: Columns3 | None = key(None, "columns of the position x, y, z in Earth-centred axes (WGS-84) [m]")
+    velocity_ecef: Columns3 | None = key(None, "columns of the velocity in these axes [m/s]; with position_ecef")
+    position_local: Columns3 | None = key(
+        None,
+        "columns of the position [m] along the navigation_axes at an origin; velocity and attitude are then along them too",
+    )
+    origin_latitude_deg: Number | None = key(None, "latitude of that origin", "deg", ge=-90, le=90)
+    origin_longitude_deg: Number | None = key(None, "longitude of that origin", "deg", ge=-360, le=360)
+    origin_height_m: Number | None = key(None, "its height above the ellipsoid", "m")
+    navigation_axes: Literal["NED", "ENU", "NWU"] = key(
+        "NED",
+        "where x, y, z of the axes point along which velocity and position_local are given, and from which attitude counts",
+    )
+    axes: Any = key(
+        "FRD",
+        'axes of the body whose attitude it is: "FRD", "FLU", ... (where x, y, z point), "+x-y-z" (body forward, right, down), '
+        "or 3x3 C_bs",
+    )
+    quaternion: Columns4 | None = key(None, "columns of the attitude as a unit quaternion, instead of roll, pitch and heading")
+    quaternion_order: Literal["wxyz", "xyzw"] | None = key(None, "order of its columns: the scalar w first or last")
+    quaternion_direction: Literal["body-to-nav", "nav-to-body"] | None = key(
+        None, "whether it takes components along axes to those along navigation_axes, or back"
+    )
+    lever_arm_m: Vector3 = key(
+        (0.0, 0.0, 0.0),
+        "from the IMU to the point whose position and velocity it has: forward, right, down; turned by its attitude, or by "
+        "that of each estimate where it has none",
+        "m",
+    )
+    roll: Column | None = key(
+        None, "column of the roll, about x (right side down positive in FRD); with pitch, heading and attitude_unit"
+    )
+    pitch: Column | None = key(None, "column of the pitch, about y (nose up positive in FRD); with roll and heading")
+    heading: Column | None = key(
+        None,
+        "column of the heading, about z from the first of the navigation_axes (NED: clockwise from north); with roll and pitch",
+    )
     attitude_unit: AngleUnit | None = key(None, "unit of roll, pitch, heading", validate_default=True)
+
+    @field_validator("axes")
+    @classmethod
+    def _axes(cls, value: Any) -> Any:
+        axes_matrix(value)
+        return value
 
     @field_validator("attitude_unit")
     @classmethod
     def _all_of_each(cls, value: Any, info: ValidationInfo) -> Any:
         keys = {**info.data, "attitude_unit": value}
-        faults, some = [], keys.get("velocity") is not None
-        for group in (("latitude", "longitude", "height", "position_unit"), ("roll", "pitch", "heading", "attitude_unit")):
-            stated = [name for name in group if keys.get(name) is not None]
-            some = some or bool(stated)
-            if stated and len(stated) != 4 and set(group) <= set(keys):
-                faults.append(f"{', '.join(group[:3])} and {group[3]} go together; only {', '.join(stated)} given")
-        if not some and {"latitude", "roll", "velocity"} <= set(keys):
+        given, faults = [name for name, each in keys.items() if each is not None], []
+        for group in _TOGETHER:
+            stated = [name for name in group if name in given]
+            if stated and len(stated) != len(group) and set(group) <= set(keys):
+                faults.append(f"{', '.join(group[:-1])} and {group[-1]} go together; only {', '.join(stated)} given")
+        for group in _ONE_OF:
+            stated = [name for name in group if name in given]
+            if len(stated) > 1:
+                faults.append(f"{' and '.join(stated)} exclude one another")
+        if "velocity_ecef" in given and "position_ecef" not in given and "position_ecef" in keys:
+            faults.append("velocity_ecef needs position_ecef")
+        if keys.get("velocity_vertical") == "up" and keys.get("navigation_axes", "NED") != "NED":
+            faults.append(f"velocity_vertical = 'up' goes with navigation_axes = 'NED', not {keys['navigation_axes']!r}")
+        if keys.get("height_offset_m") and "height" not in given and "height" in keys:
+            faults.append("height_offset_m goes with height")
+        known = {name for group in _ONE_OF for name in group}
+        if known <= set(keys) and not known & set(given):
             faults.append("give the columns of position, velocity or attitude")
         if faults:
             raise ValueError("; ".join(faults))
@@ -343,7 +418,7 @@ class EvaluationSection(Section):
     def _after_from(cls, value: float | None, info: ValidationInfo) -> float | None:
         begin = info.data.get("from_s")
         if begin is not None and value is not None and value <= begin:
-            raise ValueError(f"must be after from_s = {begin:g} s")
+            raise ValueError(f"must be after from_s = {clock(begin)} s")
         return value
 
 
@@ -383,7 +458,7 @@ class AnyLog(Section):
     def _after_start(cls, value: float | None, info: ValidationInfo) -> float | None:
         start = info.data.get("start_s")
         if start is not None and value is not None and value <= start:
-            raise ValueError(f"must be after start_s = {start:g} s")
+            raise ValueError(f"must be after start_s = {clock(start)} s")
         return value
 
 

@@ -12,9 +12,10 @@ import numpy as np
 from pydantic import model_validator
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import Remark, declared
 from insenv.base.toml import Number, Vector3, key, validated
-from insenv.logs.build import overlaps, place_of, recorded_log, span_of
-from insenv.logs.columns import window_words
+from insenv.logs.build import LEFT_OUT, overlaps, place_of, recorded_log, span_of
+from insenv.logs.columns import before, window_words
 from insenv.logs.description import AnyLog, Grade, LogDescription, Sigma3
 from insenv.logs.files import read_bytes
 from insenv.logs.formats import SUFFIXES, Format, flight_format
@@ -36,6 +37,41 @@ VELOCITY_SIGMA = (0.3, 0.3, 0.5)
 _NONE = "none"
 
 AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries, Readings)
+_NO_FIXES = declared("log-without-fixes", "no GNSS: the log has no fixes")
+_FIXES_UNUSED = declared("fixes-unused", "no GNSS: the log's fixes are not used")
+_GNSS_ELSEWHEN = declared(
+    "fixes-no-overlap", "no GNSS: its times do not overlap those of the inertial unit, {begin:.3f} to {end:.3f} s"
+)
+_SIMULATED_UNIT = declared(
+    "unit-simulated", "the data sheet of the inertial unit is that of the simulated one, by the parameters in the log"
+)
+_SETTINGS = declared("settings-of-log", "settings of {estimators} by the parameters in the log")
+_UNIT = declared("unit-used", "inertial unit: {name} at {rate:.4g} Hz (in the log: {units})")
+_LOW_RATE = declared("rate-low", "{rate:.3g} Hz is a low rate: motion between the samples, such as vibration, is lost")
+_NOT_FINITE = declared("samples-not-finite", "{count} samples with values that are not finite are skipped")
+_RECEIVER = declared("receiver-used", "GNSS: {name}, {count} fixes")
+_SEA_LEVEL = declared(
+    "heights-above-sea", "{name}: heights above mean sea level are used as ellipsoidal heights (undulation_m corrects it)"
+)
+_NO_VELOCITY = declared("fixes-without-velocity", "{name}: no velocity")
+_LEVER_ARM = declared(
+    "lever-arm-of-log",
+    "lever arm of the antenna {numbers} m (forward, right, down), by the parameters {names} in the log",
+)
+_PLACE_OF = declared("place-of", "the place is that of {name}, {latitude:.6f}, {longitude:.6f} deg")
+_ACCURACY_ASSUMED = declared("accuracy-assumed", "the log states no accuracy of the fixes' {what}: {numbers} (N, E, D) assumed")
+_REFERENCE_TRUE = declared("reference-true", "reference: {name}, a simulator's truth")
+_REFERENCE_ESTIMATE = declared(
+    "reference-estimate", "reference: {name}, the vehicle's own estimate: errors against it are differences"
+)
+_ATTITUDE_ALONE = declared("reference-attitude", "{name}: attitude without {lacking}")
+_SORTED = declared("samples-sorted", "{count} samples twice or out of order: sorted, each time once")
+_LONGEST = declared(
+    "segment-longest",
+    "{count} segments between restarts and gaps longer than {gap:g} s: the longest is used, {begin:.3f} to {end:.3f} s "
+    "(start_s and stop_s select another one)",
+)
+_NO_RESTART = declared("restart-missing", "{what}: {name} lacks a restart of the clock that the inertial unit has: not used")
 
 
 class FlightDescription(AnyLog):
@@ -88,7 +124,9 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
     label, data = read_bytes(description.flight, folder)
     flight = _read(form, label, data)
     notes = list(flight.notes)
-    imu, part = _imu(label, form, flight, description, notes)
+    imu, part, left_out = _imu(label, form, flight, description, notes)
+    if left_out <= LEFT_OUT:
+        description = description.model_copy(update={"start_s": None})
     sampled = sampling(imu.time, None, imu.name)
     notes += sampled.notes
     samples = np.hstack([imu.rate_ib_b, imu.specific_force_b])
@@ -98,14 +136,14 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
 
     fixes = _chosen(label, "gnss", flight.fixes, description.gnss, part, notes)
     if fixes is None:
-        notes.append("no GNSS: the log has no fixes" if not flight.fixes else "no GNSS: the log's fixes are not used")
+        notes.append(_FIXES_UNUSED if flight.fixes else _NO_FIXES)
     undulation = description.undulation_m
     if undulation is None and fixes is not None:
         undulation = fixes.undulation
     gnss = None if fixes is None else _gnss(fixes, description, undulation, notes)
     solution = _chosen(label, "reference", flight.solutions, description.reference, part, notes)
     if gnss is not None and not overlaps(gnss, span):
-        notes.append(f"no GNSS: its times do not overlap those of the inertial unit, {span[0]:.3f} to {span[1]:.3f} s")
+        notes.append(_GNSS_ELSEWHEN.filled(begin=span[0], end=span[1]))
         gnss = None
     reference = None if solution is None else _reference(solution, span, undulation or 0.0, notes)
     arm = _lever_arm(flight, description, gnss is not None, notes)
@@ -113,9 +151,9 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
     unit = None if description.grade else unit_rows(flight.parameters)
     tuned = settings(flight.parameters)
     if unit is not None:
-        notes.append("the data sheet of the inertial unit is that of the simulated one, by the parameters in the log")
+        notes.append(_SIMULATED_UNIT)
     if tuned:
-        notes.append(f"settings of {', '.join(tuned)} by the parameters in the log")
+        notes.append(_SETTINGS.filled(estimators=", ".join(tuned)))
     return recorded_log(
         inertial,
         gnss,
@@ -150,7 +188,7 @@ def _read(form: Format, label: str, data: bytes) -> Flight:
 
 
 def _chosen(
-    label: str, section: str, series: Sequence[AnySeries | None], name: str, part: int, notes: list[str]
+    label: str, section: str, series: Sequence[AnySeries | None], name: str, part: int, notes: list[Remark]
 ) -> AnySeries | None:
     """The series of a name, or the first, in the segment after `part` restarts; None if there is none."""
     chosen = _named(label, section, series, name)
@@ -178,8 +216,10 @@ def _readings(flight: Flight, part: int, span: tuple[float, float], undulation: 
     return readings
 
 
-def _imu(label: str, form: Format, flight: Flight, description: FlightDescription, notes: list[str]) -> tuple[ImuSeries, int]:
-    """The unit's samples of one segment, and the number of restarts of the clock before them."""
+def _imu(
+    label: str, form: Format, flight: Flight, description: FlightDescription, notes: list[Remark]
+) -> tuple[ImuSeries, int, int]:
+    """The unit's samples of one segment, the number of restarts of the clock before them, and of samples before start_s."""
     units = ", ".join([f"{imu.name} at {imu.rate_hz:.3g} Hz" for imu in flight.imus] + list(flight.others)) or "none at all"
     imu = _named(label, "imu", flight.imus, description.imu)
     if imu is None or imu.rate_hz < USABLE_HZ:
@@ -187,44 +227,43 @@ def _imu(label: str, form: Format, flight: Flight, description: FlightDescriptio
             f"{label}: this {form.kind} has no inertial unit at a usable rate, {USABLE_HZ:g} Hz or more: found {units};"
             f" {form.hint}"
         )
-    notes.append(f"inertial unit: {imu.name} at {imu.rate_hz:.4g} Hz (in the log: {units})")
+    notes.append(_UNIT.filled(name=imu.name, rate=imu.rate_hz, units=units))
     if imu.rate_hz < SLOW_HZ:
-        notes.append(f"{imu.rate_hz:.3g} Hz is a low rate: motion between the samples, such as vibration, is lost")
+        notes.append(_LOW_RATE.filled(rate=imu.rate_hz))
     finite = np.isfinite(imu.rate_ib_b).all(axis=1) & np.isfinite(imu.specific_force_b).all(axis=1)
     if not finite.all():
-        notes.append(f"{np.count_nonzero(~finite)} samples with values that are not finite are skipped")
+        notes.append(_NOT_FINITE.filled(count=np.count_nonzero(~finite)))
     low = -np.inf if description.start_s is None else description.start_s
     high = np.inf if description.stop_s is None else description.stop_s
-    inside = np.asarray(finite & (imu.time >= low) & (imu.time <= high))
+    early = before(imu.time, low)
+    inside = np.asarray(finite & ~early & ~before(-imu.time, -high))
     if np.count_nonzero(inside) < 3:
         raise InputError(
             f"{label}: {np.count_nonzero(inside)} samples of {imu.name}"
             f" {window_words(description.start_s, description.stop_s)}: its times are {imu.time.min():.3f} to"
             f" {imu.time.max():.3f} s"
         )
-    return longest(imu, inside, description.max_gap_s, notes)
+    return *longest(imu, inside, description.max_gap_s, notes), int(np.count_nonzero(early))
 
 
-def _gnss(fixes: FixSeries, description: FlightDescription, undulation: float | None, notes: list[str]) -> GnssFixes:
-    notes.append(f"GNSS: {fixes.name}, {len(fixes.time)} fixes")
+def _gnss(fixes: FixSeries, description: FlightDescription, undulation: float | None, notes: list[Remark]) -> GnssFixes:
+    notes.append(_RECEIVER.filled(name=fixes.name, count=len(fixes.time)))
     height = fixes.height
     if fixes.height_sea:
         if undulation is None:
-            notes.append(
-                f"{fixes.name}: heights above mean sea level are used as ellipsoidal heights (undulation_m corrects it)"
-            )
+            notes.append(_SEA_LEVEL.filled(name=fixes.name))
         height = height + (undulation or 0.0)
     position_sigma = _sigma(fixes.position_sigma, fixes, description.position_sigma_m, POSITION_SIGMA, "position", notes)
     velocity_sigma = None
     if fixes.velocity_n is None:
-        notes.append(f"{fixes.name}: no velocity")
+        notes.append(_NO_VELOCITY.filled(name=fixes.name))
     else:
         velocity_sigma = _sigma(fixes.velocity_sigma, fixes, description.velocity_sigma_mps, VELOCITY_SIGMA, "velocity", notes)
     time = fixes.time + description.gnss_time_offset_s
     return GnssFixes(time, fixes.latitude, wrap(fixes.longitude), height, position_sigma, fixes.velocity_n, velocity_sigma)
 
 
-def _lever_arm(flight: Flight, description: FlightDescription, fixes: bool, notes: list[str]) -> Array:
+def _lever_arm(flight: Flight, description: FlightDescription, fixes: bool, notes: list[Remark]) -> Array:
     """Lever arm (3,) m: of the description, or by the parameters in the log, or 0."""
     if description.lever_arm_m is not None:
         return np.array(description.lever_arm_m)
@@ -233,16 +272,17 @@ def _lever_arm(flight: Flight, description: FlightDescription, fixes: bool, note
         return np.zeros(3)
     arm, names = stated
     numbers = ", ".join(f"{value:.3g}" for value in arm)
-    notes.append(f"lever arm of the antenna {numbers} m (forward, right, down), by the parameters {names} in the log")
+    notes.append(_LEVER_ARM.filled(numbers=numbers, names=names))
     return arm
 
 
-def _placed(flight: Flight, description: FlightDescription, gnss: GnssFixes | None, notes: list[str]) -> FlightDescription:
+def _placed(flight: Flight, description: FlightDescription, gnss: GnssFixes | None, notes: list[Remark]) -> FlightDescription:
     """The description with the place that the log states, if there are neither fixes nor a place in `[initial]`."""
     place, initial = flight.place, description.initial
     if place is None or gnss is not None or initial.latitude_deg is not None or initial.longitude_deg is not None:
         return description
-    notes.append(f"the place is that of {place.name}, {np.degrees(place.latitude):.6f}, {np.degrees(place.longitude):.6f} deg")
+    latitude, longitude = np.degrees([place.latitude, place.longitude])
+    notes.append(_PLACE_OF.filled(name=place.name, latitude=latitude, longitude=longitude))
     height = place.height + (description.undulation_m or 0.0 if place.height_sea else 0.0)
     values = {"latitude_deg": float(np.degrees(place.latitude)), "longitude_deg": float(np.degrees(place.longitude))}
     if initial.height_m is None:
@@ -256,31 +296,28 @@ def _sigma(
     wanted: tuple[float, ...] | None,
     assumed: tuple[float, ...],
     what: str,
-    notes: list[str],
+    notes: list[Remark],
 ) -> Array:
     if wanted is None and stated is not None and not np.isnan(stated).any():
         return stated
     if wanted is None:
         numbers = ", ".join(f"{value:g}" for value in assumed)
-        notes.append(f"the log states no accuracy of the fixes' {what}: {numbers} (N, E, D) assumed")
+        notes.append(_ACCURACY_ASSUMED.filled(what=what, numbers=numbers))
     return np.tile(np.array(assumed if wanted is None else wanted), (len(fixes.time), 1))
 
 
-def _reference(solution: SolutionSeries, span: tuple[float, float], undulation: float, notes: list[str]) -> Reference | None:
+def _reference(solution: SolutionSeries, span: tuple[float, float], undulation: float, notes: list[Remark]) -> Reference | None:
     inside = (solution.time >= span[0]) & (solution.time <= span[1])
     if np.count_nonzero(inside) < 2:
         return None
-    if solution.true:
-        notes.append(f"reference: {solution.name}, a simulator's truth")
-    else:
-        notes.append(f"reference: {solution.name}, the vehicle's own estimate: errors against it are differences")
+    notes.append((_REFERENCE_TRUE if solution.true else _REFERENCE_ESTIMATE).filled(name=solution.name))
     columns = {each.name: getattr(rows_of(solution, inside), each.name) for each in fields(Reference)}
     columns |= {name: wrap(columns[name]) for name in ("longitude", "roll", "heading") if columns[name] is not None}
     if columns["height"] is not None and solution.height_sea:
         columns["height"] = columns["height"] + undulation
     lacking = [what for what, name in (("position", "latitude"), ("velocity", "velocity_n")) if columns[name] is None]
     if lacking:
-        notes.append(f"{solution.name}: attitude without {' and '.join(lacking)}")
+        notes.append(_ATTITUDE_ALONE.filled(name=solution.name, lacking=" and ".join(lacking)))
     return Reference(**columns)
 
 
@@ -359,7 +396,7 @@ def ordered(series: AnySeries) -> tuple[AnySeries, int]:
     return rows_of(series, first), wrong
 
 
-def longest(imu: ImuSeries, inside: np.ndarray, max_gap_s: float, notes: list[str]) -> tuple[ImuSeries, int]:
+def longest(imu: ImuSeries, inside: np.ndarray, max_gap_s: float, notes: list[Remark]) -> tuple[ImuSeries, int]:
     """The samples `inside` of the longest segment without a restart or a gap longer than `max_gap_s`, in order of time.
 
     Returns them and the number of restarts before them. Appends to `notes`.
@@ -380,19 +417,16 @@ def longest(imu: ImuSeries, inside: np.ndarray, max_gap_s: float, notes: list[st
     assert best is not None  # `inside` is not empty
     _, chosen, number = best
     if moved:
-        notes.append(f"{moved} samples twice or out of order: sorted, each time once")
+        notes.append(_SORTED.filled(count=moved))
     if count > 1:
-        notes.append(
-            f"{count} segments between restarts and gaps longer than {max_gap_s:g} s: the longest is used,"
-            f" {chosen.time[0]:.3f} to {chosen.time[-1]:.3f} s (start_s and stop_s select another one)"
-        )
+        notes.append(_LONGEST.filled(count=count, gap=max_gap_s, begin=chosen.time[0], end=chosen.time[-1]))
     return chosen, number
 
 
-def only(series: AnySeries, part: int, what: str, notes: list[str]) -> AnySeries | None:
+def only(series: AnySeries, part: int, what: str, notes: list[Remark]) -> AnySeries | None:
     """The rows after `part` restarts, in order; None, with a note, if the series has fewer restarts."""
     of = restarts(series.time)
     if part > of[-1]:
-        notes.append(f"{what}: {series.name} lacks a restart of the clock that the inertial unit has: not used")
+        notes.append(_NO_RESTART.filled(what=what, name=series.name))
         return None
     return ordered(rows_of(series, np.flatnonzero(of == part)))[0]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.logs.units import Array
 
 # Whether samples are regular: only then does a long step between two stamps mean that samples are missing.
@@ -36,6 +37,18 @@ MAX_RATE_HZ = 1e4
 """Mean rate of samples from which the unit of the time stamps is wrong, unless the rate is stated."""
 NEIGHBOURS = 2
 """Steps on either side that are searched for the jitter of a late stamp."""
+_IRREGULAR = declared(
+    "stamps-irregular",
+    "{label}: irregular time stamps, with steps of {low:.3g} to {usual:.3g} ms (median {median:.3g} ms): each sample covers "
+    "the time since the one before, and only steps above {gap:.3g} ms are gaps (rate_hz states regular sampling)",
+)
+_WRONG_FORCE = declared(
+    "force-implausible",
+    "imu: the median specific force is {size:.4g} m/s2, expected about 9.8: check accel_unit, accel_scale, kind",
+)
+_FORCE_DOWN = declared(
+    "force-down", "imu: the specific force points down (+z of FRD); a vehicle at rest has -9.8 there: check axes, accel_axes"
+)
 
 
 @dataclass(frozen=True)
@@ -44,7 +57,7 @@ class Sampling:
 
     interval: float
     gap_s: float | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
 
     def missing(self, time: Array) -> np.ndarray:
         """Number of samples missing after each stamp, (n - 1,) integers."""
@@ -84,11 +97,7 @@ def sampling(time: Array, rate_hz: float | None, label: str = "imu") -> Sampling
         return Sampling(median)
     low, usual = (float(np.quantile(steps, q)) for q in (0.01, 0.99))
     gap = GAP_STEPS * usual
-    note = (
-        f"{label}: irregular time stamps, with steps of {low * 1e3:.3g} to {usual * 1e3:.3g} ms (median {median * 1e3:.3g} ms):"
-        f" each sample covers the time since the one before, and only steps above {gap * 1e3:.3g} ms are gaps"
-        " (rate_hz states regular sampling)"
-    )
+    note = _IRREGULAR.filled(label=label, low=low * 1e3, usual=usual * 1e3, median=median * 1e3, gap=gap * 1e3)
     return Sampling(median, gap, (note,))
 
 
@@ -227,14 +236,14 @@ def _lengths(stamps: Array, interval: float, stamp: str, sampled: Sampling, cove
     return np.insert(steps, 0 if stamp == "interval_end" else len(steps), interval)
 
 
-def implausible(samples: InertialSamples) -> list[str]:
+def implausible(samples: InertialSamples) -> list[Remark]:
     """Notes on a median specific force that no vehicle on the Earth has: wrong unit, kind or axes."""
     force = samples.delta_velocity / samples.dt[:, None]
     size = float(np.median(np.linalg.norm(force, axis=1)))
     if not _MIN_FORCE < size < _MAX_FORCE:
-        return [f"imu: the median specific force is {size:.4g} m/s2, expected about 9.8: check accel_unit, accel_scale, kind"]
+        return [_WRONG_FORCE.filled(size=size)]
     if float(np.median(force[:, 2])) > 0.5 * size:
-        return ["imu: the specific force points down (+z of FRD); a vehicle at rest has -9.8 there: check axes, accel_axes"]
+        return [_FORCE_DOWN]
     return []
 
 

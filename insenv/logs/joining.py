@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.logs.formats.csv_table import TextTable
 from insenv.logs.formats.series import nearest_rows
 from insenv.logs.units import Array
@@ -17,9 +19,11 @@ GAP_STEPS = 5.0
 """A step of this many median steps is a gap."""
 MIN_PARTNERS = 0.5
 """Share of the rows of the shortest file that must have partners in the others, if values between rows are not allowed."""
+_JOINED = declared("rows-joined", "{name}: joined by time: {count} rows have the same time in {files}; the others are left out")
+_BETWEEN = declared("rows-interpolated", "{name}: joined by time: {files} are interpolated at the {count} times of {first}")
 
 
-def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[str]) -> TextTable:
+def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[Remark]) -> TextTable:
     """The table of several files; the first column of each is the time, and the first file's times are those of the table.
 
     Where the rows differ, those with the same time in all files are kept. If they are few and `between` is true, the columns
@@ -38,9 +42,7 @@ def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[str]
     shortest = min(table.values.shape[0] for table in tables)
     files = ", ".join(f"{table.label} ({table.values.shape[0]} rows)" for table in tables)
     if np.count_nonzero(same) >= MIN_PARTNERS * shortest:
-        notes.append(
-            f"{name}: joined by time: {np.count_nonzero(same)} rows have the same time in {files}; the others are left out"
-        )
+        notes.append(_JOINED.filled(name=name, count=np.count_nonzero(same), files=files))
         columns = [t.values[p[same], 1:] for t, p in zip(tables[1:], partners, strict=True)]
         return _beside(first.select(same), columns, tables)
     low, high = max(t.values[0, 0] for t in tables), min(t.values[-1, 0] for t in tables)
@@ -52,7 +54,7 @@ def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[str]
             f"{name}: only {np.count_nonzero(same)} rows have the same time in {files}: joined files must have the same"
             f" clock{'' if between else ' and the same times'}"
         )
-    notes.append(f"{name}: joined by time: {files} are interpolated at the {np.count_nonzero(inside)} times of {first.label}")
+    notes.append(_BETWEEN.filled(name=name, files=files, count=np.count_nonzero(inside), first=first.label))
     columns = [
         np.column_stack([np.interp(time[inside], t.values[:, 0], column) for column in t.values[:, 1:].T])
         if t.values.shape[1] > 1
@@ -64,7 +66,7 @@ def join(name: str, tables: Sequence[TextTable], between: bool, notes: list[str]
 
 def _beside(first: TextTable, columns: Sequence[Array], tables: Sequence[TextTable]) -> TextTable:
     names = (*first.names, *(n for t in tables[1:] for n in t.names[1:]))
-    return TextTable(first.label, names, np.hstack([first.values, *columns]), first.lines, first.fields, first.sha256)
+    return replace(first, names=names, values=np.hstack([first.values, *columns]), notes=())
 
 
 def _partners(time: Array, other: Array, tolerance: float) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, clock
 from insenv.estimators import ImuDataSheet
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
@@ -107,17 +108,18 @@ class GnssFixes:
             if bad.size:
                 at, axis = bad[0]
                 raise InputError(
-                    f"{name} of the fix at {self.time[at]:.10g} s, {'NED'[axis]}: {sigma[at, axis]:g} {row.unit}: allowed is "
-                    f"from {row.lower:g} to {row.upper:g} {row.unit} ({len(bad)} such values)"
+                    f"{name} of the fix at {clock(self.time[at], 10)} s, {'NED'[axis]}: {sigma[at, axis]:g} {row.unit}: "
+                    f"allowed is from {row.lower:g} to {row.upper:g} {row.unit} ({len(bad)} such values)"
                 )
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference solution at the IMU: time (m,) s, on the IMU's clock, and what the reference has; the rest is None.
+    """Reference solution: time (m,) s, on the IMU's clock, and what the reference has; the rest is None.
 
     latitude, longitude (m,) rad and height (m,) m above the ellipsoid; velocity_n (m, 3) m/s; roll, pitch, heading (m,)
-    rad, heading in [-pi, pi) clockwise from north.
+    rad, heading in [-pi, pi) clockwise from north.  lever_arm_b (3,) m FRD: from the IMU to the point whose position and
+    velocity these are; None: they are those of the IMU.
     """
 
     time: Array
@@ -128,6 +130,7 @@ class Reference:
     roll: Array | None = None
     pitch: Array | None = None
     heading: Array | None = None
+    lever_arm_b: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -145,7 +148,7 @@ class RecordedLog(InertialSamples):
     lever_arm_b: Array
     reference: Reference | None
     sources: tuple[Source, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
     description: LogDescription
     unit: Mapping[str, Any] | None = None
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import geodesy
+from insenv.base.remarks import Remark, declared
 from insenv.estimators import ImuDataSheet
 from insenv.geodesy import OMEGA_IE
 from insenv.logs.inertial import InertialSamples
@@ -288,9 +289,19 @@ BIAS_SIGMAS = 10.0
 """Standard deviations of the bias by which the rate at rest differs from the Earth's if the unit is wrong."""
 RATE_SIGMAS = 3.0
 """Standard deviations of the mean rate, likewise, of a vehicle that rocks."""
+_RATE_AT_REST = declared(
+    "rate-at-rest",
+    "imu: the gyros measure {rate:.3g} deg/h at rest; the Earth's rate is 15 deg/h and the data sheet allows a bias of "
+    "{bias:.2g} deg/h: check gyro_unit, gyro_scale, kind, and the grade",
+)
+_TURNS_DIFFER = declared(
+    "turns-differ",
+    "imu: the gyros turn {ratio:.3g} times as far as the course of the fixes (57.3 or 0.0175: degrees and radians): check "
+    "gyro_unit, gyro_scale, kind",
+)
 
 
-def rest_rate_notes(log: RecordedLog) -> list[str]:
+def rest_rate_notes(log: RecordedLog) -> list[Remark]:
     """A note if the mean rate at rest is not that of the Earth and a bias as the data sheet in the description allows it."""
     rows = rest_rows(log)
     if not log.states_unit or len(rows) < REST_SAMPLES or log.dt[rows].sum() < STEADY_S:
@@ -300,13 +311,10 @@ def rest_rate_notes(log: RecordedLog) -> list[str]:
     if abs(rate - OMEGA_IE) <= BIAS_SIGMAS * bias + RATE_SIGMAS * np.sqrt(3.0) * rest.rate_sigma:
         return []
     hourly = float(np.degrees(3600.0))
-    return [
-        f"imu: the gyros measure {rate * hourly:.3g} deg/h at rest; the Earth's rate is 15 deg/h and the data sheet allows a "
-        f"bias of {bias * hourly:.2g} deg/h: check gyro_unit, gyro_scale, kind, and the grade"
-    ]
+    return [_RATE_AT_REST.filled(rate=rate * hourly, bias=bias * hourly)]
 
 
-def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[str]:
+def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[Remark]:
     """A note if the turns that the gyros measure are proportional to those of the course, and not equal to them."""
     if gnss is None or gnss.velocity_n is None or gnss.velocity_sigma is None:
         return []
@@ -333,7 +341,4 @@ def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[str]:
     ratio = both / alone
     if 1.0 / WRONG_RATIO < ratio < WRONG_RATIO:
         return []
-    return [
-        f"imu: the gyros turn {ratio:.3g} times as far as the course of the fixes (57.3 or 0.0175: degrees and radians): check "
-        "gyro_unit, gyro_scale, kind"
-    ]
+    return [_TURNS_DIFFER.filled(ratio=ratio)]

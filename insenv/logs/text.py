@@ -12,16 +12,18 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.logs import instruments, kf_gins
+from insenv.logs import instruments
 from insenv.logs.assemble import LogReader, checked_position
-from insenv.logs.build import overlaps, recorded_log, span_of
-from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
+from insenv.logs.build import LEFT_OUT, overlaps, recorded_log, span_of
+from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection
 from insenv.logs.files import Faults
 from insenv.logs.formats.csv_table import Column, TextTable
 from insenv.logs.inertial import InertialSamples, covered_steps, implausible, increments, sampling
-from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, fixes_from_course
+from insenv.logs.recorded import GnssFixes, RecordedLog, fixes_from_course
+from insenv.logs.reference import read_reference
 from insenv.logs.rest import rest_rate_notes, turn_notes
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 from insenv.sensors import registry, units
@@ -72,6 +74,17 @@ MAX_FORCE = 2e5 * STANDARD_GRAVITY
 """m/s^2: no accelerometer measures more; those of impact tests go to 2e5 g."""
 _MAX_STEPS = 100.0
 """Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
+_MERGED = declared(
+    "increments-merged",
+    "imu: {count} increments are those of several samples by their size: each covers the time since the one before",
+)
+_COMPENSATED = declared(
+    "thermal-errors-off", "imu: the calibrated thermal errors are taken off, at {coldest:.3g} to {hottest:.3g} deg C"
+)
+_REPEATED = declared(
+    "fixes-repeated",
+    "gnss: {rows} rows repeat {fixes} fixes, each about {each} times: a fix counts once, at its first row",
+)
 
 
 def build(description: LogDescription, folder: Path) -> RecordedLog:
@@ -82,9 +95,13 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
     gnss = None if description.gnss is None else faults.attempt(partial(_gnss, description.gnss, reader))
     sections = {id: section for id in registry.instruments() if (section := getattr(description, id, None)) is not None}
     measured = [faults.attempt(partial(instruments.read, id, section, reader)) for id, section in sections.items()]
-    reference = None if description.reference is None else faults.attempt(partial(_reference, description.reference, reader))
+    reference = None
+    if description.reference is not None and imu is not None:
+        reference = faults.attempt(partial(read_reference, description.reference, reader, imu))
     faults.check()
     assert imu is not None
+    if reader.left_out["imu"] <= LEFT_OUT:
+        description = description.model_copy(update={"start_s": None})
     span = span_of(imu)
     readings = [each for each in measured if each is not None]
     for name, table in (("gnss", gnss), ("reference", reference), *((each.id, each) for each in readings)):
@@ -121,10 +138,7 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     if section.kind == "increment" and lengths is None:
         covered = covered_steps(stamps, accel, sampled, section.stamp)
         if covered.any():
-            reader.notes.append(
-                f"imu: {np.count_nonzero(covered)} increments are those of several samples by their size: each covers the time"
-                " since the one before"
-            )
+            reader.notes.append(_MERGED.filled(count=np.count_nonzero(covered)))
     imu = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered, lengths=lengths)
     if section.temperature is not None:
         celsius = _temperature(section.temperature, table, stamps, imu.imu_time)
@@ -167,7 +181,7 @@ def _temperature(column: Column, table: TextTable, stamps: Array, time: Array) -
     return np.interp(time, stamps, celsius)
 
 
-def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, notes: list[str]) -> InertialSamples:
+def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, notes: list[Remark]) -> InertialSamples:
     """The samples without the calibrated thermal errors, by the log's own temperature (n,), deg C."""
     warmth = celsius - section.temperature_reference_degc
 
@@ -176,7 +190,7 @@ def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, 
         clean = without_thermal_errors(sensed, samples.dt, warmth, np.array(bias_slope), units.ppm_to_one(scale_slope))
         return np.asarray(clean @ C_bs.T)
 
-    notes.append(f"imu: the calibrated thermal errors are taken off, at {celsius.min():.3g} to {celsius.max():.3g} deg C")
+    notes.append(_COMPENSATED.filled(coldest=celsius.min(), hottest=celsius.max()))
     return replace(
         samples,
         delta_angle=cleaned(
@@ -213,15 +227,10 @@ def _velocity(section: PositionSection, table: TextTable) -> Array | None:
 def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
     course = () if section.course is None else (section.course,)
     table, time = reader.read("gnss", section, optional=course)
-    if kf_gins.has_velocity("gnss", section, table.fields):
-        section = section.model_copy(update=kf_gins.GNSS_VELOCITY)
     moving = [c for c in (*(section.velocity or ()), section.speed, section.course) if c is not None]
     repeated = repeats(time, np.nan_to_num(table.columns((section.latitude, section.longitude, section.height, *moving))))
     if repeated is not None:
-        reader.notes.append(
-            f"gnss: {len(time)} rows repeat {len(repeated.rows)} fixes, each about {repeated.each} times: a fix counts once, at"
-            " its first row"
-        )
+        reader.notes.append(_REPEATED.filled(rows=len(time), fixes=len(repeated.rows), each=repeated.each))
         table, time = table.select(repeated.rows), time[repeated.rows]
     faults = Faults()
     place = faults.attempt(lambda: checked_position("gnss", section, table, reader.notes))
@@ -265,25 +274,3 @@ def _sigma(table: TextTable, names: Sequence[Column] | None, constant: Any, unit
         "; keep_where can exclude invalid fixes",
     )
     return sigma
-
-
-def _reference(section: ReferenceSection, reader: LogReader) -> Reference:
-    table, time = reader.read("reference", section)
-    reference = Reference(time, velocity_n=_velocity(section, table))
-    if section.height is not None:
-        latitude, longitude = checked_position("reference", section, table, reader.notes)
-        height = table.column(section.height) + section.height_offset_m
-        reference = replace(reference, latitude=latitude, longitude=wrap(longitude), height=height)
-    attitude = [column for column in (section.roll, section.pitch, section.heading) if column is not None]
-    if not attitude or section.attitude_unit is None:
-        return reference
-    roll, pitch, heading = (table.column(column) * ANGLE_UNITS[section.attitude_unit] for column in attitude)
-    table.refuse(
-        [attitude[1]],
-        np.abs(pitch) > math.pi / 2 + 1e-9,
-        lambda row, _: (
-            f"pitch is {math.degrees(pitch[row]):.6g} deg, allowed -90 to 90; check attitude_unit and the order of "
-            "roll, pitch, heading"
-        ),
-    )
-    return replace(reference, roll=wrap(roll), pitch=pitch, heading=wrap(heading))

@@ -21,6 +21,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
+from insenv.base.remarks import declared
 from insenv.core.tables import Vector
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Array, Result, Track, checked_estimate, errors, track_of
 from insenv.evaluation.limits import Limit
@@ -311,18 +312,29 @@ def _between(before: Vector, after: Vector, share: float) -> Vector:
     return np.asarray(row)
 
 
+_NO_ESTIMATE = declared("no-estimate", "no estimate was received")
+_REFUSED = declared("estimates-refused", "refused {count} times: {sentence}")
+_CHANGED = declared("no-limit-changed", "no limit: the scenario was changed at {time:g} s, from where on it is another one")
+_LONGER = declared("no-limit-longer", "no limit of estimates that last longer than the scenario, {time:g} s")
+_RECEIVED = declared(
+    "estimates-received",
+    "{count} estimates by MAVLink; they arrived {median:.3g} ms after their time stamp in the median, at most {largest:.3g} ms",
+)
+_THINNED = declared("estimates-thinned", "one in {stride} of them is recorded")
+
+
 def report_of(score: Score) -> Report:
     """The report of all sources that have sent estimates, as of a run; its truth is that at the times of their estimates."""
     simulation, sources = score.view.simulation, score.sources.values()
     scenario, limit = simulation.plant.scenario, score.limit
     notes = list(scenario.notes)
     if not sources:
-        notes.append("no estimate was received")
-    notes += [f"refused {count} times: {sentence}" for sentence, count in score.refused.items()]
+        notes.append(_NO_ESTIMATE)
+    notes += [_REFUSED.filled(count=count, sentence=sentence) for sentence, count in score.refused.items()]
     if score.disturbed_at is not None:
-        notes.append(f"no limit: the scenario was changed at {score.disturbed_at:g} s, from where on it is another one")
+        notes.append(_CHANGED.filled(time=score.disturbed_at))
     if limit is not None and simulation.time > limit.time[-1] + simulation.interval:
-        notes.append(f"no limit of estimates that last longer than the scenario, {limit.time[-1]:g} s")
+        notes.append(_LONGER.filled(time=limit.time[-1]))
     return Report(
         scenario=scenario.name,
         title=scenario.title,
@@ -341,12 +353,8 @@ def _result(source: Source, score: Score) -> Result:
     if limit is not None and (truth.time[-1] > limit.time[-1] or score.disturbed_at is not None):
         limit = None
     delays = np.array(source.delays)
-    notes: tuple[str, ...] = (
-        f"{source.count} estimates by MAVLink; they arrived {np.median(delays) * 1e3:.3g} ms after their time stamp in the"
-        f" median, at most {np.max(delays) * 1e3:.3g} ms",
-    )
-    if source.stride > 1:
-        notes = (*notes, f"one in {source.stride} of them is recorded")
+    came = _RECEIVED.filled(count=source.count, median=np.median(delays) * 1e3, largest=np.max(delays) * 1e3)
+    notes = (came, _THINNED.filled(stride=source.stride)) if source.stride > 1 else (came,)
     called = Called(source.name, "latitude" in rows)
     return result_of(called, rows, truth, limit, us_per_sample=float("nan"), notes=notes, sigma=source.stated())
 

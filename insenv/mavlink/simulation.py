@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import make_runner
 from insenv.core.tables import Table, Vector
 from insenv.estimators import Estimator, Knowledge
@@ -44,6 +45,9 @@ class Fix:
     velocity_valid: bool
     velocity_n: Vector
     velocity_sigma: Vector
+
+
+_TOO_EARLY = declared("too-early", "{id} needs {needed:.3g} s of data")
 
 
 class Simulation:
@@ -196,7 +200,7 @@ class Simulation:
         self._aligning_since = self.samples
         self.health = self._new_health()
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """The estimator's objections to its estimate, with its parameters and the data since the alignment began.
 
         The last one is that these data are fewer than it needs.
@@ -204,7 +208,7 @@ class Simulation:
         rows = self.estimator.model.parameters.unpack(self._filter.p)
         duration = max(self.samples - self._aligning_since, 1) * self.interval
         needed = self.estimator.needed_s(rows)
-        short = (f"{self.estimator.id} needs {needed:.3g} s of data",) if duration < needed * (1 - 1e-9) else ()
+        short = (_TOO_EARLY.filled(id=self.estimator.id, needed=needed),) if duration < needed * (1 - 1e-9) else ()
         return (*self.estimator.objections(rows, duration), *short)
 
     def known_now(self) -> Knowledge:

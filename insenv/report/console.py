@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from insenv.base.output import WIDTH
 from insenv.report.document import Block, Grid, Line, Listing
 
 if TYPE_CHECKING:
@@ -18,7 +20,7 @@ LABEL = 13
 
 NARROWEST = 24
 """Columns that the last column of a listing has at least."""
-MOST = 1000
+MAX_WIDTH = 1000
 """More columns than any table needs."""
 GAP = 2
 """Columns between those of a listing."""
@@ -31,10 +33,21 @@ def fitted(console: Console, blocks: Iterable[Block]) -> Iterator[RenderableType
         if isinstance(block, Listing):
             needed = _fixed_width(block) + NARROWEST
         else:
-            measured = console.measure(part, options=console.options.update(width=MOST))
+            measured = console.measure(part, options=console.options.update(width=MAX_WIDTH))
             needed = measured.maximum if isinstance(block, Grid) else measured.minimum
         console.width = max(width, needed)
         yield part
+
+
+def as_text(blocks: Iterable[Block]) -> str:
+    """The lines of blocks as in a file or pipe, `insenv.base.output.WIDTH` columns wide."""
+    from rich.console import Console
+
+    console = Console(width=WIDTH, file=io.StringIO(), markup=False, highlight=False, emoji=False, color_system=None)
+    with console.capture() as captured:
+        for part in fitted(console, blocks):
+            console.print(part)
+    return "\n".join(line.rstrip() for line in captured.get().splitlines())
 
 
 def rendered(blocks: Iterable[Block]) -> Iterator[RenderableType]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.installing import advice, is_installed
-from insenv.base.output import as_path, staged, to_json
+from insenv.base.output import as_path, cannot_write, staged, to_json
 from insenv.base.style import save
 from insenv.report.document import Document
 from insenv.report.figures import draw
@@ -51,8 +51,7 @@ class OutputFolder:
             with tempfile.TemporaryFile(dir=present):
                 pass
         except OSError as error:
-            reason = error.strerror or str(error)
-            raise InputError(f"cannot write to the output folder {str(path)!r}: {reason}") from None
+            raise cannot_write(self.path, error) from None
 
     @contextmanager
     def staged(self) -> Iterator[Callable[[str], Path]]:
@@ -60,6 +59,7 @@ class OutputFolder:
 
         A name may have folders in it, which are made.
         """
+        made = [path for path in (self.path, *self.path.parents) if not path.exists()]
         try:
             with ExitStack() as stack:
                 parts: dict[Path, Callable[[str], Path]] = {}
@@ -75,6 +75,10 @@ class OutputFolder:
                 yield part
         except OSError as error:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
+        finally:
+            for path in made:  # of work that fails
+                with suppress(OSError):
+                    path.rmdir()
 
 
 def write_document(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from insenv.base.errors import InsenvError
 from insenv.base.installing import is_installed, need
 from insenv.base.style import save
+from insenv.report.console import as_text
 from insenv.report.document import Document, Page, Table
 from insenv.report.figures import draw
 from insenv.report.files import FilesWritten, OutputFolder, write_document
@@ -45,6 +46,10 @@ class Shown:
         Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
         """
         return write_document(self.document(), OutputFolder(folder), figure)
+
+    def __str__(self) -> str:
+        """The tables that the command prints, at most 80 columns wide where that is possible."""
+        return as_text(self.document().blocks())
 
     def _repr_html_(self) -> str | None:
         document = self.document()

@@ -10,20 +10,25 @@ from typing import Any
 import numpy as np
 
 from insenv import geodesy
+from insenv.base.remarks import LATE_S, clock
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
 from insenv.report.document import Page, Table
-from insenv.report.page.report import kept_records, room
+from insenv.report.page.report import room, shown_records
 from insenv.report.panels import TRUTH_GROUP, Array, Band, Curve, Panel, Picture, Section, TimePanel, TrackPanel
 from insenv.report.run_data import RunData, has_fixes, without_fixes
 from insenv.report.tables import (
     ESTIMATE_COLUMNS,
+    OUTAGE_COLUMNS,
+    beyond_line,
     error_columns,
     error_label,
     error_rows,
     estimate_rows,
     facts,
+    force_line,
     number,
+    outage_rows,
     unit_columns,
     unit_rows,
     within,
@@ -68,9 +73,10 @@ def run_page(report: RunData, further: Mapping[str, Any] | None = None) -> Page:
     """The page of a run or replay, with as many records as fit into it.  further: other documents by kind, such as "live"."""
     further = further or {}
     records = max((len(r.time) for r in report.results), default=0)
-    keep = kept_records(records, sum(map(_arrays, report.results)) + 21, room(further))
+    keep = shown_records(records, sum(map(_arrays, report.results)) + 21, room(further))
     thinned = [f"The page shows {len(keep)} of {records} records; the .npz file holds all."] if len(keep) < records else []
-    panels = RunPanels(_thinned(report, keep), without_fixes(report.results))
+    counted, from_start = since_start(_thinned(report, keep))
+    panels = RunPanels(counted, without_fixes(since_start(report)[0].results))
     return Page(
         tab=f"{report.scenario}: {report.title}",
         name=report.scenario,
@@ -80,10 +86,21 @@ def run_page(report: RunData, further: Mapping[str, Any] | None = None) -> Page:
         legend=[{"name": r.estimator} for r in report.results],
         tables=[one for place, result in enumerate(report.results) for one in _tables(result, place, report)],
         explained=_explained(report),
-        notes=[*report.notes, *thinned],
+        notes=[*report.notes, *thinned, *from_start],
         sections=[*panels.errors(), *panels.motion(), panels.biases()],
         further=further,
     )
+
+
+def since_start(report: RunData) -> tuple[RunData, list[str]]:
+    """The report with its times counted from its first second, if they count from a date, and a sentence that says so."""
+    first = min((float(r.time[0]) for r in report.results if len(r.time)), default=0.0)
+    if first < LATE_S:
+        return report, []
+    begin = math.floor(first)
+    results = tuple(replace(r, time=r.time - begin, from_s=r.from_s - begin) for r in report.results)
+    truth = replace(report.truth, time=report.truth.time - begin)
+    return replace(report, results=results, truth=truth), [f"Times of the panels count from {begin} s of the log."]
 
 
 def _thinned(report: RunData, keep: Any) -> RunData:
@@ -114,6 +131,9 @@ def _tables(result: Result, place: int, report: RunData) -> Iterator[Table]:
     if result.health is not None:
         first, *others = result.health.lines
         below = [f"Health: {first}", *others]
+    if result.specific_force is not None:
+        line = force_line(result.specific_force)
+        below.append(f"{line[0].upper()}{line[1:]}")
     below += [*result.notes, *([f"{number(result.us_per_sample)} us a sample"] if result.us_per_sample else [])]
     state = "" if result.health is None else result.health.verdict
     if result.errors:
@@ -127,11 +147,15 @@ def _tables(result: Result, place: int, report: RunData) -> Iterator[Table]:
         columns = error_columns(result)
         ratio = columns[-1]
         above = [(k, len(values)) for k, (_, values) in enumerate(rows) if (values.get(ratio) or 0.0) > MARKED and "/" in ratio]
-        below = [*([] if result.from_s <= 0 else [f"Statistics from {result.from_s:g} s on"]), *below]
+        below = [*([] if result.from_s <= 0 else [f"Statistics from {clock(result.from_s)} s on"]), *below]
         headed = (*columns, *(f"rms of {name}" for name, _ in published))
         yield Table(result.estimator, headed, cells, place, below, above, state)
     else:
         yield Table(result.estimator, ESTIMATE_COLUMNS, estimate_rows(result), place, below, state=state)
+    if result.outages is not None:
+        yield Table(
+            result.estimator, OUTAGE_COLUMNS, outage_rows(result.outages), place, [beyond_line(result.outages)], wide=True
+        )
     if result.unit:
         yield Table(result.estimator, unit_columns(result), unit_rows(result), place)
 
@@ -157,9 +181,10 @@ def run_picture(report: RunData) -> Picture:
     An alignment: each angle over the whole run, and over the time of the statistics.  A navigation: a row each for attitude,
     position and velocity, and beside them the track, the height where it matters, and the test ratios of fixes.
     """
+    report, from_start = since_start(report)
     panels = RunPanels(report, without_fixes(report.results))
     seed = "" if report.seed is None else f", seed {report.seed}"
-    title = f"{report.title or report.scenario}\n{report.scenario}{seed}, {report.duration_s:g} s"
+    title = "\n".join([f"{report.title or report.scenario}\n{report.scenario}{seed}, {report.duration_s:g} s", *from_start])
     names = [r.estimator for r in report.results]
     shown = [name for name in CHANNELS if any(name in r.errors for r in report.results)]
     if shown and set(shown) <= set(ATTITUDE):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.remarks import as_json
+from insenv.base.remarks import Remark, as_json
 from insenv.evaluation.errors import Result, Track
 from insenv.evaluation.limits import ratio_bounds
 
@@ -29,7 +29,7 @@ class RunData:
     imu_samples: int
     truth: Track
     results: tuple[Result, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     published: tuple[tuple[str, dict[str, float]], ...] = field(default=())
 
     def as_json(self) -> dict[str, Any]:
@@ -48,15 +48,15 @@ class RunData:
                     "stated": r.stated(),
                     "health": None if r.health is None else r.health.as_json(),
                     "unit": [error.as_json() for error in r.unit],
+                    "specific_force": None if r.specific_force is None else r.specific_force.as_json(),
+                    **({} if r.outages is None else {"outages": r.outages.as_json()}),
                     "us_per_sample": r.us_per_sample,
                     "statistics_from_s": r.from_s,
-                    "notes": list(r.notes),
-                    "remarks": as_json(r.notes),
+                    **as_json(r.notes),
                 }
                 for r in self.results
             ],
-            "notes": list(self.notes),
-            "remarks": as_json(self.notes),
+            **as_json(self.notes),
         }
 
 

@@ -133,6 +133,12 @@ def collect(report: RunData) -> tuple[dict[str, NDArray[Any]], dict[str, dict[st
             for channel, value in series.items():
                 frame = "" if channel.endswith("_deg") else "n"
                 add(f"{prefix}/{kind}/{channel}", value, UNITS[channel.rpartition("_")[2]], frame, meaning)
+        if result.outages is not None:
+            lost = [(one.time, one.error, one.sigma) for one in result.outages.each]
+            time, error, sigma = (np.concatenate(part) for part in zip(*lost, strict=True))
+            add(f"{prefix}/outages/time", time, "s", "", "Times of the withheld fixes in the outages")
+            add(f"{prefix}/outages/error", error, "m", "n", "Estimated less measured position of the antenna at these times")
+            add(f"{prefix}/outages/sigma", sigma, "m", "n", "Standard deviation of that, of estimate and fix together")
     return arrays, described
 
 

@@ -6,9 +6,12 @@ import math
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
+from insenv.base.remarks import clock
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
+from insenv.evaluation.outages import BEYOND, SHOWN, Outages
+from insenv.evaluation.specific_force import SpecificForce
 from insenv.report.document import Block, Grid, Line
 from insenv.report.run_data import RunData
 
@@ -55,7 +58,7 @@ def run_blocks(report: RunData) -> Iterator[Block]:
     yield Line()
     if any(result.errors for result in report.results):
         shown = {name for result in report.results if result.errors for name in error_columns(result)}
-        yield Line("final: at the end; all others: over the statistics' time", "dim")
+        yield Line("final: at the end; other columns: over the time of the statistics", "dim")
         meanings = {"stated": "stated: the estimator's own 1 sigma", "limit": "limit: theory's 1 sigma"}
         if explained := [meaning for name, meaning in meanings.items() if name in shown]:
             yield Line("; ".join(explained), "dim")
@@ -84,7 +87,7 @@ def within(runs: int) -> str:
 
 def since(from_s: float) -> str:
     """The time of the statistics of several runs, in words."""
-    return "over the whole runs" if from_s <= 0 else f"from {from_s:g} s on"
+    return "over the whole runs" if from_s <= 0 else f"from {clock(from_s)} s on"
 
 
 ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
@@ -111,8 +114,8 @@ def error_rows(result: Result) -> list[tuple[str, dict[str, float | None]]]:
     for name in (name for name in CHANNELS if name in result.errors):
         values = {column: kinds[column].get(name) for column in columns if column in kinds}
         if columns[-1].startswith("rms/"):
-            error, own = kinds["rms"][name], values[columns[-2]]
-            known = own if result.settled and name not in result.unjudged else None
+            error, reference = kinds["rms"][name], values[columns[-2]]
+            known = reference if result.settled and name not in result.unjudged else None
             values[columns[-1]] = None if not known else limit_ratio(error, known, name) if result.limit else error / known
         rows.append((label(name), values))
     return rows
@@ -136,9 +139,45 @@ def unit_rows(result: Result) -> list[tuple[str, ...]]:
     ]
 
 
+OUTAGE_COLUMNS = (
+    "fixes withheld", "hor. [m]", "max", "stated", "ratio", "down [m]", "max", "stated", "ratio",
+)  # fmt: skip
+"""Columns of the errors in outages: horizontal and vertical, each at the end, the largest, the sigma stated at the end, and
+the error at the end over it."""
+
+
+def outage_rows(outages: Outages) -> list[tuple[str, ...]]:
+    """By outage, and of all: a label, then the cells of `OUTAGE_COLUMNS`."""
+    labels = [f"{one.begin:.10g} s, for {one.end - one.begin:.6g} s" for one in outages.each]
+    found = [one.statistics() for one in outages.each]
+    if len(found) > 1:
+        labels.append(f"all {len(found)}, rms")
+        found.append(outages.summary())
+    kinds = ("end", "max", "stated", "ratio")
+    return [
+        (label, *(number(one[kind][name]) for name in SHOWN for kind in kinds))
+        for label, one in zip(labels, found, strict=True)
+    ]
+
+
+def beyond_line(outages: Outages) -> str:
+    """What the columns mean, and the share of the errors beyond three sigma."""
+    compared = "errors against the withheld fixes, at the end of each outage and the largest"
+    if not outages.ratios.size:
+        return compared
+    beyond = f"{outages.beyond} of {outages.ratios.size} errors north, east, down are beyond {BEYOND:g} sigma"
+    return f"{compared}; stated: 1 sigma of estimate and fix together; {beyond}"
+
+
+def force_line(force: SpecificForce) -> str:
+    """How an attitude fits the velocities of the receiver."""
+    reference = "" if force.reference is None else f", by the reference {number(force.reference)}"
+    return f"specific force against GNSS velocity: {number(force.estimate)} m/s2 rms{reference}"
+
+
 def _of_result(result: Result, report: RunData) -> Iterator[Block]:
     shown = [name for name in CHANNELS if name in result.errors]
-    start = "over the whole run" if result.from_s <= 0 else f"from {result.from_s:g} s on"
+    start = "over the whole run" if result.from_s <= 0 else f"from {clock(result.from_s)} s on"
     # no time is known of an estimate that came from outside
     facts_of = [f"statistics {start}"] if shown else []
     facts_of += [f"{number(result.us_per_sample)} us a sample"] if isfinite(result.us_per_sample) else []
@@ -161,8 +200,15 @@ def _of_result(result: Result, report: RunData) -> Iterator[Block]:
     if result.health is not None:
         for place, sentence in enumerate(result.health.lines):
             yield Line(f"{'  ' if place else 'health: '}{sentence}", "yellow" if result.health.wrong else "")
+    if result.specific_force is not None:
+        yield Line(force_line(result.specific_force), "yellow" if result.specific_force.contradicted else "")
     for note in result.notes:
         yield Line(f"note: {note}")
+    if result.outages is not None:
+        lost = outage_rows(result.outages)
+        yield Line()
+        yield Grid(OUTAGE_COLUMNS, lost, rule=len(lost) - 1 if len(lost) > 1 else None, least=5, gap=1)
+        yield Line(beyond_line(result.outages), "dim")
     if result.unit:
         yield Line()
         yield Grid(unit_columns(result), unit_rows(result))

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
-from insenv.base.style import save_both
+from insenv.base.style import save
 from insenv.report.document import Block, Document, Line
 from insenv.report.figures import draw
+from insenv.report.files import OutputFolder
 from insenv.report.panels import TRUTH_GROUP, Range
 from insenv.report.tables import number
 
@@ -86,11 +87,17 @@ def footnotes(notes: Iterable[str]) -> tuple[list[str], list[str]]:
 
 
 def figure(paper: str, folder: Path) -> list[Path]:
-    """Draw the figures of a paper into `folder`; returns the paths of the files, PNG and SVG of each figure."""
-    paths: list[Path] = []
-    for ending, picture in _module(paper).pictures().items():
-        paths += save_both(draw(picture), folder / f"reproduce-{paper}{ending}")
-    return paths
+    """Draw the figures of a paper into `folder`; returns the paths of the files, PNG and SVG of each figure.
+
+    All are written, or none.  Raises `InputError` for a folder that cannot be written to, `InsenvError` if writing fails.
+    """
+    target, names = OutputFolder(folder), list[str]()
+    with target.staged() as part:
+        for ending, picture in _module(paper).pictures().items():
+            files = {kind: f"reproduce-{paper}{ending}.{kind}" for kind in ("png", "svg")}
+            save(draw(picture), {kind: part(name) for kind, name in files.items()})
+            names += files.values()
+    return [folder / name for name in names]
 
 
 def document(measured: Mapping[str, Sequence[Quantity]]) -> Document:

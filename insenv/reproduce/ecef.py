@@ -69,10 +69,10 @@ def laboratory(rate_hz: float = 50.0) -> Scenario:
     return base.model_copy(update={"imu": imu, "knowledge": knowledge})
 
 
-def nees(found: Ensemble, id: str = ID) -> Array:
+def nees(runs: Ensemble, id: str = ID) -> Array:
     """Squared attitude errors normalised by the stated covariance (seeds, records); 3 on average."""
-    outputs = found.outputs[id]
-    error = attitude.numeric.error_rotation_vector(outputs["q_nb"], found.truth["q_nb"])
+    outputs = runs.outputs[id]
+    error = attitude.numeric.error_rotation_vector(outputs["q_nb"], runs.truth["q_nb"])
     return np.einsum("rti,rtij,rtj->rt", error, np.linalg.inv(outputs["attitude_covariance"]), error)
 
 
@@ -80,24 +80,24 @@ def quantities() -> list[Quantity]:
     """Table 1, and the figures and the covariance over many seeds."""
     rows = []
     for title, prior in (("wide prior", WIDE), ("data-sheet prior", {})):
-        found = ensemble(load("static-ecef"), IDS, [1], tuning=dict.fromkeys(IDS, prior), records=10)
-        own, printed = (found.attitude_errors_deg(id)[0, -1] for id in IDS)
-        expected = bias_errors_deg(found)[0]
+        runs = ensemble(load("static-ecef"), IDS, [1], tuning=dict.fromkeys(IDS, prior), records=10)
+        ours, printed = (runs.attitude_errors_deg(id)[0, -1] for id in IDS)
+        expected = bias_errors_deg(runs)[0]
         for i, (name, (theirs, published)) in enumerate(PRINTED.items()):
             note = HEADING_SIGN if name == "heading" else LEVEL_SIGN
-            rows.append(_row(f"{name} at 10 min, {title}", published, own[i], printed[i], expected[i], note=note))
+            rows.append(_row(f"{name} at 10 min, {title}", published, ours[i], printed[i], expected[i], note=note))
             # with the sign convention of the paper for the level angles, so that the two distances compare
             apart = round(abs(published - theirs), 5)
-            away = np.abs([own[i] - expected[i], printed[i] - expected[i]])
+            away = np.abs([ours[i] - expected[i], printed[i] - expected[i]])
             rows.append(_row(f"{name} from theory, {title}", apart, away[0], away[1]))
-        away = np.abs(np.array([own[2], printed[2]]) - PRINTED["heading"][0])
+        away = np.abs(np.array([ours[2], printed[2]]) - PRINTED["heading"][0])
         rows.append(_row(f"heading from the printed theory, {title}", 0.00251, away[0], away[1], note=HEADING_SIGN))
 
-    found = ensemble(noisy(), IDS, range(20), records=100)
-    limits_deg = unit_limit(found, bias_errors_deg(found), float(found.time[-1]))
+    runs = ensemble(noisy(), IDS, range(20), records=100)
+    limits_deg = unit_limit(runs, bias_errors_deg(runs), float(runs.time[-1]))
     note = f"white noise assumed: {ARW:g} deg/sqrt(h), {VRW:g} ug/sqrt(Hz); limit: biases of this unit and white noise"
     for i, name in enumerate(PRINTED):
-        numbers = both(IDS, lambda id, i=i: rms(found.attitude_errors_deg(id)[:, -1, i]))  # type: ignore[misc]
+        numbers = both(IDS, lambda id, i=i: rms(runs.attitude_errors_deg(id)[:, -1, i]))  # type: ignore[misc]
         rows.append(_row(f"{name} RMS at 10 min with noise (figure 2)", None, *numbers, limits_deg[i], 20, note))
     return rows + consistency() + readings()
 
@@ -106,8 +106,8 @@ def readings() -> list[Quantity]:
     """Attitude at 10 min of the printed filter in other readings, without noise, with the prior of the data sheet."""
     rows = []
     for name, reading in READINGS.items():
-        found = ensemble(load("static-ecef"), [PRINTED_ID], [1], tuning={PRINTED_ID: reading}, records=10)
-        errors, expected = found.attitude_errors_deg(PRINTED_ID)[0, -1], bias_errors_deg(found)[0]
+        runs = ensemble(load("static-ecef"), [PRINTED_ID], [1], tuning={PRINTED_ID: reading}, records=10)
+        errors, expected = runs.attitude_errors_deg(PRINTED_ID)[0, -1], bias_errors_deg(runs)[0]
         for i, (angle, (_, published)) in enumerate(PRINTED.items()):
             label, note = f"{angle} at 10 min, data-sheet prior, read with {name}", "a reading of the printed filter"
             rows.append(_row(label, published, None, errors[i], expected[i], note=note))
@@ -116,10 +116,10 @@ def readings() -> list[Quantity]:
 
 def consistency() -> list[Quantity]:
     """NEES after convergence (from 120 s) over `SEEDS` units."""
-    found = ensemble(laboratory(), IDS, range(SEEDS), records=120)
+    runs = ensemble(laboratory(), IDS, range(SEEDS), records=120)
     low, high = quantile([0.025, 0.975], 3 * SEEDS) / SEEDS
     note = f"mean NEES of 3 states within [{low:.2f}, {high:.2f}], random biases and initial errors, 120 to 600 s"
-    means = {id: nees(found, id).mean(axis=0)[found.time >= 120.0] for id in IDS}
+    means = {id: nees(runs, id).mean(axis=0)[runs.time >= 120.0] for id in IDS}
     average = both(IDS, lambda id: means[id].mean())
     inside = both(IDS, lambda id: 100 * float(np.mean((means[id] > low) & (means[id] < high))))
     return [
@@ -129,28 +129,28 @@ def consistency() -> list[Quantity]:
 
 
 def _row(
-    quantity: str, published: float | None, own: float | None, printed: float, limit: float | None = None, seeds: int = 1,
+    quantity: str, published: float | None, ours: float | None, printed: float, limit: float | None = None, seeds: int = 1,
     note: str = "",
 ) -> Quantity:  # fmt: skip
     """A row in degrees."""
-    own, limit = (None if value is None else float(value) for value in (own, limit))
-    return Quantity(quantity, "deg", published, own, float(printed), limit, seeds, note)
+    ours, limit = (None if value is None else float(value) for value in (ours, limit))
+    return Quantity(quantity, "deg", published, ours, float(printed), limit, seeds, note)
 
 
 def pictures() -> dict[str, Picture]:
     """Figures 1 and 2 with insenv's filter and with the printed one, by the ending of their names."""
-    found = ensemble(noisy(), IDS, [1], records=1200)
-    return {"": _picture(found, ID), "-printed": _picture(found, PRINTED_ID)}
+    runs = ensemble(noisy(), IDS, [1], records=1200)
+    return {"": _picture(runs, ID), "-printed": _picture(runs, PRINTED_ID)}
 
 
-def _picture(found: Ensemble, id: str) -> Picture:
+def _picture(runs: Ensemble, id: str) -> Picture:
     """Misalignment in e as fed back by the filter, and attitude, with white noise."""
-    outputs, errors, time = found.outputs[id], found.attitude_errors_deg(id)[0], found.time
+    outputs, errors, time = runs.outputs[id], runs.attitude_errors_deg(id)[0], runs.time
     sigma, fed_back = np.degrees(outputs["attitude_sigma"][0]), np.degrees(outputs["misalignment_e"][0])
     first = TimePanel("Figure 1: misalignment fed back", "deg", time)
     first.marks = [Curve(i + 2, fed_back[:, i], label=f"$\\phi_{axis}^e$") for i, axis in enumerate("xyz")]
     panels = [first]
-    for i, (name, expected) in enumerate(zip(PRINTED, bias_errors_deg(found)[0], strict=True)):
+    for i, (name, expected) in enumerate(zip(PRINTED, bias_errors_deg(runs)[0], strict=True)):
         span = 0.05 if name == "heading" else 0.004
         panel = TimePanel(f"Figure 2: {name} error", "deg", time, span=(-span, span))
         low, high = expected - sigma[:, i], expected + sigma[:, i]

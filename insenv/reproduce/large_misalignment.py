@@ -70,24 +70,24 @@ CONDITIONS = (
 
 def quantities() -> list[Quantity]:
     """The figures of the paper and of insenv; takes some ten seconds on two cores after compilation."""
-    found: list[Quantity] = []
+    rows: list[Quantity] = []
     for start, name in STARTS.items():
         for id in IDS:
-            found += _of_method(id, start, name)
+            rows += _of_method(id, start, name)
     for start, name in STARTS.items():
         for id in IDS:
             note = "initial errors drawn with these standard deviations; heading within 1 deg at 600 s"
             printed = _converged(_printed(name, drawn=True), PRINTED_OF[id]) if id in PRINTED_OF else None
             share = _converged(_run(name, drawn=True), id)
-            found.append(_row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, printed, None, note))
+            rows.append(_row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, printed, None, note))
     for what, id, steps in (
         (SUKF, SUKF, update_time.SUKF),
         (LSSVM, LSSVM, update_time.LSSVM),
         (f"{LSSVM}, inference alone", LSSVM, update_time.INFER),
     ):
         note = "time on this machine, native, one update per second of GNSS: compare ratios"
-        found.append(Quantity(f"{what}, time of a filter update", "us", None, update_time.microseconds(id, steps), note=note))
-    return found + _baseline() + _readings()
+        rows.append(Quantity(f"{what}, time of a filter update", "us", None, update_time.microseconds(id, steps), note=note))
+    return rows + _baseline() + _readings()
 
 
 def _of_method(id: str, start: str, name: str) -> list[Quantity]:
@@ -97,7 +97,7 @@ def _of_method(id: str, start: str, name: str) -> list[Quantity]:
     heading, at_end = errors[..., 2], limit_of(run.plants[0]).sigma["heading_deg"][-1]
     near = _steady(_run("large-misalignment", near=True), id)
 
-    def own_and_printed(measure: Callable[[Ensemble, str], float]) -> tuple[float, float | None]:
+    def ours_and_printed(measure: Callable[[Ensemble, str], float]) -> tuple[float, float | None]:
         return measure(run, id), measure(_printed(name), other) if other else None
 
     def last(run: Ensemble, id: str) -> float:
@@ -110,15 +110,20 @@ def _of_method(id: str, start: str, name: str) -> list[Quantity]:
     method = rms(heading - near[..., 2])
     rows = [
         _row(
-            f"{where}, steady heading, RMS", "deg", PUBLISHED[id], *own_and_printed(_steady_heading), _heading_limit(run), drift
+            f"{where}, steady heading, RMS",
+            "deg",
+            PUBLISHED[id],
+            *ours_and_printed(_steady_heading),
+            _heading_limit(run),
+            drift,
         ),
-        _row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], *own_and_printed(last), float(at_end), drift),
+        _row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], *ours_and_printed(last), float(at_end), drift),
         _row(f"{where}, mean over seeds and time", "deg", None, float(np.mean(heading)), None, None, bias),
         _row(f"{where}, standard deviation between seeds", "deg", None, _spread(heading), None, None, noise),
         _row(f"{where}, heading, contribution of the method", "deg", None, method, None, None, apart),
-        _row(f"{where}, roll and pitch, RMS", "deg", None, *own_and_printed(_steady_level), _level_limit(run), level),
+        _row(f"{where}, roll and pitch, RMS", "deg", None, *ours_and_printed(_steady_level), _level_limit(run), level),
     ]
-    seconds, until = own_and_printed(_settled)
+    seconds, until = ours_and_printed(_settled)
     if np.isfinite(seconds):
         until = until if until is not None and np.isfinite(until) else None
         note = "median time from which the error stays below 1 deg"
@@ -128,31 +133,31 @@ def _of_method(id: str, start: str, name: str) -> list[Quantity]:
 
 def _baseline() -> list[Quantity]:
     """The conventional Kalman filter, which the paper compares with and gives no number of."""
-    found, note = [], f"{KALMAN} without its gate and with its covariance kept at feedback: linear in small angles"
+    rows, note = [], f"{KALMAN} without its gate and with its covariance kept at feedback: linear in small angles"
     for start, name in STARTS.items():
         run, where = _printed(name), f"Kalman filter of small angles from {start}"
         heading, level = _steady_heading(run, KALMAN), _steady_level(run, KALMAN)
-        found.append(_row(f"{where}, steady heading, RMS", "deg", None, None, heading, _heading_limit(run), note))
-        found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, None, level, _level_limit(run), note))
+        rows.append(_row(f"{where}, steady heading, RMS", "deg", None, None, heading, _heading_limit(run), note))
+        rows.append(_row(f"{where}, roll and pitch, RMS", "deg", None, None, level, _level_limit(run), note))
         label = f"Kalman filter of small angles, initial errors drawn with {start}, converged"
-        found.append(_row(label, "%", None, None, _converged(_printed(name, drawn=True), KALMAN), None, note))
-    return found
+        rows.append(_row(label, "%", None, None, _converged(_printed(name, drawn=True), KALMAN), None, note))
+    return rows
 
 
 def _readings() -> list[Quantity]:
     """The printed filter in other readings."""
-    found = []
+    rows = []
     for start, name in STARTS.items():
         for reading in READINGS:
             run, note = _printed(name, reading=reading), "a reading of the printed filter"
             label = f"aqe-sukf from {start}, read with {reading}, steady heading, RMS"
-            found.append(_row(label, "deg", 0.1, None, _steady_heading(run, PRINTED), _heading_limit(run), note))
+            rows.append(_row(label, "deg", 0.1, None, _steady_heading(run, PRINTED), _heading_limit(run), note))
         for reading, machine in MACHINES.items():
             run, note = _machine(name, machine), "a reading of the LS-SVM on raw differences"
             label, heading, level = f"lssvm from {start}, read with {reading}", _heading_limit(run), _level_limit(run)
-            found.append(_row(f"{label}, steady heading, RMS", "deg", 0.1, None, _steady_heading(run, LSSVM), heading, note))
-            found.append(_row(f"{label}, roll and pitch, RMS", "deg", None, None, _steady_level(run, LSSVM), level, note))
-    return found
+            rows.append(_row(f"{label}, steady heading, RMS", "deg", 0.1, None, _steady_heading(run, LSSVM), heading, note))
+            rows.append(_row(f"{label}, roll and pitch, RMS", "deg", None, None, _steady_level(run, LSSVM), level, note))
+    return rows
 
 
 def pictures() -> dict[str, Picture]:

@@ -79,20 +79,20 @@ def drift(reading: str) -> Drift:
     """Ten minutes without GNSS, over `SEEDS`."""
     end = BEGIN_S + 600.0
     flown = scenario(reading, ((BEGIN_S + 0.5, end + 1.0),))  # the fix at the beginning is the last
-    found = ensemble(flown, ["loosely-coupled"], range(SEEDS[reading]), duration_s=end, records=round(end / 10))
-    at = np.searchsorted(found.time, BEGIN_S + 60.0 * np.arange(11) - 1e-6)
-    y, truth = found.outputs["loosely-coupled"], found.truth
+    runs = ensemble(flown, ["loosely-coupled"], range(SEEDS[reading]), duration_s=end, records=round(end / 10))
+    at = np.searchsorted(runs.time, BEGIN_S + 60.0 * np.arange(11) - 1e-6)
+    y, truth = runs.outputs["loosely-coupled"], runs.truth
     places = [(t["latitude"][:, at], t["longitude"][:, at], t["height"][:, at]) for t in (y, truth)]
     distance = np.linalg.norm(geodesy.numeric.ned_offset(*places[0], *places[1]), axis=-1)
-    position = limit_of(found.plants[0]).at(found.time[at])
+    position = limit_of(runs.plants[0]).at(runs.time[at])
     limit = np.linalg.norm([position[name] for name in POSITION], axis=0)
-    gyro, accel = (_left(found, name, int(at[0])) for name in ("gyro_bias", "accel_bias"))
+    gyro, accel = (_left(runs, name, int(at[0])) for name in ("gyro_bias", "accel_bias"))
     return Drift(distance, limit, float(units.rad_s_to_deg_h(gyro)), float(units.m_s2_to_ug(accel)))
 
 
-def _left(found: Ensemble, name: str, record: int) -> float:
+def _left(runs: Ensemble, name: str, record: int) -> float:
     """Root mean square error of a bias estimate."""
-    error = found.outputs["loosely-coupled"][name][:, record] - found.truth[f"{name}_true"][:, record]
+    error = runs.outputs["loosely-coupled"][name][:, record] - runs.truth[f"{name}_true"][:, record]
     return rms(error)
 
 
@@ -107,12 +107,12 @@ def quantities() -> list[Quantity]:
     """The numbers of the paper and of insenv."""
     rows: list[Quantity] = []
     for reading in READINGS:
-        found = drift(reading)
-        left = [f"{float(f'{value:.2g}'):g}" for value in (found.gyro_deg_h, found.accel_ug)]
+        drifted = drift(reading)
+        left = [f"{float(f'{value:.2g}'):g}" for value in (drifted.gyro_deg_h, drifted.accel_ug)]
         note = f"after aided flight bias errors of {left[0]} deg/h and {left[1]} ug remain (rms); median"
         for minute in (1, 5, 10):
             label = f"free inertial, distance error after {minute} min, {reading} biases"
-            median, limit = float(np.median(found.distance[:, minute])), float(found.limit[minute])
+            median, limit = float(np.median(drifted.distance[:, minute])), float(drifted.limit[minute])
             rows.append(Quantity(label, "m", PUBLISHED_M[minute], median, None, limit, SEEDS[reading], note))
     for reading in READINGS:
         rows += _outages(reading)
@@ -155,12 +155,12 @@ def pictures() -> dict[str, Picture]:
 
 def _drift_and_outages() -> Picture:
     """Like figures 4 and 6 of the paper: distance error over ten minutes, and smoothed errors over four outages."""
-    found, (result, outages) = drift("in-run"), smoothed("in-run", 1)
+    drifted, (result, outages) = drift("in-run"), smoothed("in-run", 1)
     top = TimePanel("Free inertial, in-run biases: distance error", "m", np.arange(11.0), x_name="time without GNSS [min]")
-    top.marks = [Curve(TRUTH_GROUP, distance, "thin") for distance in found.distance]
+    top.marks = [Curve(TRUTH_GROUP, distance, "thin") for distance in drifted.distance]
     top.marks += [
-        Curve(0, np.median(found.distance, axis=0), label=f"median of {SEEDS['in-run']} seeds"),
-        Curve(TRUTH_GROUP, found.limit, "model", label="theoretical limit, 1 sigma"),
+        Curve(0, np.median(drifted.distance, axis=0), label=f"median of {SEEDS['in-run']} seeds"),
+        Curve(TRUTH_GROUP, drifted.limit, "model", label="theoretical limit, 1 sigma"),
         Curve(1, np.array(PUBLISHED_M), "circles", label="paper, Table 2"),
     ]
     shown = result.time > 1000.0

@@ -81,39 +81,39 @@ CONDITIONS = (
 
 def quantities() -> list[Quantity]:
     """The figures of the paper and of insenv."""
-    found = []
+    rows = []
     for noise in GRADES:
         run = _turntable(noise)
         for id in IDS:
             means, scatter = PUBLISHED.get((noise, id), (None, None))
             limit, expected, label = _limit(run), _mean_limit(run), f"{id}, {noise} ug, heading over 150-200 s"
             note = "limit: of the mean of |mean|"
-            found.append(_pair(run, id, f"{label}, |mean|", "deg", means, _mean, expected, note))
-            found.append(_pair(run, id, f"{label}, standard deviation in time", "deg", scatter, _scatter, None))
-            found.append(_pair(run, id, f"{label}, rms of all", "deg", None, _rms, limit))
-            found.append(_pair(run, id, f"{id}, {noise} ug, time to {REACHED} deg", "s", None, _time_below, None))
+            rows.append(_pair(run, id, f"{label}, |mean|", "deg", means, _mean, expected, note))
+            rows.append(_pair(run, id, f"{label}, standard deviation in time", "deg", scatter, _scatter, None))
+            rows.append(_pair(run, id, f"{label}, rms of all", "deg", None, _rms, limit))
+            rows.append(_pair(run, id, f"{id}, {noise} ug, time to {REACHED} deg", "s", None, _time_below, None))
     run = _turntable(200, plain=False)
     for id in (Q, IMPROVED):
         label = f"{id} with insenv's windows, 200 ug, heading over 150-200 s"
-        found.append(Quantity(f"{label}, rms of all", "deg", None, _rms(run, id), None, _limit(run), 32))
-    return found + _one_run() + _figure_1() + _readings() + _tests()
+        rows.append(Quantity(f"{label}, rms of all", "deg", None, _rms(run, id), None, _limit(run), 32))
+    return rows + _one_run() + _figure_1() + _readings() + _tests()
 
 
 def _one_run() -> list[Quantity]:
     """What one run can be by chance, as the paper's four numbers are: shares of the runs, and the mean by theory."""
-    found, run = [], _turntable(200)
+    rows, run = [], _turntable(200)
     for id in (Q, IMPROVED):
         mean, scatter = PUBLISHED[200, id]
         note = "the bound is the published number of one run"
         for what, bound, measure in (("|mean|", mean, _means), ("standard deviation in time", scatter, _scatters)):
             quantity = f"{id}, 200 ug, runs with a {what} of at most {bound:g} deg"
-            found.append(_pair(run, id, quantity, "%", None, _share(measure, bound), None, note))
+            rows.append(_pair(run, id, quantity, "%", None, _share(measure, bound), None, note))
         note = "mean over all runs by linear theory, gyros exact; of the improved form with its noise known"
         quantity, known = f"{id}, 200 ug, standard deviation in time, by theory", run.plants[0].knowledge
         noise, times = float(units.ug_to_m_s2(200)) / NOMINAL_GRAVITY, run.time[run.time >= BEGIN]
         value = scatter_deg(noise, run.plants[0].sample_interval, known.latitude, times, id == IMPROVED)
-        found.append(Quantity(quantity, "deg", scatter, None, value, note=note))
-    return found
+        rows.append(Quantity(quantity, "deg", scatter, None, value, note=note))
+    return rows
 
 
 def _figure_1() -> list[Quantity]:
@@ -125,7 +125,7 @@ def _figure_1() -> list[Quantity]:
 
 def _readings() -> list[Quantity]:
     """What other readings of the adaptive filter give: figure 1, and the scatter of figure 4."""
-    found = []
+    rows = []
     for name in READINGS:
         note = "another reading of the printed filter: b forgetting factor, s part of H P H^T that is subtracted"
         slow, fast = _reading(50, name), _reading(200, name)
@@ -143,27 +143,27 @@ def _readings() -> list[Quantity]:
             ):
                 limit = _limit(run) if measure is _rms else None
                 label, value = f"{id} read with {name}, {quantity}", measure(run, PRINTED[id])
-                found.append(Quantity(label, unit, published, None, value, limit, SEEDS, note))
-    return found
+                rows.append(Quantity(label, unit, published, None, value, limit, SEEDS, note))
+    return rows
 
 
 def _tests() -> list[Quantity]:
-    found, note = [], "amplitudes, random walk and white noise are chosen by insenv: the tables of the paper are lost"
+    rows, note = [], "amplitudes, random walk and white noise are chosen by insenv: the tables of the paper are lost"
     for test in TESTS:
         run, label = _test(test), f"test {test[0]}"
         limit, expected = _limit(run), _mean_limit(run)
         last = test[0] == "3"
         if last:
             at_80 = f"{label}, qakf-improved, heading at 80 s, rms"
-            found.append(_pair(run, IMPROVED, at_80, "deg", 0.2366, _at_80, None, note, TEST_SEEDS))
+            rows.append(_pair(run, IMPROVED, at_80, "deg", 0.2366, _at_80, None, note, TEST_SEEDS))
         mean, scatter = f"{label}, |mean| over 150-200 s", f"{label}, standard deviation in time"
         bound = 0.0198 if last else TWO_ARCMIN
-        found.append(_pair(run, IMPROVED, mean, "deg", bound, _mean, expected, note, TEST_SEEDS))
-        found.append(_pair(run, IMPROVED, scatter, "deg", 0.0396 if last else None, _scatter, None, note, TEST_SEEDS))
+        rows.append(_pair(run, IMPROVED, mean, "deg", bound, _mean, expected, note, TEST_SEEDS))
+        rows.append(_pair(run, IMPROVED, scatter, "deg", 0.0396 if last else None, _scatter, None, note, TEST_SEEDS))
         for id in IDS:
             rest = f"test {test}, {id}, rms of all"
-            found.append(_pair(run, id, rest, "deg", None, _rms, limit, note, TEST_SEEDS))
-    return found
+            rows.append(_pair(run, id, rest, "deg", None, _rms, limit, note, TEST_SEEDS))
+    return rows
 
 
 def _pair(
@@ -176,7 +176,7 @@ def _pair(
 
 def pictures() -> dict[str, Picture]:
     """Figures 1 to 4 of the paper with insenv's filters, and with its filters as printed."""
-    return {"": _own(), "-printed": _printed()}
+    return {"": _ours(), "-printed": _printed()}
 
 
 def _printed() -> Picture:
@@ -204,7 +204,7 @@ def _printed() -> Picture:
     )
 
 
-def _own() -> Picture:
+def _ours() -> Picture:
     """qakf with four noise levels; all methods with 200 ug: rms over the seeds, and one run."""
     run = _turntable(200)
     title = f"qakf: rms of heading error over {SEEDS} seeds, by accelerometer noise"
@@ -238,8 +238,8 @@ def _turntable(noise: int, plain: bool = True) -> Ensemble:
 @cache
 def _reading(noise: int, name: str) -> Ensemble:
     """The printed filters in another reading."""
-    own = READINGS[name] or {"noise_sigma": float(units.ug_to_m_s2(noise))}
-    return ensemble(_of_noise(noise), FILTERS, range(1, SEEDS + 1), records=400, tuning=dict.fromkeys(FILTERS, own))
+    tuning = READINGS[name] or {"noise_sigma": float(units.ug_to_m_s2(noise))}
+    return ensemble(_of_noise(noise), FILTERS, range(1, SEEDS + 1), records=400, tuning=dict.fromkeys(FILTERS, tuning))
 
 
 @cache

@@ -68,44 +68,44 @@ CONDITIONS = (
 def quantities() -> list[Quantity]:
     """The figures of the paper and of insenv."""
     first = inertial_fir.SPAN * BLOCK_S
-    found = [
+    rows = [
         _row("time to the first fix", "s", 180.0, first, None, 1, printed=first),
         _row("total time, including levelling", "s", 240.0, FIR_END, None, 1, "1 min after the first fix", printed=FIR_END),
     ]
     for base in BASES:
-        found += _methods(base, first) + _gyrocompass(base) + _without_noise(base)
+        rows += _methods(base, first) + _gyrocompass(base) + _without_noise(base)
     ours, limit = _heading(_wrong_fir(), FIR, FIR_END)
     as_printed = _heading(_wrong_fir(), PRINTED, FIR_END)[0]
-    found.append(_row(f"{FIR}, boat, heading at 240 s from -150 deg", "deg", 0.03, ours, limit, SOME, printed=as_printed))
+    rows.append(_row(f"{FIR}, boat, heading at 240 s from -150 deg", "deg", 0.03, ours, limit, SOME, printed=as_printed))
     time = _time_below(_wrong_gyro(), 0.1)
-    found.append(_row(f"{GYRO}, boat, time to 0.1 deg from -150 deg, no coarse alignment", "s", None, time, None, 16))
-    return found + _headings() + _disturbances()
+    rows.append(_row(f"{GYRO}, boat, time to 0.1 deg from -150 deg, no coarse alignment", "s", None, time, None, 16))
+    return rows + _headings() + _disturbances()
 
 
 def _methods(base: str, first: float) -> list[Quantity]:
     """inertial-fir, with its printed form, and the q-method over many units."""
-    run, label, found = _many(base), f"{FIR}, {base}", []
+    run, label, rows = _many(base), f"{FIR}, {base}", []
     ours, limit = _heading(run, FIR, first)
     note, as_printed = "before levelling; the limit is that at 180 s", _heading(run, PRINTED, first)[0]
-    found.append(_row(f"{label}, heading at the first fix, 1 sigma", "deg", None, ours, limit, MANY, note, as_printed))
+    rows.append(_row(f"{label}, heading at the first fix, 1 sigma", "deg", None, ours, limit, MANY, note, as_printed))
     ours, limit = _heading(run, FIR, FIR_END)
     note = "white noise chosen by insenv; the biases alone cause 0.035 deg"
     as_printed = _heading(run, PRINTED, FIR_END)[0]
-    found.append(_row(f"{label}, heading at 240 s, 1 sigma", "deg", 0.03, ours, limit, MANY, note, as_printed))
+    rows.append(_row(f"{label}, heading at 240 s, 1 sigma", "deg", 0.03, ours, limit, MANY, note, as_printed))
     ours, as_printed = _stated(run, FIR, FIR_END), _stated(run, PRINTED, FIR_END)
     note = "stated, from the integrals of its weights: without the chance of the seeds"
-    found.append(_row(f"{label}, heading at 240 s, by its weights", "deg", 0.03, ours, limit, 1, note, as_printed))
+    rows.append(_row(f"{label}, heading at 240 s, by its weights", "deg", 0.03, ours, limit, 1, note, as_printed))
     level, level_limit = _level(run, FIR, FIR_END)
     as_printed = _level(run, PRINTED, FIR_END)[0]
-    found.append(_row(f"{label}, roll and pitch at 240 s, 1 sigma", "deg", None, level, level_limit, MANY, printed=as_printed))
+    rows.append(_row(f"{label}, roll and pitch at 240 s, 1 sigma", "deg", None, level, level_limit, MANY, printed=as_printed))
     spread, noise = _repeatability(run, FIR, FIR_END)
     note = "heading error minus the part due to each unit's biases: the spread of one unit's alignments"
     as_printed = _repeatability(run, PRINTED, FIR_END)[0]
-    found.append(_row(f"{label}, repeatability at 240 s", "deg", 0.03, spread, noise, MANY, note, as_printed))
+    rows.append(_row(f"{label}, repeatability at 240 s", "deg", 0.03, spread, noise, MANY, note, as_printed))
     ours, limit = _heading(run, Q, FIR_END)
     note = "insenv's best alignment in the same time and conditions, on the same units"
-    found.append(_row(f"{Q}, {base}, heading at 240 s, 1 sigma", "deg", 0.03, ours, limit, MANY, note))
-    return found
+    rows.append(_row(f"{Q}, {base}, heading at 240 s, 1 sigma", "deg", 0.03, ours, limit, MANY, note))
+    return rows
 
 
 def _gyrocompass(base: str) -> list[Quantity]:
@@ -128,12 +128,12 @@ def _without_noise(base: str) -> list[Quantity]:
 
 def _headings() -> list[Quantity]:
     """Boat and vehicle at four headings, by the printed form, inertial-fir and the q-method."""
-    found = []
+    rows = []
     for base, name in BASES.items():
         for heading in HEADINGS:
             run = _ensemble(name, FIR_END, FEWER, METHODS, start=(("heading_deg", heading),))
-            found += _compared(f"{base} heading {heading:g} deg, heading at 240 s", run)
-    return found
+            rows += _compared(f"{base} heading {heading:g} deg, heading at 240 s", run)
+    return rows
 
 
 def _disturbances() -> list[Quantity]:
@@ -141,15 +141,15 @@ def _disturbances() -> list[Quantity]:
 
     Random phases are drawn before the noise, so boats of one seed with other motions do not have the same unit.
     """
-    found = []
+    rows = []
     for what in DISTURBANCES:
-        found += _compared(f"vehicle, {what}, heading at 240 s", _parked(what))
+        rows += _compared(f"vehicle, {what}, heading at 240 s", _parked(what))
     for what in MOTIONS:
         run, note = _moored(what), "what the motion by itself causes, rms over the phases"
         for id, value in ((FIR, _error(run, PRINTED)), (Q, None)):
             label = f"{id}, boat, {what}, heading at 240 s with perfect sensors"
-            found.append(_row(label, "deg", None, _error(run, id), None, FEWER, note, value))
-    return found
+            rows.append(_row(label, "deg", None, _error(run, id), None, FEWER, note, value))
+    return rows
 
 
 def _compared(label: str, run: Ensemble) -> list[Quantity]:
@@ -263,8 +263,8 @@ def _ensemble(name: str, duration: float, seeds: int, ids: tuple[str, ...], **ch
 @cache
 def _as_printed() -> Estimator:
     """inertial-fir under an id of its own."""
-    own = get(FIR)
-    return replace(own, model=replace(own.model, id=PRINTED))
+    estimator = get(FIR)
+    return replace(estimator, model=replace(estimator.model, id=PRINTED))
 
 
 def _run(scenario: Scenario, duration: float, seeds: int, ids: tuple[str, ...], records: int | None = None) -> Ensemble:
@@ -304,44 +304,44 @@ def _moored(what: str) -> Ensemble:
     return _run(scenario.model_copy(update=update), FIR_END, FEWER, METHODS)
 
 
-def _at(found: Ensemble, time: float) -> int:
-    return int(np.argmin(np.abs(found.time - time)))
+def _at(runs: Ensemble, time: float) -> int:
+    return int(np.argmin(np.abs(runs.time - time)))
 
 
-def _limit_at(found: Ensemble, time: float, *channels: str) -> float:
+def _limit_at(runs: Ensemble, time: float, *channels: str) -> float:
     """The limit of a scenario at a time, root mean square over channels."""
-    limit = limit_of(found.plants[0]).at(np.array([time]))
+    limit = limit_of(runs.plants[0]).at(np.array([time]))
     return rms(np.array([limit[name][0] for name in channels]))
 
 
-def _heading(found: Ensemble, id: str, time: float) -> tuple[float, float]:
+def _heading(runs: Ensemble, id: str, time: float) -> tuple[float, float]:
     """RMS heading error over the seeds at a time, and its limit."""
-    return rms(found.attitude_errors_deg(id)[:, _at(found, time), 2]), _limit_at(found, time, "heading_deg")
+    return rms(runs.attitude_errors_deg(id)[:, _at(runs, time), 2]), _limit_at(runs, time, "heading_deg")
 
 
-def _error(found: Ensemble, id: str) -> float:
+def _error(runs: Ensemble, id: str) -> float:
     """RMS heading error over the seeds at 240 s."""
-    return rms(found.attitude_errors_deg(id)[:, _at(found, FIR_END), 2])
+    return rms(runs.attitude_errors_deg(id)[:, _at(runs, FIR_END), 2])
 
 
-def _stated(found: Ensemble, id: str, time: float) -> float:
+def _stated(runs: Ensemble, id: str, time: float) -> float:
     """The heading error of inertial-fir, 1 sigma, by the integrals of its weights, deg."""
-    return rms(np.degrees(found.outputs[id]["attitude_sigma"][:, _at(found, time), 2]))
+    return rms(np.degrees(runs.outputs[id]["attitude_sigma"][:, _at(runs, time), 2]))
 
 
-def _level(found: Ensemble, id: str, time: float) -> tuple[float, float]:
+def _level(runs: Ensemble, id: str, time: float) -> tuple[float, float]:
     """RMS error of roll and pitch over the seeds at a time, and its limit."""
-    return rms(found.attitude_errors_deg(id)[:, _at(found, time), :2]), _limit_at(found, time, "roll_deg", "pitch_deg")
+    return rms(runs.attitude_errors_deg(id)[:, _at(runs, time), :2]), _limit_at(runs, time, "roll_deg", "pitch_deg")
 
 
-def _repeatability(found: Ensemble, id: str, time: float) -> tuple[float, float]:
+def _repeatability(runs: Ensemble, id: str, time: float) -> tuple[float, float]:
     """RMS heading error over the seeds without the part due to each unit's biases, and the limit of a unit without any."""
-    spread = rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias_errors_deg(found)[:, 2])
-    return spread, float(noise_limit(found.plants[0]).at(np.array([time]))["heading_deg"][0])
+    spread = rms(runs.attitude_errors_deg(id)[:, _at(runs, time), 2] - bias_errors_deg(runs)[:, 2])
+    return spread, float(noise_limit(runs.plants[0]).at(np.array([time]))["heading_deg"][0])
 
 
-def _time_below(found: Ensemble, bound: float) -> float:
+def _time_below(runs: Ensemble, bound: float) -> float:
     """The first time at which the RMS heading error of gyrocompassing over the seeds does not exceed `bound`."""
-    error = np.sqrt(np.mean(found.attitude_errors_deg(GYRO)[:, :, 2] ** 2, axis=0))
+    error = np.sqrt(np.mean(runs.attitude_errors_deg(GYRO)[:, :, 2] ** 2, axis=0))
     below = np.flatnonzero(error <= bound)
-    return float(found.time[below[0]]) if below.size else float("nan")
+    return float(runs.time[below[0]]) if below.size else float("nan")

@@ -29,7 +29,7 @@ from insenv.sensors import units
 
 Array = NDArray[np.float64]
 
-OWN, PRINTED = "wander-sins", "wander-sins-plain"
+CORRECTED, PRINTED = "wander-sins", "wander-sins-plain"
 ENU = np.array([
     (1.27, -1.62, 0.32), (6.25, -5.59, 1.16), (23.29, 4.59, -2.09), (46.06, 8.79, -3.73), (76.39, 9.76, -7.93),
     (117.86, 8.39, -15.88), (179.49, 16.17, -21.37), (256.23, 36.01, -22.62), (343.68, 73.13, -21.95), (441.08, 124.18, -22.34),
@@ -113,7 +113,7 @@ def responses(id: str) -> tuple[Array, Array]:
             parameters[i, table.slice(row).start + axis] += size
     truth, batch = make_runner(plant.model, plant.parameters), make_batch(estimator.model, count, parameters, threads=2)
     every = round(60.0 / plant.sample_interval)
-    found = []
+    parts = []
     for _, samples in chunks(plant.samples, every):
         columns = plant.model.outputs.unpack(truth.run(samples))
         fed = {name: columns[name] + added[name][:, None] for name in added}
@@ -123,31 +123,31 @@ def responses(id: str) -> tuple[Array, Array]:
         )
         place = [columns[name][every - 1 :: every] for name in ("latitude", "longitude", "height")]
         ned = geodesy.numeric.ned_offset(shown["latitude"], shown["longitude"], shown["height"], *place)
-        found.append(ned[..., [1, 0, 2]] * [1, 1, -1])
-    enu = np.concatenate(found, axis=1)
+        parts.append(ned[..., [1, 0, 2]] * [1, 1, -1])
+    enu = np.concatenate(parts, axis=1)
     steps = np.array([STEPS[name] for name, _, _ in components])
     return enu[0], (enu[1:] - enu[0]) / steps[:, None, None]
 
 
 def fit(reading: str, id: str) -> Fit:
     """The sizes of a reading that fit the table best, with the navigation `id`."""
-    own, each = _of_reading(reading, id)
-    size = np.linalg.lstsq(each.reshape(len(each), -1).T, (ENU - own).ravel(), rcond=None)[0]
-    enu = own + np.tensordot(size, each, axes=1)
+    base, each = _of_reading(reading, id)
+    size = np.linalg.lstsq(each.reshape(len(each), -1).T, (ENU - base).ravel(), rcond=None)[0]
+    enu = base + np.tensordot(size, each, axes=1)
     return Fit(np.asarray(size, dtype=np.float64), enu, rms(np.linalg.norm(enu - ENU, axis=1)))
 
 
 def stated(reading: str, id: str) -> Array:
     """Distance (10,) that the stated figure of the unit gives on each axis, 1 sigma over independent axes, m."""
-    own, each = _of_reading(reading, id)
-    return np.linalg.norm(own, axis=1) + STATED[reading] * np.sqrt(np.sum(each**2, axis=(0, 2)))
+    base, each = _of_reading(reading, id)
+    return np.linalg.norm(base, axis=1) + STATED[reading] * np.sqrt(np.sum(each**2, axis=(0, 2)))
 
 
 def _of_reading(reading: str, id: str) -> tuple[Array, Array]:
     """`responses` to the components of one reading."""
-    own, each = responses(id)
+    base, each = responses(id)
     first = sum(len(READINGS[name].rows) for name in list(READINGS)[: list(READINGS).index(reading)])
-    return own, each[first : first + len(READINGS[reading].rows)]
+    return base, each[first : first + len(READINGS[reading].rows)]
 
 
 def best() -> str:
@@ -160,7 +160,7 @@ def quantities() -> list[Quantity]:
     rows: list[Quantity] = []
     note = f"one constant error, fitted to the 30 numbers of table 2; {best()} fits best"
     for reading, kind in READINGS.items():
-        fits, label = (fit(reading, OWN), fit(reading, PRINTED)), f"table 2 read as {reading}"
+        fits, label = (fit(reading, CORRECTED), fit(reading, PRINTED)), f"table 2 read as {reading}"
         misfits, sizes = both(fits, lambda each: each.misfit), both(fits, lambda each: np.linalg.norm(each.size))
         rows.append(Quantity(f"{label}: misfit over ten minutes", "m", None, *misfits, note=note))
         rows.append(Quantity(f"{label}: fitted size", kind.unit, STATED.get(reading), *sizes, note=note))
@@ -172,9 +172,9 @@ def quantities() -> list[Quantity]:
     for reading, figure in STATED.items():
         note = "1 sigma over independent axes, nothing estimated before the outage"
         label = f"free inertial, {figure:g} {READINGS[reading].unit} constant on each {reading} axis, distance after 10 min"
-        measured = both((OWN, PRINTED), lambda id, reading=reading: stated(reading, id)[-1])  # type: ignore[misc]
+        measured = both((CORRECTED, PRINTED), lambda id, reading=reading: stated(reading, id)[-1])  # type: ignore[misc]
         rows.append(Quantity(label, "m", DISTANCE[-1], *measured, note=note))
-    measured = both((OWN, PRINTED), lambda id: np.linalg.norm(responses(id)[0][-1]))
+    measured = both((CORRECTED, PRINTED), lambda id: np.linalg.norm(responses(id)[0][-1]))
     label = "free inertial without any error, distance after 10 min"
     return [*rows, Quantity(label, "m", None, *measured, note="the method alone")]
 

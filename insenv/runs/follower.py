@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InsenvError
-from insenv.base.remarks import Remark
+from insenv.base.remarks import Remark, clock
 from insenv.core.runner import Runner, make_runner
 from insenv.estimators import Estimator
 from insenv.evaluation.health import Health, health, models_slow_errors, no_fix
@@ -25,7 +25,7 @@ SHORT = 1e-12
 
 def diverged(what: str, columns: Mapping[str, Array], sample: int) -> InsenvError:
     """Outputs are not finite after `sample` of the samples in `columns`, with its ``time`` (s) if that known."""
-    at = f" at {float(columns['time'][sample]):.9g} s" if "time" in columns else ""
+    at = f" at {clock(float(columns['time'][sample]), 9)} s" if "time" in columns else ""
     return InsenvError(f"{what} diverged: its outputs are no longer finite numbers{at}")
 
 

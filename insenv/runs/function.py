@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, InsenvError, nearest
-from insenv.base.remarks import remark
+from insenv.base.remarks import clock, remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.errors import checked_estimate
 from insenv.evaluation.health import Health
@@ -46,7 +46,7 @@ class Sample:
         return ["known", *self._columns]
 
     def __repr__(self) -> str:
-        return f"Sample at {float(self.time):g} s: {', '.join(self._columns)}"
+        return f"Sample at {clock(float(self.time))} s: {', '.join(self._columns)}"
 
 
 def sample_names(sensors: Iterable[Sensor]) -> tuple[str, ...]:
@@ -107,7 +107,7 @@ class FunctionFollower:
                 estimate = self.function(sample)
             except Exception as error:
                 text = f"{type(error).__name__}: {error}"
-                raise InsenvError(f"estimator {self.id!r} failed at {float(sample.time):g} s: {text}") from error
+                raise InsenvError(f"estimator {self.id!r} failed at {clock(float(sample.time))} s: {text}") from error
             self.seconds += time.process_time() - begin
             if estimate is not None:
                 latest = self._checked(estimate, latest, float(sample.time))
@@ -116,10 +116,10 @@ class FunctionFollower:
         self.calls += count
         self.covered_s += float(np.sum(columns["dt"]))
 
-    def _checked(self, given: Any, before: dict[str, Array] | None, at: float) -> dict[str, Array]:
+    def _checked(self, returned: Any, before: dict[str, Array] | None, at: float) -> dict[str, Array]:
         where = f"estimator {self.id!r} at {at:g} s"
         try:
-            estimate = checked_estimate(given)
+            estimate = checked_estimate(returned)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         if "q_nb" not in estimate:
@@ -174,13 +174,13 @@ def parted(estimators: Any) -> tuple[dict[str, EstimateFunction], Any]:
         return {function_id(estimators): estimators}, []
     if estimators is None or isinstance(estimators, (str, Estimator)) or not isinstance(estimators, Iterable):
         return {}, estimators
-    given = list(estimators)
+    listed = list(estimators)
     functions: dict[str, EstimateFunction] = {}
-    for one in given:
+    for one in listed:
         if _is_function(one) and functions.setdefault(function_id(one), one) is not one:
             raise InputError(f"two functions have the name {function_id(one)!r}: results are kept by name")
-    return functions, [one for one in given if not _is_function(one)]
+    return functions, [one for one in listed if not _is_function(one)]
 
 
-def _is_function(given: Any) -> bool:
-    return callable(given) and not isinstance(given, (Estimator, type))
+def _is_function(thing: Any) -> bool:
+    return callable(thing) and not isinstance(thing, (Estimator, type))

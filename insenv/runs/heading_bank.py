@@ -28,13 +28,14 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, declared
+from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, Knowledge, get
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.logs import RecordedLog
 from insenv.runs.log_samples import sample_columns
 from insenv.runs.rest import wrapped
+from insenv.runs.standing_readings import Heading
 from insenv.scenario.chunks import input_rows
 
 Array = NDArray[np.float64]
@@ -64,7 +65,7 @@ CONFLICT = 3.0
 """Standard deviations by which a given heading and that of the motion may differ."""
 LEAST_SIGMA = float(np.radians(1.0))
 """Smallest standard deviation that is stated of a heading (rad): scale factors turn what is carried back."""
-FOUND = declared(
+BY_BANK = declared(
     "heading-by-bank",
     "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of the one of twelve filters side by side "
     "that fits the fixes, after {time:.3g} s",
@@ -87,7 +88,7 @@ class Answer:
     def remark(self) -> Remark:
         """What is said of it."""
         heading, sigma = np.degrees(self.heading) % 360.0, np.degrees(self.heading_sigma)
-        return FOUND.filled(heading=heading, sigma=sigma, time=self.after_s)
+        return BY_BANK.filled(heading=heading, sigma=sigma, time=self.after_s)
 
 
 def attitude_by_motion(log: RecordedLog, first: int, known: Knowledge) -> Answer | None:
@@ -126,33 +127,68 @@ def _by_bank(columns: Mapping[str, Array], known: Knowledge) -> Answer | None:
 
 _REPLACED = declared(
     "heading-replaced",
-    "the given heading, {heading:.4g} deg, contradicts the motion by {apart:.3g} deg: navigation starts with {found:.4g} deg "
+    "the given heading, {heading:.4g} deg, contradicts the motion by {apart:.3g} deg: navigation starts with {chosen:.4g} deg "
     "(1 sigma {sigma:.2g} deg), with which the fixes agree",
 )
 
 
-def heading_of(stated: Mapping[str, Any], sigma: float, answer: Answer | None) -> tuple[float, float, tuple[Remark, ...]]:
-    """Heading at the start and its standard deviation (rad): the stated one, unless the motion contradicts it, or the motion's.
+_AT_REST = declared(
+    "heading-by-instrument",
+    "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of {called} while the vehicle stands",
+)
+_INSTRUMENT_CONTRADICTED = declared(
+    "heading-instrument-contradicted",
+    "{called} shows a heading of {shown:.4g} deg while the vehicle stands, and the motion one of {heading:.4g} deg: navigation "
+    "starts with that of the motion; look at the axes of {called}, and at iron and currents near it",
+    Doubt,
+)
 
-    stated: of [initial], by the fields of `Knowledge`; sigma: of its heading.  Raises `InputError` if there is no heading.
+
+def heading_of(
+    stated: Mapping[str, Any], sigma: float, answer: Answer | None, shown: Heading | None
+) -> tuple[float, float, tuple[Remark, ...]]:
+    """Heading at the start and its standard deviation (rad): the stated one, unless the motion contradicts it; or else that of
+    the motion or of an instrument at rest, whichever is surer.
+
+    stated: of [initial], by the fields of `Knowledge`; sigma: of its heading.  answer: of the motion.  shown: by an instrument.
+    Raises `InputError` if there is no heading.
     """
     if "heading" not in stated:
-        if answer is None:
+        if answer is None and shown is None:
             raise InputError(
-                "heading from motion: the fixes do not show it, or with none do they agree as grade and sigmas say; give "
-                "[initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large misalignment (aqe-sukf), or use "
-                "--start reference"
+                "heading at the start: no instrument shows it, nor fixes of a motion that does, or with none do they agree as "
+                "grade and sigmas say; give [initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large "
+                "misalignment (aqe-sukf), or use --start reference"
             )
-        return answer.heading, answer.heading_sigma, (answer.remark(),)
+        return _shown(answer, shown)
     heading = stated["heading"]
     if answer is None:
         return heading, sigma, ()
     apart = abs(float(wrapped(heading - answer.heading)))
     if apart <= CONFLICT * np.hypot(sigma, answer.measured_sigma):
         return heading, sigma, ()
-    found, found_sigma = np.degrees(answer.heading) % 360.0, np.degrees(answer.heading_sigma)
-    said = _REPLACED.filled(heading=np.degrees(heading), apart=np.degrees(apart), found=found, sigma=found_sigma)
+    answered, answered_sigma = np.degrees(answer.heading) % 360.0, np.degrees(answer.heading_sigma)
+    said = _REPLACED.filled(heading=np.degrees(heading), apart=np.degrees(apart), chosen=answered, sigma=answered_sigma)
     return answer.heading, answer.heading_sigma, (said,)
+
+
+def _shown(answer: Answer | None, shown: Heading | None) -> tuple[float, float, tuple[Remark, ...]]:
+    """The surer of both headings, and what is said of it."""
+    if shown is None:
+        assert answer is not None
+        return answer.heading, answer.heading_sigma, (answer.remark(),)
+    # a filter with the instrument among its aids uses the same readings once more
+    sigma = float(np.clip(WIDENED * shown.sigma, LEAST_SIGMA, max(LINEAR_HEADING, shown.sigma)))
+    heading = np.degrees(shown.heading) % 360.0
+    if answer is not None:
+        apart = abs(float(wrapped(shown.heading - answer.heading)))
+        if apart > CONFLICT * np.hypot(shown.sigma, answer.measured_sigma):
+            moving = np.degrees(answer.heading) % 360.0
+            said = _INSTRUMENT_CONTRADICTED.filled(called=shown.called, shown=heading, heading=moving)
+            return answer.heading, answer.heading_sigma, (answer.remark(), said)
+        if answer.heading_sigma <= sigma:
+            return answer.heading, answer.heading_sigma, (answer.remark(),)
+    return shown.heading, sigma, (_AT_REST.filled(heading=heading, sigma=np.degrees(sigma), called=shown.called),)
 
 
 def _cost(end: Mapping[str, Array]) -> float:

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.base.remarks import Remark, declared, remark
+from insenv.base.remarks import Remark, clock, declared, remark
 from insenv.estimators import Estimator
 from insenv.estimators.fusion.family import held
 from insenv.estimators.parts.rows import aid_health, reported_aids
@@ -63,8 +64,8 @@ def latitude_at_rest(log: RecordedLog, first: int, latitude: float) -> dict[str,
 
 @remark(
     "noise-in-motion",
-    "in motion the samples have more white noise than the unit's data sheet says: {noise}. Vibration does that, and motion "
-    "faster than the samples; estimators are tuned to it ([imu] noise_in_motion = false: to the data sheet)",
+    "in motion the samples have more white noise than the unit's data sheet says: {noise}. The cause is vibration, or "
+    "motion faster than the samples; estimators are tuned to it ([imu] noise_in_motion = false: to the data sheet)",
 )
 def noise_in_motion(log: RecordedLog) -> dict[str, Any] | None:
     """The white noise of the log in motion exceeds that of its unit."""
@@ -108,12 +109,12 @@ def unseen(log: RecordedLog, estimator: Estimator, begin_s: float, latitude: flo
 
 @remark(
     "standstill-missed",
-    "{used}: the filter takes the vehicle to move. If it is parked, say so: in_place = true, and vehicle_kind = {kinds}",
+    "{used}: the filter assumes that the vehicle moves. If it is parked, say so: in_place = true, and vehicle_kind = {kinds}",
 )
 def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dict[str, Any] | None:
     """Of all aids only zero velocity would hold the velocity of an estimate, and it is no longer used.
 
-    Detection of rest asks whether the estimate agrees (`insenv.estimators.parts.standing`).  Once the estimate is a few
+    Detection of rest asks whether the estimate agrees (`insenv.estimators.fusion.zero_velocity`).  Once the estimate is a few
     standard deviations off it does not, and from then on nothing holds it.  A log that says that the vehicle stays in place
     needs none.
 
@@ -132,4 +133,25 @@ def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dic
     kinds = " or ".join(repr(kind) for kind in vehicles.names() if vehicles.traits_of(kind).parks)
     if not count[-1]:
         return {"used": "zero velocity is all that would hold this velocity, and was never used", "kinds": kinds}
-    return {"used": f"zero velocity is all that holds this velocity, and was last used at {last:.4g} s", "kinds": kinds}
+    return {"used": f"zero velocity is all that holds this velocity, and was last used at {clock(last, 4)} s", "kinds": kinds}
+
+
+LATE_SIGMAS, LATE_S = 5.0, 0.02
+"""A delay of fixes is said from so many standard deviations and so many seconds on."""
+
+
+@remark(
+    "fixes-delayed",
+    "the fixes are valid {size:.2g} s {side} than the log says (1 sigma {sigma:.1g} s), which the filter takes out: "
+    "time_offset_s = {offset:.2g} in [gnss], or gnss_time_offset_s with a flight log, says it to all estimators",
+)
+def fixes_delayed(log: RecordedLog, outputs: Mapping[str, Array]) -> dict[str, Any] | None:
+    """The time of validity of the fixes is not that of the log.  outputs: of a filter, by name (records, ...)."""
+    if "gnss_delay_estimate_sigma" not in outputs or log.gnss is None:
+        return None
+    delay, sigma = (float(np.ravel(outputs[name])[-1]) for name in ("gnss_delay", "gnss_delay_estimate_sigma"))
+    if abs(delay) < max(LATE_SIGMAS * sigma, LATE_S):
+        return None
+    section = log.description.gnss
+    offset = (0.0 if section is None else section.time_offset_s) - delay
+    return {"size": abs(delay), "side": "earlier" if delay > 0 else "later", "sigma": sigma, "offset": offset}

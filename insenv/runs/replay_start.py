@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, declared, remark
+from insenv.base.remarks import Remark, clock, declared, remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
 from insenv.runs.heading_bank import attitude_by_motion, heading_of
 from insenv.runs.log_remarks import latitude_text
 from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
+from insenv.runs.standing_readings import heading_at_rest
 from insenv.vehicles import registry as vehicles
 
 Array = NDArray[np.float64]
@@ -49,6 +50,11 @@ REFERENCE_SIGMAS = {
     "heading_sigma": float(np.radians(5.0)),
 }
 """Of a reference solution that says nothing of its errors (m, m/s, rad): a vehicle's own estimate is wrong by degrees."""
+
+
+def rounding(time_s: float) -> float:
+    """By how much two times (s) may differ that are the same: sums of steps round, and Unix times to 2e-7 s."""
+    return float(1e-9 + 4.0 * np.spacing(abs(time_s)))
 
 
 def start_time(log: RecordedLog, start: str) -> float:
@@ -106,13 +112,13 @@ def _check_time_of_state(log: RecordedLog, first: float) -> None:
     state = f"the state in [initial] ({', '.join(given)})"
     if initial.start_s is None and cut is not None and cut > first - EARLY:
         raise InputError(
-            f"start_s = {cut:g} s leaves out what was recorded before, and nothing tells of which time {state} is: [initial] "
-            "start_s says it, and navigation starts then; without these keys the log itself gives the start"
+            f"start_s = {clock(cut)} s leaves out what was recorded before, and nothing tells of which time {state} is: "
+            "[initial] start_s says it, and navigation starts then; without these keys the log itself gives the start"
         )
     if initial.start_s is not None and initial.start_s < first - EARLY:
         raise InputError(
-            f"[initial] start_s = {initial.start_s:g} s: {state} is of that time, and the log is used from {first:.6g} s on: "
-            "allowed is that time or a later one"
+            f"[initial] start_s = {clock(initial.start_s)} s: {state} is of that time, and the log is used from {clock(first)} "
+            "s on: allowed is that time or a later one"
         )
 
 
@@ -239,7 +245,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
     if reference is None or reference.roll is None or reference.velocity_n is None or reference.latitude is None:
         raise InputError("start 'reference': the log's [reference] must give position, velocity and attitude")
     time = _begin(log, first)
-    if not reference.time[0] <= time <= reference.time[-1]:
+    if not reference.time[0] - rounding(time) <= time <= reference.time[-1] + rounding(time):
         raise InputError(
             f"start 'reference' at {time:.3f} s: the reference covers {reference.time[0]:.3f} to {reference.time[-1]:.3f} s"
         )
@@ -294,7 +300,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
     Without fixes the position is that of [initial], for a log that has a Doppler log.  Raises `InputError` without both.
     """
     stated, gnss, begin = _stated(log), log.gnss, _begin(log, first)
-    where, rest = f"the vehicle moves at {begin:g} s, where navigation starts", ""
+    where, rest = f"the vehicle moves at {clock(begin)} s, where navigation starts", ""
     if log.rest is None:
         where = "the log does not begin at rest"
         rest = "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
@@ -316,7 +322,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
             velocity_sigma = gap * PUSH + (np.ones(3) if gnss.velocity_sigma is None else gnss.velocity_sigma[at])
         way = gap * float(max(np.hypot(*velocity[:2]), velocity_sigma[:2].max())) + float(np.linalg.norm(log.lever_arm_b))
         position_sigma = gnss.position_sigma[at] + way
-        source = f"position{' and velocity' * (gnss.velocity_n is not None)} of the fix at {gnss.time[at]:.6g} s"
+        source = f"position{' and velocity' * (gnss.velocity_n is not None)} of the fix at {clock(gnss.time[at])} s"
     levelled = "roll" in stated and "pitch" in stated
     known = replace(
         place.knowledge,
@@ -389,10 +395,10 @@ def _from_log(log: RecordedLog, first: int) -> Start:
             gyro_bias_error=level.gyro_bias_error,
         )
         # rocking in place shows nothing of a heading, and a linearised filter takes it to: the bank begins where the rest ends
-        leaves = max(first, int(np.searchsorted(log.imu_time, log.rest[1] - REST_WINDOW_S)) if log.rest else first)
-        leaves = min(leaves, len(log.imu_time) - 1)
+        leaves = max(first, int(np.searchsorted(log.imu_time[:-1], log.rest[1] - REST_WINDOW_S)) if log.rest else first)
         answer = attitude_by_motion(log, leaves, begun) if _shows_attitude(log, at_rest=True) else None
-        heading, sigmas["heading_sigma"], of_motion = heading_of(stated, sigmas["heading_sigma"], answer)
+        shown = heading_at_rest(log, (roll, pitch), tilt_sigma, height)
+        heading, sigmas["heading_sigma"], of_motion = heading_of(stated, sigmas["heading_sigma"], answer, shown)
     start = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
 
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, start.heading))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +13,29 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
-from insenv.base.remarks import Remark, coded, declared
+from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
-from insenv.estimators.settings import Settings, choices_in, own_settings, setting_rows, tuning
+from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
+from insenv.estimators.settings import Settings, choices_in, setting_rows, settings_of, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
+from insenv.evaluation.outages import Antenna, Fixes, Outages, outages_of
+from insenv.evaluation.specific_force import VelocityChanges, specific_force
 from insenv.logs import RecordedLog, Reference, load
 from insenv.logs.description import EvaluationSection
-from insenv.logs.rest import travel
+from insenv.logs.outages import OutagesLike, Withheld, listed, withheld
+from insenv.logs.reference import at_imu, body_rate
+from insenv.logs.rest import REST_WINDOW_S, travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
-from insenv.runs.log_remarks import latitude_at_rest, noise_in_motion, standstill_missed, unseen
+from insenv.runs.log_remarks import fixes_delayed, latitude_at_rest, noise_in_motion, standstill_missed, unseen
 from insenv.runs.log_samples import sample_columns
-from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
+from insenv.runs.reference_check import reference_notes
+from insenv.runs.replay_start import STARTS, Start, initial_knowledge, rounding, start_time
 from insenv.runs.simulated import follower_of, members, result_of
+from insenv.runs.standing_readings import with_datum
+from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.chunks import RECORDS, chunks, recording_interval
 
 Array = NDArray[np.float64]
@@ -39,6 +47,7 @@ def replay(
     *,
     start: str = "coarse",
     settings: Settings | None = None,
+    outages: OutagesLike = (),
     progress: Progress | None = None,
 ) -> Report:
     """Run estimators on a recorded log.
@@ -52,6 +61,9 @@ def replay(
         all of it as the log's [initial] states it.
     settings: parameters by estimator id, with the keys of [estimator.ID], instead of those of the log's description:
         ``{"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}``.
+    outages: windows of time (begin, end), s on the clock of the log, whose fixes are withheld from the estimators and then
+        compared with the estimates (`Result.outages`); also as texts: ``"100:160"``, ``"+100:+160"`` from the start on,
+        ``"every=120,length=60"``.
     progress: called with the numbers of samples done and in all.
 
     An estimator that the log is not for is left out, with a note, if there is another one.
@@ -61,7 +73,7 @@ def replay(
     """
     check_progress(progress)
     name = log.description.title if isinstance(log, RecordedLog) else str(log)
-    ready = prepared(log, estimators, start=start, settings=settings)
+    ready = prepared(log, estimators, start=start, settings=settings, outages=outages)
     log, first, columns, dropped, chosen, starts, given = (
         ready.log, ready.first, ready.columns, ready.dropped, ready.chosen, ready.starts, ready.given
     )  # fmt: skip
@@ -85,21 +97,27 @@ def replay(
     evaluation = description.evaluation
     reference = _reference_track(log.reference, times)
     duration = float(log.dt[first : first + total].sum())
-    results = tuple(_result(f, begun, ready, reference, times, duration) for f, begun in zip(followers, starts, strict=True))
+    changes = velocity_changes(ready.whole)
+    results = tuple(
+        _result(f, begun, ready, reference, times, duration, changes) for f, begun in zip(followers, starts, strict=True)
+    )
     notes = [
-        *ready.refused,
-        *coded(log.notes, "log"),
+        *ready.notes,
+        *log.notes,
         *members(ready.families, chosen),
         *latitude_at_rest(log, first, starts[0].knowledge.latitude),
     ]
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
-        notes.append(Remark("unit-assumed", log.assumed.sentence))
+        notes.append(log.assumed.remark)
     if any(_takes_sensors(e, given[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
+    notes += reference_notes(log)
     if log.gaps.count:
         notes.append(_BRIDGED.filled(count=log.gaps.count, samples=log.gaps.samples))
     if dropped:
         notes.append(_DROPPED.filled(count=dropped))
+    if ready.withheld is not None and ready.withheld.empty:
+        notes.append(_EMPTY.filled(count=ready.withheld.empty))
     return Report(
         scenario=name,
         title=description.title,
@@ -116,6 +134,8 @@ def replay(
 REFUSED = "estimator-refused"
 _REFUSED = declared(REFUSED, "{id} is left out: {why}")
 _BRIDGED = declared("gaps-bridged", "gaps bridged by interpolation: {count} ({samples} samples in all)")
+_UNSEEN = declared("outages-unseen", "outages with no record of the estimate between fixes that it used, left out: {count}")
+_EMPTY = declared("outages-empty", "outages left out, because the log itself has no fix in them: {count}")
 _DROPPED = declared("fixes-dropped", "fixes not used, because a later one is in the same sample: {count}")
 
 
@@ -125,8 +145,9 @@ class Prepared:
 
     first: number of the first sample; columns: samples from it on, by name of the estimators' inputs; dropped: fixes left out;
     begin_s: start time; families, chosen: estimators as asked for, and adapted to the log; starts: what each knows at the
-    start; tunings: parameter rows (SI) that the log sets, by estimator id; given: those in force.  refused: who else was asked
-    for, and why the log is not for it.
+    start; tunings: parameter rows (SI) that the log sets, by estimator id; given: those in force.  notes: who else was asked
+    for, and why the log is not for it; what the log contradicts of its instruments.
+    whole: the log with the fixes that outages withhold from `log`; withheld: these, None without outages.
     """
 
     log: RecordedLog
@@ -139,22 +160,33 @@ class Prepared:
     starts: list[Start]
     tunings: dict[str, dict[str, Any]]
     given: dict[str, dict[str, Any]]
-    refused: tuple[Remark, ...] = ()
+    notes: tuple[Remark, ...]
+    whole: RecordedLog
+    withheld: Withheld | None
 
 
 def prepared(
-    log: str | Path | RecordedLog, estimators: EstimatorsLike, *, start: str = "coarse", settings: Settings | None = None
+    log: str | Path | RecordedLog,
+    estimators: EstimatorsLike,
+    *,
+    start: str = "coarse",
+    settings: Settings | None = None,
+    outages: OutagesLike = (),
 ) -> Prepared:
     """A log and estimators ready for a replay; arguments and errors are those of `replay`."""
     if start not in STARTS:
         raise InputError(f"start {start!r}: allowed is {', '.join(STARTS[:-1])} or {STARTS[-1]}")
     families = get_all(estimators)
-    log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
+    log, differing = with_datum(log if isinstance(log, RecordedLog) else load(as_path("log", log)))
+    whole = log
     description = log.description
     begin_s = start_time(log, start)
-    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
+    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - rounding(begin_s)))
     if first >= len(log.imu_time):
-        raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
+        raise InputError(f"[initial] start_s = {clock(begin_s)} s: the log ends at {log.imu_time[-1]:.3f} s")
+    lost: Withheld | None = None
+    if asked_outages := listed(outages):
+        log, lost = withheld(whole, asked_outages, begin_s)
     tunings: dict[str, dict[str, Any]] = {id: dict(rows) for id, rows in log.settings.items()}
     for id, table in description.estimator.items():
         tunings[id] = {**tunings.get(id, {}), **tuning(id, table)}
@@ -166,9 +198,11 @@ def prepared(
         if family.adapt is None:  # a family is what `adapted` makes of it
             family.check(drive, tunings.get(family.id))
         begun = initial_knowledge(log, family, start, first)
-        own = {**own_settings(family, description.estimator), **own_settings(family, settings)}
+        own = {**settings_of(family, description.estimator), **settings_of(family, settings)}
         estimator = family.adapted(begun.knowledge, drive, choices_in(family, own))
         estimator.check(drive, tunings.get(estimator.id))
+        if lost is not None and not estimator.navigates:
+            raise InputError(f"estimator {estimator.id!r} has no position, which outages are about: leave them out for it")
         if begun.refusal and not estimator.finds_attitude:
             raise InputError(begun.refusal)
         return estimator, begun
@@ -185,7 +219,8 @@ def prepared(
         raise InputError("\n".join(refused))
     given = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for _, e, _ in taken}
     asked, chosen, starts = (list(part) for part in zip(*taken, strict=True))
-    return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, given, tuple(refused))
+    notes = (*differing, *refused)
+    return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, given, notes, whole, lost)
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:
@@ -215,7 +250,10 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
         for id, (arrival, age) in timed.items()
         if arrival is not None and age is not None
     }
-    return Drive("the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, fix_velocity=measured, ages=ages)
+    stands = log.rest is not None and log.rest[0] - REST_WINDOW_S <= begin_s and log.rest[1] > end_s - 2 * REST_WINDOW_S
+    return Drive(
+        "the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, stands=stands, fix_velocity=measured, ages=ages
+    )
 
 
 _UNIT = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
@@ -231,6 +269,20 @@ def _whole_unit(estimator: Estimator, given: dict[str, Any]) -> dict[str, Any]:
     if _takes_sensors(estimator, given):
         return given
     return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **given}
+
+
+def _moved_to_imu(track: Track, log: RecordedLog, outputs: Mapping[str, Array]) -> Track:
+    """A reference without attitude that has a lever arm, at the IMU by the attitude of an estimate at the same times."""
+    arm = None if log.reference is None else log.reference.lever_arm_b
+    if arm is None or "q_nb" not in outputs:
+        return track
+    place = None
+    if track.latitude is not None and track.longitude is not None and track.height is not None:
+        place = track.latitude, track.longitude, track.height
+    C_nb = attitude.numeric.to_dcm(outputs["q_nb"])
+    place, velocity_n = at_imu(place, track.velocity_n, C_nb, body_rate(log, track.time), arm)
+    latitude, longitude, height = (None, None, None) if place is None else place
+    return replace(track, latitude=latitude, longitude=longitude, height=height, velocity_n=velocity_n)
 
 
 def _reference_track(reference: Reference | None, times: Array) -> Track:
@@ -265,16 +317,53 @@ def _evaluated(estimator: Estimator, evaluation: EvaluationSection, begin_s: flo
     return from_s if evaluation.from_s is None else evaluation.from_s, to_s
 
 
-def _result(follower: Follower, begun: Start, ready: Prepared, reference: Track, times: Array, duration_s: float) -> Result:
-    """times: of the records.  reference: at these times; empty if the log has none."""
+def _outages(ready: Prepared, times: Array, outputs: Mapping[str, Array]) -> Outages | None:
+    """The errors where fixes were withheld; None without outages."""
+    lost = ready.withheld
+    if lost is None:
+        return None
+    fixes = Fixes(*(getattr(lost.fixes, name) for name in ("time", "latitude", "longitude", "height", "position_sigma")))
+    told = ready.log.told
+    arm_sigma, delay_sigma = (told.get(name, 0.0) for name in ("antenna_lever_arm_sigma", "gnss_delay_sigma"))
+    antenna = Antenna(ready.log.lever_arm_b, arm_sigma, delay_sigma, LEVER_ARM.name, DELAY.name)
+    return outages_of(times, outputs, fixes, lost.windows, lost.resumed, antenna)
+
+
+def _of_outages(lost: Withheld | None, found: Outages | None) -> tuple[Remark, ...]:
+    """What is said of outages, and of those in which nothing was compared."""
+    if lost is None:
+        return ()
+    unseen = len(lost.windows) - (0 if found is None else len(found.each))
+    left_out = (_UNSEEN.filled(count=unseen),) if unseen else ()
+    return (*left_out, *(() if found is None else found.too_sure()))
+
+
+def _result(
+    follower: Follower,
+    begun: Start,
+    ready: Prepared,
+    reference: Track,
+    times: Array,
+    duration_s: float,
+    changes: VelocityChanges | None,
+) -> Result:
+    """times: of the records.  reference: at these times; empty if the log has none.  changes: of the receiver's velocity."""
     log, estimator, outputs = ready.log, follower.estimator, follower.named()
     rows, health = ready.given[estimator.id], follower.health(outputs)
     # parameters that describe the whole unit are not compared with its data sheet
     understated = estimator.understated(begun.knowledge, rows=rows) if _takes_sensors(estimator, rows) else ()
+    outages, evaluated_s = (
+        _outages(ready, times, outputs),
+        _evaluated(estimator, log.description.evaluation, ready.begin_s, times),
+    )
+    force = None
+    if changes is not None:
+        sigma = outputs.get("attitude_sigma")
+        force = specific_force(changes, times, outputs["q_nb"], sigma, reference.q_nb, *evaluated_s)
     return result_of(
         estimator,
         outputs,
-        reference,
+        _moved_to_imu(reference, log, outputs),
         None,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
         notes=(
@@ -283,12 +372,17 @@ def _result(follower: Follower, begun: Start, ready: Prepared, reference: Track,
             *understated,
             *unseen(log, estimator, ready.begin_s, begun.knowledge.latitude),
             *standstill_missed(log, follower, times),
+            *fixes_delayed(log, outputs),
             *follower.notes(times - (times[-1] - duration_s), duration_s, health, outputs),
             *contradiction_notes(times, outputs),
             *sideways_notes(times, outputs),
+            *_of_outages(ready.withheld, outages),
+            *(force.reference_contradicted() if force is not None else ()),
         ),
         health=health,
         settled=follower.settled(duration_s),
         unit=unit_errors(log.description.vehicle_kind, outputs),
-        evaluated_s=_evaluated(estimator, log.description.evaluation, ready.begin_s, times),
+        evaluated_s=evaluated_s,
+        outages=outages,
+        specific_force=force,
     )

@@ -66,16 +66,16 @@ def start_at_rest(
         sigma = abs(conflict)  # the given heading is wrong, or the rest was none
     else:
         conflict = 0.0
-    given = sigma**-2 if sigma < np.pi else 0.0
+    prior = sigma**-2 if sigma < np.pi else 0.0
 
     turned = np.linspace(-np.pi, np.pi, 7201)
-    turn = float(turned[np.argmax(weight * np.cos(heading + turned - compass) - given * turned**2 / 2)])
+    turn = float(turned[np.argmax(weight * np.cos(heading + turned - compass) - prior * turned**2 / 2)])
     for _ in range(5):
-        slope = -weight * np.sin(heading + turn - compass) - given * turn
-        curvature = weight * np.cos(heading + turn - compass) + given
+        slope = -weight * np.sin(heading + turn - compass) - prior * turn
+        curvature = weight * np.cos(heading + turn - compass) + prior
         turn += float(slope / curvature) if curvature > 0 else 0.0
     best = float(wrapped(heading + turn))
-    left = min(float((weight * np.cos(best - compass) + given) ** -0.5), sigma, np.pi)
+    left = min(float((weight * np.cos(best - compass) + prior) ** -0.5), sigma, np.pi)
 
     bias, mean = sensors.gyro_bias_sigma, _drifted(rest, sensors)
     share = bias**2 / (bias**2 + mean**2)

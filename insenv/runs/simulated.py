@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, coded, declared
+from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import Result, Track, UnitError, errors, stated_sigma, statistics_from, track_of, unit_errors
 from insenv.evaluation.health import Health
 from insenv.evaluation.limits import Limit
+from insenv.evaluation.outages import Outages
+from insenv.evaluation.specific_force import SpecificForce
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.function import Called, EstimateFunction, FunctionFollower, parted, sample_names
@@ -106,10 +108,10 @@ def run(
     true = true_unit_errors(runner.state, plant.model.parameters.unpack(runner.p))
     results = tuple(_result(f, plant, track, limit, true, of_tuning.get(f.estimator.id, ())) for f in followers)
     notes = (
-        *coded(scenario.notes, "scenario"),
+        *scenario.notes,
         *members(families, chosen),
         *([_BRIDGED.filled(count=bridged)] if bridged else []),
-        *coded([refusal] if refusal else [], "no-limit"),
+        *refusal,
     )
     return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, notes)
 
@@ -154,18 +156,20 @@ def result_of(
     limit: Limit | None,
     *,
     us_per_sample: float,
-    notes: tuple[str, ...],
+    notes: tuple[Remark, ...],
     health: Health | None = None,
     settled: bool = True,
     sigma: dict[str, Array] | None = None,
     unit: tuple[UnitError, ...] = (),
     evaluated_s: tuple[float, float] | None = None,
+    outages: Outages | None = None,
+    specific_force: SpecificForce | None = None,
 ) -> Result:
     """The result of estimates by row name against the truth, or a reference, at the same times.
 
     limit: None: there is none.  sigma: stated standard deviations by channel; None: those in the estimates.
-    unit: `Result.unit`.  evaluated_s: from and to when the estimate is judged; None: as a run is, to its end.  Of a track that
-    has NaN the times count at which it has none.
+    unit, outages, specific_force: of `Result`.  evaluated_s: from and to when the estimate is judged; None: as a run is, to
+    its end.  Of a track that has NaN the times count at which it has none.
 
     Raises `InputError` if nothing can be compared.
     """
@@ -177,14 +181,13 @@ def result_of(
     inside = np.all([time <= to_s, *(np.isfinite(values) for values in error.values())], axis=0)
     if error and not np.any(inside & (time >= from_s)):
         raise InputError(
-            f"nothing to compare: the replay covers {time[0]:.3f} to {time[-1]:.3f} s, [evaluation] asks for {from_s:g} to "
-            f"{to_s:g} s, and the reference must cover some of that"
+            f"nothing to compare: the replay covers {time[0]:.3f} to {time[-1]:.3f} s, [evaluation] asks for {clock(from_s)} "
+            f"to {clock(to_s)} s, and the reference must cover some of that"
         )
 
     def covered(values: Mapping[str, Array]) -> dict[str, Array]:
         return {name: value[inside] for name, value in values.items()}
 
-    said = coded(notes, "note")
     bound, course = {}, {}
     if limit is not None and not estimator.smooths:  # it is that of what is known by the time; a smoother knows the whole run
         bound, course = limit.rms(time, from_s), limit.at(time)
@@ -198,8 +201,10 @@ def result_of(
         from_s=from_s,
         limit_sigma={name: value for name, value in course.items() if name in error},
         us_per_sample=us_per_sample,
-        notes=said,
-        health=None if health is None else health.doubted(said),
+        notes=notes,
+        health=None if health is None else health.doubted(notes),
         settled=settled,
         unit=unit,
+        outages=outages,
+        specific_force=specific_force,
     ).judged()

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, naming
 from insenv.core.compose import Part, merge
 from insenv.core.model import SEED, STEP, Model, Step
-from insenv.core.tables import Row, Table, naming
+from insenv.core.tables import Row, Table
 from insenv.sensors import GNSS, IMU, Sensor
 from insenv.vehicles import Vehicle, truth_instant, truth_part
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from insenv import attitude, geodesy
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, naming
 from insenv.base.keys import rows_of
 from insenv.core import noise
 from insenv.core.model import Model
-from insenv.core.tables import Table, Vector, check_rows, naming
+from insenv.core.tables import Table, Vector, check_rows
 from insenv.estimators import Knowledge
 from insenv.scenario.assembly import plant_model
 from insenv.scenario.commands import DRIVEN, commanded
@@ -220,7 +220,7 @@ def start_errors(known: KnowledgeSection, seed: ArrayLike) -> Vector:
     in n.
     """
     errors = start_sigmas(known) * start_normals(known, seed)
-    for place, error in enumerate(given_errors(known)):
+    for place, error in enumerate(stated_start_errors(known)):
         if error is not None:
             errors[..., place] = error
     return errors
@@ -240,7 +240,7 @@ def start_sigmas(known: KnowledgeSection) -> Vector:
     return np.array([*tilts, sigma["heading_sigma"], *sigma["position_sigma"], *sigma["velocity_sigma"]])
 
 
-def given_errors(known: KnowledgeSection) -> tuple[float | None, ...]:
+def stated_start_errors(known: KnowledgeSection) -> tuple[float | None, ...]:
     """The errors that are given (9), in the order and units of `start_errors`; None for one that is drawn."""
     errors, none = rows_of(known), (None,) * 3
     angles = [errors.get(f"{angle}_error") for angle in ("roll", "pitch", "heading")]

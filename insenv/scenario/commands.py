@@ -28,25 +28,25 @@ def commanded(model: Model, commands: Sequence[Mapping[str, float]], rate_hz: fl
     names = [name.removeprefix(PREFIX) for name in model.inputs.names if name.startswith(PREFIX) and name != VALID]
     if commands and not names:
         raise InputError("commands: the vehicle of this scenario takes no commands")
-    found: list[tuple[int, Vector]] = []
+    inputs: list[tuple[int, Vector]] = []
     now = model.inputs.start_vector()
     for number, entry in enumerate(commands):
         where = f"commands[{number}]"
         if TIME not in entry:
             raise InputError(f"{where}: {TIME} is missing: time of the commands [s]")
         sample = round(entry[TIME] * rate_hz)
-        if sample < (found[-1][0] if found else 0):
+        if sample < (inputs[-1][0] if inputs else 0):
             raise InputError(f"{where}.{TIME} = {entry[TIME]:g} s: allowed is 0 or later, and not before the entry above")
         for name in entry:
             if name != TIME and name not in names:
                 raise InputError(f"{where}: unknown command {name!r}{nearest(name, names)}")
-        given = {PREFIX + name: value for name, value in entry.items() if name != TIME}
+        values = {PREFIX + name: value for name, value in entry.items() if name != TIME}
         try:
-            now = model.inputs.pack({**given, VALID: 1.0}, base=now)
+            now = model.inputs.pack({**values, VALID: 1.0}, base=now)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-        found.append((sample, now))
-    return tuple(found)
+        inputs.append((sample, now))
+    return tuple(inputs)
 
 
 def input_rows(model: Model, steps: Commanded, begin: int, count: int) -> Vector | None:

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr, Strict, ValidationError, create_model, model_validator
 
 from insenv.base.keys import rows_of
+from insenv.base.remarks import Remark, coded, declared
 from insenv.base.toml import Number, Parameter, Section, Sigmas, Vector3, key, summary, within
 from insenv.estimators import Drive, Estimator, get
 from insenv.estimators.settings import choices_in, tuning
@@ -81,6 +82,9 @@ class KnowledgeSection(Section):
         return {row: value for row, value in rows_of(self).items() if row.endswith("_sigma")}
 
 
+_PERFECT = declared("unit-perfect", "the inertial unit is perfect, because [imu] is missing or states no errors")
+
+
 class Scenario(Section):
     """A scenario file: a vehicle, its sensors and the initial conditions.
 
@@ -107,6 +111,7 @@ class Scenario(Section):
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'
     )
     _name: str = PrivateAttr("")
+    _changes: tuple[Remark, ...] = PrivateAttr(())
 
     @property
     def name(self) -> str:
@@ -114,14 +119,13 @@ class Scenario(Section):
         return self._name
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """Sentences on what the scenario leaves open, for a reader of its results."""
-        sentences = self.vehicle.notes
-        for section in self.sensors.values():
-            sentences += section.notes(self.rate_hz)
-        if self.imu.grade != "perfect" or any(getattr(self.imu, name) is not None for name in FIGURES):
-            return sentences
-        return (*sentences, "the inertial unit is perfect, because [imu] is missing or states no errors")
+        said = (*self._changes, *coded(self.vehicle.notes, "vehicle"))
+        for id, section in self.sensors.items():
+            said += coded(section.notes(self.rate_hz), id)
+        perfect = self.imu.grade == "perfect" and all(getattr(self.imu, name) is None for name in FIGURES)
+        return (*said, _PERFECT) if perfect else said
 
     def stated(self) -> dict[str, Any]:
         """The values as in a TOML file, less the start and the duration of a vehicle whose motion has its own."""

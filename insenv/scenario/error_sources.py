@@ -52,9 +52,9 @@ def sources_of(plant: Plant, seeds: Sequence[int]) -> tuple[Source, ...]:
     """The sources of error that a plant has in the runs of `seeds`: those whose value is not that without the error."""
     table, vector = plant.model.parameters, plant.model.parameters.pack(plant.parameters)
     named = [source for sensor in sensors_of(plant.scenario) for source in sensor.errors or ()]
-    found = [Source(source.name, source.rows, source.off) for source in (*named, GRAVITY) if _is_on(source, table, vector)]
+    switchable = [Source(source.name, source.rows, source.off) for source in (*named, GRAVITY) if _is_on(source, table, vector)]
     errors = start_errors(plant.scenario.knowledge, np.array(seeds))
-    return (*found, *(source for source in START if np.any(errors[:, list(source.places)])))
+    return (*switchable, *(source for source in START if np.any(errors[:, list(source.places)])))
 
 
 def _is_on(source: ErrorSource, table: Table, vector: Vector) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from insenv.base.changes import Changes, changed, sentence
 from insenv.base.errors import LISTED, InputError, nearest
 from insenv.base.resources import scenario_folder
 from insenv.base.resources import scenario_names as names
@@ -14,7 +15,7 @@ from insenv.estimators import Estimator, registered, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
-from insenv.sensors import gnss_grade, imu_grade
+from insenv.sensors import imu_grade
 from insenv.sensors.figures import FiguresSection
 from insenv.sensors.grade_file import beside
 from insenv.sensors.registry import registered as registered_sensors
@@ -72,6 +73,19 @@ def with_settings(scenario: ScenarioLike, settings: Settings | None, estimators:
     for id, table in settings.items():
         values["estimator"][id] = {**values["estimator"].get(id, {}), **table}
     return parse(values, loaded.name or "scenario", loaded.name)
+
+
+def with_changes(scenario: ScenarioLike, changes: Changes) -> Scenario:
+    """The scenario with other values of single keys, by their dotted names, as in ``{"imu.grade": "tactical"}``.
+
+    Raises `InputError` as `load`, and for keys and values that a scenario may not have.
+    """
+    loaded = load(scenario)
+    if not changes:
+        return loaded
+    made = parse(changed(loaded.stated(), changes), "--set", loaded.name)
+    made._changes = sentence(changes)
+    return made
 
 
 def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:
@@ -162,9 +176,8 @@ def grade_value(section: str, grade: str, key: str) -> Any:
 
     Raises `InputError` for an unknown grade.
     """
-    catalogue = {"imu": imu_grade, "gnss": gnss_grade}
-    if section in catalogue:
-        return getattr(catalogue[section](grade), key, None)
+    if section == "imu":
+        return getattr(imu_grade(grade), key, None)
     kind = registered_sensors().get(section)
     if kind is None or not issubclass(kind, FiguresSection) or key not in kind.figures or not kind.figures[key].vector:
         return None

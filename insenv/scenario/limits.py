@@ -13,6 +13,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.output import atomic
+from insenv.base.remarks import Remark, declared
 from insenv.core.cache import cache_folder, source_digest
 from insenv.core.model import Model
 from insenv.core.runner import Progress, check_progress
@@ -47,18 +48,23 @@ def limit(scenario: ScenarioLike, *, duration_s: float | None = None, progress: 
     plant = build(load(scenario), seed=TRAJECTORY_SEED, duration_s=duration_s)
     refusal = no_limit(plant)
     if refusal:
-        raise InputError(refusal)
+        raise InputError(refusal[0])
     return limit_of(plant, progress)
 
 
-def no_limit(plant: Plant) -> str:
-    """The sentence why a plant has no limit; empty if it has one."""
+_COMMANDED = declared("no-limit-commanded", "no limit: limits are taken along the course of a scenario, not along commands")
+_UNKNOWN_SENSOR = declared(
+    "no-limit-unknown-sensor",
+    "no limit: a limit needs the measurement equation of every sensor, there is none of {sensors}",
+)
+
+
+def no_limit(plant: Plant) -> tuple[Remark, ...]:
+    """Why a plant has no limit; empty if it has one."""
     if plant.commands:
-        return "no limit: limits are taken along the course of a scenario, not along commands"
+        return (_COMMANDED,)
     further = sorted(id for id in plant.sensors if id != "gnss" and id not in registry.instruments())
-    if not further:
-        return ""
-    return f"no limit: a limit needs the measurement equation of every sensor, there is none of {', '.join(map(repr, further))}"
+    return (_UNKNOWN_SENSOR.filled(sensors=", ".join(map(repr, further))),) if further else ()
 
 
 def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:
@@ -82,10 +88,10 @@ def limit_along(
     """The limit of a plant with the parameters `rows` (parameters.size,), except the seed, over `samples` samples."""
     rows = np.array(rows)
     rows[model.parameters.slice("seed")] = TRAJECTORY_SEED
-    told = np.concatenate([prior.attitude, prior.velocity, prior.position, [samples, float(in_place)]])
+    start = np.concatenate([prior.attitude, prior.velocity, prior.position, [samples, float(in_place)]])
     text = f"{_version()}{model.fingerprint}".encode()
-    digest = hashlib.sha256(text + rows.tobytes() + told.tobytes()).hexdigest()[:32]
-    return _kept(_Case(digest, model, rows, prior, samples, in_place, progress))
+    digest = hashlib.sha256(text + rows.tobytes() + start.tobytes()).hexdigest()[:32]
+    return _stored(_Case(digest, model, rows, prior, samples, in_place, progress))
 
 
 @dataclass(frozen=True)
@@ -102,17 +108,17 @@ class _Case:
 
 
 @lru_cache(maxsize=32)
-def _kept(case: _Case) -> Limit:
+def _stored(case: _Case) -> Limit:
     path = cache_folder() / "limits" / f"{case.digest}.npz"
-    found = _read(path)
-    if found is not None:
-        return found
+    limit = _read(path)
+    if limit is not None:
+        return limit
     begin = time.perf_counter()
     rows = case.model.parameters.unpack(case.rows)
-    found = limits.bound(case.model, rows, case.prior, case.samples, in_place=case.in_place, progress=case.progress)
+    limit = limits.bound(case.model, rows, case.prior, case.samples, in_place=case.in_place, progress=case.progress)
     if time.perf_counter() - begin > WORTH_KEEPING_S:
-        _write(path, found)
-    return found
+        _write(path, limit)
+    return limit
 
 
 def _read(path: Path) -> Limit | None:
@@ -125,12 +131,12 @@ def _read(path: Path) -> Limit | None:
         return None
 
 
-def _write(path: Path, found: Limit) -> None:
+def _write(path: Path, limit: Limit) -> None:
     """Keep a limit; a folder that cannot be written to costs time only."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, exist_ok=True)
         with atomic(path, private=True) as stream:
-            np.savez(stream, allow_pickle=False, time=found.time, rotation=found.rotation, **found.sigma)
+            np.savez(stream, allow_pickle=False, time=limit.time, rotation=limit.rotation, **limit.sigma)
 
 
 @cache

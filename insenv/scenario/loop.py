@@ -43,12 +43,12 @@ def loop_model(plant: Model, estimator: Model, prefix: str = PREFIX) -> Model:
     if estimator.is_random:
         raise InputError(f"estimator {estimator.id!r} takes random numbers: it cannot run in the plant's loop")
     wiring = _Wiring(plant, estimator, prefix)
-    given = wiring.given_rows()
+    wired = wiring.wired_rows()
     return Model(
         id=f"{plant.id}-{estimator.id}",
         title=f"{plant.title}; {estimator.title}",
         parameters=plant.parameters + _prefixed(estimator.parameters, prefix),
-        state=plant.state + given + _prefixed(estimator.state, prefix),
+        state=plant.state + wired + _prefixed(estimator.state, prefix),
         inputs=plant.inputs,
         outputs=plant.outputs + _prefixed(estimator.outputs, prefix),
         steps={**plant.steps, **wiring.steps()},
@@ -76,17 +76,17 @@ class _Wiring:
         if "dt" in estimator.inputs and "sample_interval" not in plant.parameters:
             raise InputError(f"estimator {estimator.id!r} takes 'dt': model {plant.id!r} has no parameter 'sample_interval'")
         if self.holds:
-            self.rows |= {name: self._given(name) for name in _HELD}
+            self.rows |= {name: self._held_row(name) for name in _HELD}
 
-    def _given(self, name: str) -> str:
+    def _held_row(self, name: str) -> str:
         return f"{self.prefix}given_{name}"
 
-    def given_rows(self) -> Table:
+    def wired_rows(self) -> Table:
         """State rows of the sample given to the estimator, where samples can be lost."""
         rows = []
         for name in _HELD if self.holds else ():
             row = self.plant.state[name]
-            rows.append(Row(self._given(name), f"The latest {name} that arrived", row.unit, row.shape, row.frame))
+            rows.append(Row(self._held_row(name), f"The latest {name} that arrived", row.unit, row.shape, row.frame))
         return Table(tuple(rows))
 
     def steps(self) -> dict[str, Step]:
@@ -108,33 +108,33 @@ class _Wiring:
 
     def _step(self, step: Step) -> Callable[..., dict[str, Any]]:
         def function(p: Values, x: Values, u: Values) -> dict[str, Any]:
-            return self._named(step.function(*self._own(p, x), self._inputs(p, x)))
+            return self._named(step.function(*self._rows_of(p, x), self._inputs(p, x)))
 
         return function
 
     def _hold(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
-        return {self._given(name): select(x.imu_valid, getattr(x, name), getattr(x, self._given(name))) for name in _HELD}
+        return {self._held_row(name): select(x.imu_valid, getattr(x, name), getattr(x, self._held_row(name))) for name in _HELD}
 
     def output(self, p: Values, x: Values) -> dict[str, Any]:
         """Outputs of both."""
-        return {**self.plant.output(p, x), **self._named(self.estimator.output(*self._own(p, x)))}
+        return {**self.plant.output(p, x), **self._named(self.estimator.output(*self._rows_of(p, x)))}
 
     def start(self, p: Values, r: Any = None) -> dict[str, Any]:
         """State rows of both at the start."""
-        own = SimpleNamespace(**{row.name: getattr(p, self.prefix + row.name) for row in self.estimator.parameters})
+        parameters = SimpleNamespace(**{row.name: getattr(p, self.prefix + row.name) for row in self.estimator.parameters})
         rows: dict[str, Any] = {}
         if self.plant.start is not None:
             rows |= self.plant.start(p, r) if self.plant.start_uniforms else self.plant.start(p)
         if self.holds:
-            rows[self._given("delta_velocity")] = ca.vertcat(0, 0, -STANDARD_GRAVITY * p.sample_interval)
+            rows[self._held_row("delta_velocity")] = ca.vertcat(0, 0, -STANDARD_GRAVITY * p.sample_interval)
         if self.estimator.start is not None:
-            rows |= self._named(self.estimator.start(own))
+            rows |= self._named(self.estimator.start(parameters))
         return rows
 
     def _named(self, rows: Mapping[str, Any]) -> dict[str, Any]:
         return {self.prefix + name: value for name, value in rows.items()}
 
-    def _own(self, p: Values, x: Values) -> tuple[Values, Values]:
+    def _rows_of(self, p: Values, x: Values) -> tuple[Values, Values]:
         """The estimator's parameters and state by its own names."""
         tables = ((p, self.estimator.parameters), (x, self.estimator.state))
         p, x = (SimpleNamespace(**{r.name: getattr(values, self.prefix + r.name) for r in table}) for values, table in tables)

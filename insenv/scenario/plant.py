@@ -11,7 +11,7 @@ from insenv.base.remarks import Remark
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.estimators import Estimator, Knowledge, get
-from insenv.estimators.settings import Settings, choices_in, own_settings
+from insenv.estimators.settings import Settings, choices_in, settings_of
 from insenv.scenario.commands import Commanded, input_rows
 from insenv.scenario.description import Scenario
 
@@ -59,7 +59,7 @@ class Plant:
         offline: as in `parameters_of`.  Raises `InputError` if there is none.
         """
         chosen = get(estimator)
-        choices = {**self.scenario.choices_of(chosen), **choices_in(chosen, own_settings(chosen, settings))}
+        choices = {**self.scenario.choices_of(chosen), **choices_in(chosen, settings_of(chosen, settings))}
         return chosen.adapted(self.knowledge, self.scenario.drive(offline), choices)
 
     def parameters_of(

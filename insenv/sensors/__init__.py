@@ -1,9 +1,10 @@
 """Sensors: inertial measurement unit, GNSS receiver, and the catalogue of their grades."""
 
-from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade
+from insenv.sensors.catalogue import IMU_GRADES, imu_grade
 from insenv.sensors.contract import Instant, Sensor, SensorSection
-from insenv.sensors.gnss import GNSS, GnssSection
-from insenv.sensors.grades import GnssGrade, ImuGrade
+from insenv.sensors.figures import Grade
+from insenv.sensors.gnss import GNSS, GNSS_GRADES, GnssSection, gnss_grade
+from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu import IMU, SENSOR_ERROR, ImuSection
 
 __all__ = [
@@ -12,8 +13,8 @@ __all__ = [
     "IMU",
     "IMU_GRADES",
     "SENSOR_ERROR",
-    "GnssGrade",
     "GnssSection",
+    "Grade",
     "ImuGrade",
     "ImuSection",
     "Instant",

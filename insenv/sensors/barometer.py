@@ -59,10 +59,10 @@ def _measure(motion: Any, e: Values, p: Values) -> dict[str, Any]:
 
 def _lag_start(p: Values) -> dict[str, Any]:
     lag = p.barometer_lag
-    kept = (lag > 0.0) * exp(-p.sample_interval / (lag + (lag == 0.0)))
+    remaining = (lag > 0.0) * exp(-p.sample_interval / (lag + (lag == 0.0)))
     return {
-        "barometer_kept": kept,
-        "barometer_falling": (1.0 - kept) * lag / p.sample_interval,
+        "barometer_kept": remaining,
+        "barometer_falling": (1.0 - remaining) * lag / p.sample_interval,
         "barometer_last_height": p.start_height,
     }
 

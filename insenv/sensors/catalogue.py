@@ -1,13 +1,10 @@
-"""The grades by name.  Figures that a source does not state are omitted, or marked in `sources`."""
+"""The grades of inertial units by name.  Figures that a source does not state are omitted, or marked in `sources`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from insenv.base.errors import LISTED, InputError, nearest
-from insenv.sensors.grades import GnssGrade, ImuGrade
-from insenv.sensors.units import m_s2_to_ug, one_sigma_from_cep, one_sigma_from_r50
+from insenv.sensors.figures import find_grade
+from insenv.sensors.grades import ImuGrade
+from insenv.sensors.units import m_s2_to_ug
 
 _BIAS = "Groves 2013, table 4.1 (typical biases by grade)"
 _DEMO = "Groves 2013, the book's MATLAB software, {}-grade IMU of its demos"
@@ -243,61 +240,6 @@ CLASSES = (_CONSUMER, _AUTOPILOT, _INDUSTRIAL, _TACTICAL, _NAVIGATION)
 """The classes that the noise of an unknown unit can suggest, the coarsest first. `marine` has the noise of `navigation`."""
 
 
-def _single_point(name: str, title: str, cep: float) -> GnssGrade:
-    """A receiver of this CEP (m), with half of the variance white and half correlated."""
-    horizontal = one_sigma_from_cep(cep) / 2.0**0.5
-    # 95 % bounds: 13 m down, 1.960 sigma of one axis; 8 m horizontally, 2.448 sigma of each of two
-    down = horizontal * (13.0 / 1.960) / (8.0 / 2.448)
-    position, velocity = (horizontal, horizontal, down), one_sigma_from_r50(0.05)
-    source = (
-        f"Typical of u-blox M8, data sheet: {cep} m CEP, 0.05 m/s (50 %); down by the ratio of the 95 % "
-        "bounds of the GPS SPS Performance Standard 2020 (13 m, 8 m); insenv's choice: half of the variance "
-        "white, half correlated over 60 s"
-    )
-    return GnssGrade(name, title, source, position, (velocity, velocity, velocity), position, 60.0)
-
-
-_RTK = GnssGrade(
-    "rtk",
-    "Real-time kinematic, fixed ambiguities",
-    "Typical of u-blox ZED-F9P, data sheet: 0.01 m CEP horizontally, 0.01 m R50 vertically (+ 1 ppm of the "
-    "baseline, not modelled), 0.05 m/s (50 %)",
-    (one_sigma_from_cep(0.01), one_sigma_from_cep(0.01), one_sigma_from_r50(0.01)),
-    (one_sigma_from_r50(0.05),) * 3,
-)
-_CENTIMETRE = GnssGrade(
-    "centimetre",
-    "Post-processed carrier phase, as in the airborne paper",
-    "Airborne navigation paper: centimetre grade; insenv's choice: 1, 1, 2 cm, as the RTK (1-2 cm) of "
-    "KF-GINS's data, and 1 cm/s",
-    (0.01, 0.01, 0.02),
-    (0.01, 0.01, 0.01),
-)
-
-GNSS_GRADES: dict[str, GnssGrade] = {
-    grade.name: grade
-    for grade in (
-        GnssGrade("perfect", "No errors", "", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        _single_point("spp", "Single-point positioning", 2.5),
-        _single_point("sbas", "Single-point positioning with SBAS corrections", 2.0),
-        _RTK,
-        _CENTIMETRE,
-    )
-}
-"""GNSS grades by name."""
-
-
 def imu_grade(name: str) -> ImuGrade:
     """The IMU grade of that name; raises `InputError`, naming the nearest, if there is none."""
-    return _find(name, IMU_GRADES, "IMU grade")
-
-
-def gnss_grade(name: str) -> GnssGrade:
-    """The GNSS grade of that name; raises `InputError`, naming the nearest, if there is none."""
-    return _find(name, GNSS_GRADES, "GNSS grade")
-
-
-def _find(name: str, grades: Mapping[str, Any], what: str) -> Any:
-    if name not in grades:
-        raise InputError(f"{what} {name!r}: unknown{nearest(name, grades, LISTED)}")
-    return grades[name]
+    return find_grade(name, IMU_GRADES, "IMU grade")

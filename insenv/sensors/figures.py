@@ -9,18 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import create_model, field_validator
 
-from insenv.base.errors import nearest
+from insenv.base.errors import LISTED, InputError, nearest
 from insenv.base.keys import Conversion, rows_of
 from insenv.base.toml import Number, PerAxis, Section, Window, key, one_of, within
 from insenv.core.tables import Table
 from insenv.sensors.contract import SensorSection
 from insenv.sensors.sampled import OUTAGES, check_times
 from insenv.sensors.units import UNITS
+
+Named = TypeVar("Named")
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Figure:
     def key(self, parameters: Table, otherwise: str) -> tuple[Any, Any]:
         """Type and field of the key, whose meaning and limits are those of the row.  otherwise: what holds if it is absent."""
         row, convert = parameters[self.row], self.convert or UNITS[self.unit].convert
-        text = self.meaning or row.meaning
+        text = f"{self.meaning or row.meaning}{' (N, E, D)' if row.frame == 'n' else ''}"
         most = min(UNITS[self.unit].largest, float(convert.back(row.upper)))
         least = 0.0 if row.lower >= 0.0 else -most
         kind: Any = Number
@@ -66,6 +68,13 @@ class Grade:
     def source(self, figure: str) -> str:
         """The source of a figure."""
         return self.sources.get(figure, self.sources.get("", ""))
+
+
+def find_grade(name: str, grades: Mapping[str, Named], what: str) -> Named:
+    """The grade of that name.  Raises `InputError` with the nearest name."""
+    if name not in grades:
+        raise InputError(f"{what} {name!r}: unknown{nearest(name, grades, LISTED)}")
+    return grades[name]
 
 
 def by_name(*grades: Grade) -> dict[str, Grade]:
@@ -94,11 +103,19 @@ class FiguresSection(Section):
 
 
 def figures_section(
-    name: str, parameters: Table, grades: Mapping[str, Grade], figures: Mapping[str, Figure], default: str = "perfect"
+    name: str,
+    parameters: Table,
+    grades: Mapping[str, Grade],
+    figures: Mapping[str, Figure],
+    default: str = "perfect",
+    page: str = "docs/instruments.md",
 ) -> type[FiguresSection]:
-    """The keys of an instrument: ``grade``, and one key for each figure; meanings and limits are those of the rows."""
+    """The keys of an instrument: ``grade``, and one key for each figure; meanings and limits are those of the rows.
+
+    page: of the documentation that has the catalogue.
+    """
     keys: dict[str, Any] = {
-        "grade": (Annotated[str, one_of(grades)], key(default, "grade of the catalogue (docs/instruments.md)")),
+        "grade": (Annotated[str, one_of(grades)], key(default, f"grade of the catalogue ({page})")),
     }
     keys |= {each: figure.key(parameters, "the grade's") for each, figure in figures.items()}
     section = create_model(name, __base__=FiguresSection, **keys)

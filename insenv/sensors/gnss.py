@@ -14,66 +14,90 @@ older than its age says.  The errors of position are white noise, a first-order 
 epoch to epoch, and outliers; the error of velocity is white noise.  The sum of offset and errors is converted to
 geodetic coordinates exactly. The fix is delivered after `gnss_latency`, with its age.  A sample without a fix only
 increments a counter.
+
+Its errors, timing, figures and grades are declared as those of an instrument (`insenv.sensors.instrument`), and its keys, rows,
+sources and steps follow from them as theirs do.  It is no `Instrument` because its equation is another one: the epoch lies
+between samples and the fix is delivered after a delay that is drawn, so that what is measured is the motion before the
+sample, with accelerations; positions are converted to geodetic coordinates after the errors are added; the fix states
+its own accuracy; and estimators take position and velocity, with or without the latter, as one measurement.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from pydantic import field_validator
 
 from insenv.attitude import rotate
 from insenv.base.errors import InputError
-from insenv.base.keys import rows_of
-from insenv.base.toml import LeverArm, NotNegative, Number, key, one_of
+from insenv.base.remarks import declared
+from insenv.base.toml import LeverArm, NotNegative, Number, key
 from insenv.core.compose import Part
-from insenv.core.elementary import TWO_PI, clamp, exp, maximum, normals, select, sin_cos
+from insenv.core.elementary import TWO_PI, clamp, maximum, normals, select, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import geodetic_from_ned_offset, place_rows
-from insenv.sensors.catalogue import GNSS_GRADES, gnss_grade
 from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
-from insenv.sensors.figures import TimedSection
-from insenv.sensors.imu_tables import HUGE
-from insenv.sensors.instrument import sigma_row
-from insenv.sensors.sampled import OUTAGES
+from insenv.sensors.figures import Figure, Grade, TimedSection, by_name, figures_section, find_grade
+from insenv.sensors.instrument import Term, drift, sigma_row, sources_of, white
+from insenv.sensors.sampled import counted, gauss_markov, lost_epoch, timing_rows, timing_sources, timing_state
+from insenv.sensors.units import one_sigma_from_cep, one_sigma_from_r50
 
 GNSS_UNIFORMS = 13
 START_UNIFORMS = 8
 SIGMA_FLOOR = 1e-3
 """Smallest standard deviation that the receiver reports, m and m/s; never 0, so that an estimator may divide by it."""
 
+TERMS = (
+    Term(
+        "lever_arm", "GNSS lever arm", "constant", (3,), "m", "b",
+        fixed=Row("antenna_lever_arm_error", "Actual minus stated lever arm, fixed part", "m", (3,), "b", lower=-1e3,
+                  upper=1e3),
+        sigma=Row("antenna_lever_arm_sigma", "Actual minus stated lever arm, 1 sigma of the part drawn at the start", "m", (3,),
+                  "b", lower=0.0),
+        value=Row("antenna_lever_arm_true", "Actual position of the antenna relative to the IMU", "m", (3,), "b"),
+        stated=(sigma_row("antenna_lever_arm_sigma", "Error of the lever arm of the antenna", "m", (3,), "b"),),
+    ),
+    Term(
+        "delay", "GNSS delay not stated", "constant", (), "s",
+        fixed=Row("gnss_delay_error", "True minus stated age of a fix, fixed part", "s", lower=-3600.0, upper=3600.0),
+        sigma=Row("gnss_delay_sigma", "True minus stated age of a fix, 1 sigma of the part drawn at the start", "s", lower=0.0,
+                  upper=3600.0),
+        value=Row("gnss_delay_true", "True minus stated age of a fix", "s"),
+        stated=(sigma_row("gnss_delay_sigma", "Error of the age of a fix: true minus stated", "s"),),
+    ),
+    white("gnss_position_noise", "GNSS position noise", "White position noise", "m", (3,), "n", sigma_shape=(3,)),
+    white("gnss_velocity_noise", "GNSS velocity noise", "White velocity noise", "m/s", (3,), "n", sigma_shape=(3,)),
+    drift("gnss_wander", "wander", "GNSS wander", "Correlated position error", "m", (3,), "n", sigma_shape=(3,),
+          start_time=60.0),
+)  # fmt: skip
+"""Its errors; what it states of its noise and wander comes with every fix."""
+LEVER_ARM, DELAY, *_, WANDER = TERMS
+_TIMING, _COUNTERS = timing_rows("gnss"), timing_state("gnss")
+
 GNSS_PARAMETERS = Table((
-    Row("gnss_interval", "Time between fixes, a whole number of samples; the first comes one interval after the start", "s",
-        start=1.0, lower=1e-4, upper=HUGE),
-    Row("gnss_latency", "Time from the sample of the epoch to delivery, a whole number of samples, below the interval", "s",
-        lower=0.0, upper=3600.0),
+    _TIMING["gnss_interval"],
+    _TIMING["gnss_latency"],
     Row("gnss_epoch_offset", "Time by which the epoch precedes the sample on which it is processed, below one sample", "s",
         lower=0.0, upper=1.0),
     Row("antenna_lever_arm_b", "Position of the antenna relative to the IMU", "m", (3,), "b", lower=-1e3, upper=1e3),
-    Row("antenna_lever_arm_error", "Actual minus stated lever arm, fixed part", "m", (3,), "b", lower=-1e3, upper=1e3),
-    Row("antenna_lever_arm_sigma", "Actual minus stated lever arm, 1 sigma of the part drawn at the start", "m", (3,), "b",
-        lower=0.0),
-    Row("gnss_delay_error", "True minus stated age of a fix, fixed part", "s", lower=-3600.0, upper=3600.0),
-    Row("gnss_delay_sigma", "True minus stated age of a fix, 1 sigma of the part drawn at the start", "s", lower=0.0,
-        upper=3600.0),
-    Row("gnss_position_noise", "White position noise, standard deviation", "m", (3,), "n", lower=0.0),
-    Row("gnss_velocity_noise", "White velocity noise, standard deviation", "m/s", (3,), "n", lower=0.0),
-    Row("gnss_wander_sigma", "Correlated position error (Gauss-Markov), standard deviation", "m", (3,), "n", lower=0.0),
-    Row("gnss_wander_time", "Correlated position error (Gauss-Markov), correlation time", "s", start=60.0, lower=1e-3,
-        upper=HUGE),
+    *(row for term in TERMS for row in term.rows),
     Row("gnss_outlier_probability", "Probability that a position is an outlier", lower=0.0, upper=1.0),
     Row("gnss_outlier_size", "Length of an outlier's displacement, in a random direction", "m", lower=0.0),
     Row("gnss_has_velocity", "1 if the receiver measures velocity, 0 if not", start=1.0, lower=0.0, upper=1.0, flag=True),
-    Row("gnss_outage_start", "Outage windows: first epoch lost, time since the start", "s", (OUTAGES,)),
-    Row("gnss_outage_end", "Outage windows: first epoch no longer lost; a window that ends as it starts is empty", "s",
-        (OUTAGES,)),
+    _TIMING["gnss_outage_start"],
+    _TIMING["gnss_outage_end"],
 ))  # fmt: skip
 
 _NAMES = ("latitude", "longitude", "height", "velocity_n")
+
+
+def _value(term: Term) -> Row:
+    assert term.value is not None
+    return term.value
 
 
 def _fix(prefix: str, when: str) -> tuple[Row, ...]:
@@ -89,13 +113,11 @@ GNSS_STATE = Table((
     Row("gnss_velocity_sigma", "Standard deviation of velocity that the receiver reports", "m/s", (3,), "n", 1.0),
     Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
     *_fix("gnss_pending_", "latest epoch, not yet delivered"),
-    Row("gnss_pending", "1 if the latest epoch gave a fix", lower=0.0, upper=1.0),
-    Row("gnss_wander", "Correlated position error at the latest epoch", "m", (3,), "n"),
-    Row("gnss_epochs", "Number of epochs so far"),
-    Row("gnss_counter", "Samples since the latest epoch"),
-    Row("gnss_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
-    Row("antenna_lever_arm_true", "Actual position of the antenna relative to the IMU", "m", (3,), "b"),
-    Row("gnss_delay_true", "True minus stated age of a fix", "s"),
+    _COUNTERS["gnss_pending"],
+    _value(WANDER),
+    *(_COUNTERS[f"gnss_{name}"] for name in ("epochs", "counter", "due")),
+    _value(LEVER_ARM),
+    _value(DELAY),
     Row("gnss_latency_true", "Actual time from the sample of the epoch to delivery, whole samples", "s"),
     Row("gnss_epoch_offset_true", "Actual time by which the epoch precedes its sample, below one sample", "s"),
 ))  # fmt: skip
@@ -126,18 +148,14 @@ def gnss_part(instant: Instant) -> Part:
     )
 
 
-GNSS_STATED = Table((
-    sigma_row("antenna_lever_arm_sigma", "Error of the lever arm of the antenna", "m", (3,), "b"),
-    sigma_row("gnss_delay_sigma", "Error of the age of a fix: true minus stated", "s"),
-))  # fmt: skip
+GNSS_STATED = Table((*LEVER_ARM.stated, *DELAY.stated))
 """What is told of a receiver beside the fields of `insenv.Knowledge`."""
 
 
 def _stated_errors(rows: Mapping[str, Any]) -> dict[str, Any]:
-    delay = float(np.hypot(rows["gnss_delay_error"], rows["gnss_delay_sigma"]))
     return {
         "antenna_lever_arm_sigma": np.hypot(rows["antenna_lever_arm_error"], rows["antenna_lever_arm_sigma"]),
-        "gnss_delay_sigma": delay,
+        "gnss_delay_sigma": float(np.hypot(rows["gnss_delay_error"], rows["gnss_delay_sigma"])),
     }
 
 
@@ -150,15 +168,13 @@ def _stated(p: Values, x: Values) -> dict[str, Any]:
     }
 
 
+_LATE, _CUT_OFF = timing_sources("gnss", "GNSS")
 GNSS_ERRORS = (
-    ErrorSource("GNSS position noise", ("gnss_position_noise",)),
-    ErrorSource("GNSS velocity noise", ("gnss_velocity_noise",)),
-    ErrorSource("GNSS wander", ("gnss_wander_sigma",)),
+    *sources_of(TERMS[2:]),
     ErrorSource("GNSS outliers", ("gnss_outlier_probability",)),
-    ErrorSource("GNSS latency", ("gnss_latency", "gnss_epoch_offset")),
-    ErrorSource("GNSS delay not stated", ("gnss_delay_error", "gnss_delay_sigma")),
-    ErrorSource("GNSS lever arm", ("antenna_lever_arm_error", "antenna_lever_arm_sigma")),
-    ErrorSource("GNSS outages", ("gnss_outage_start", "gnss_outage_end")),
+    replace(_LATE, rows=(*_LATE.rows, "gnss_epoch_offset")),
+    *sources_of((DELAY, LEVER_ARM)),
+    _CUT_OFF,
 )
 
 GNSS = Sensor(
@@ -205,15 +221,7 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
 
 def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
     """Count the sample; determine whether the pending fix is delivered and whether another is due."""
-    counter = x.gnss_counter + 1.0
-    late = counter * p.sample_interval - x.gnss_latency_true
-    arrives = ca.fabs(late) < 0.5 * p.sample_interval
-    return {
-        "gnss_counter": counter,
-        "gnss_due": (counter + 0.5) * p.sample_interval > p.gnss_interval,
-        "gnss_valid": arrives * x.gnss_pending,
-        "gnss_velocity_valid": 0.0,
-    }
+    return {**counted("gnss", "gnss_valid", p, x, x.gnss_latency_true), "gnss_velocity_valid": 0.0}
 
 
 def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, rate_change_b: Any, acceleration_n: Any) -> dict[str, Any]:
@@ -226,20 +234,14 @@ def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, rate_change_b: Any, a
     acceleration = acceleration_n + rotate(x.q_nb, bend)
     offset = rotate(x.q_nb, x.antenna_lever_arm_true) - velocity * tau + acceleration * (0.5 * tau * tau)
 
-    decay = exp(-p.gnss_interval / p.gnss_wander_time)
-    wander = decay * x.gnss_wander + p.gnss_wander_sigma * ca.sqrt((1.0 - decay) * (1.0 + decay)) * n[3:6]
+    wander = gauss_markov(x.gnss_wander, p.gnss_wander_sigma, p.gnss_wander_time, p.gnss_interval, n[3:6])
     outlier = (r[10] < p.gnss_outlier_probability) * p.gnss_outlier_size * direction(r[11], r[12])
     latitude, longitude, height = geodetic_from_ned_offset(
         offset + p.gnss_position_noise * n[0:3] + wander + outlier, x.latitude, x.longitude, x.height
     )
 
     epochs = x.gnss_epochs + 1.0
-    # a microsecond decides ties, which rounding would otherwise decide arbitrarily
-    time = epochs * p.gnss_interval - tau + 1e-6
-    lost = 0.0
-    for i in range(OUTAGES):
-        lost = lost + (time >= p.gnss_outage_start[i]) * (time < p.gnss_outage_end[i])
-    fix = lost == 0.0
+    fix = lost_epoch("gnss", p, epochs * p.gnss_interval - tau) == 0.0
     return {
         "gnss_pending": fix,
         "gnss_pending_latitude": latitude,
@@ -272,6 +274,64 @@ def _deliver(p: Values, x: Values, u: Values) -> dict[str, Any]:
     }
 
 
+# The grades, with the keys of the errors that they have: standard deviations north, east, down.
+
+FIGURES = {
+    "position_noise_m": Figure("gnss_position_noise", "m", vector=True),
+    "velocity_noise_mps": Figure("gnss_velocity_noise", "m/s", vector=True),
+    "wander_sigma_m": Figure("gnss_wander_sigma", "m", vector=True),
+    "wander_time_s": Figure("gnss_wander_time", "s"),
+}
+
+
+def _grade(name: str, title: str, source: str, position: Sequence[float], velocity: Sequence[float], **more: Any) -> Grade:
+    figures = {"position_noise_m": tuple(position), "velocity_noise_mps": tuple(velocity), **more}
+    return Grade(name, title, {"": source} if source else {}, figures)
+
+
+def _single_point(name: str, title: str, cep: float) -> Grade:
+    """A receiver of this CEP (m), with half of the variance white and half correlated."""
+    horizontal = one_sigma_from_cep(cep) / 2.0**0.5
+    # 95 % bounds: 13 m down, 1.960 sigma of one axis; 8 m horizontally, 2.448 sigma of each of two
+    down = horizontal * (13.0 / 1.960) / (8.0 / 2.448)
+    source = (
+        f"Typical of u-blox M8, data sheet: {cep} m CEP, 0.05 m/s (50 %); down by the ratio of the 95 % "
+        "bounds of the GPS SPS Performance Standard 2020 (13 m, 8 m); insenv's choice: half of the variance "
+        "white, half correlated over 60 s"
+    )
+    position, velocity = (horizontal, horizontal, down), (one_sigma_from_r50(0.05),) * 3
+    return _grade(name, title, source, position, velocity, wander_sigma_m=position, wander_time_s=60.0)
+
+
+GNSS_GRADES = by_name(
+    Grade("perfect", "No errors"),
+    _single_point("spp", "Single-point positioning", 2.5),
+    _single_point("sbas", "Single-point positioning with SBAS corrections", 2.0),
+    _grade(
+        "rtk",
+        "Real-time kinematic, fixed ambiguities",
+        "Typical of u-blox ZED-F9P, data sheet: 0.01 m CEP horizontally, 0.01 m R50 vertically (+ 1 ppm of the "
+        "baseline, not modelled), 0.05 m/s (50 %)",
+        (one_sigma_from_cep(0.01), one_sigma_from_cep(0.01), one_sigma_from_r50(0.01)),
+        (one_sigma_from_r50(0.05),) * 3,
+    ),
+    _grade(
+        "centimetre",
+        "Post-processed carrier phase, as in the airborne paper",
+        "Airborne navigation paper: centimetre grade; insenv's choice: 1, 1, 2 cm, as the RTK (1-2 cm) of "
+        "KF-GINS's data, and 1 cm/s",
+        (0.01, 0.01, 0.02),
+        (0.01, 0.01, 0.01),
+    ),
+)
+"""GNSS grades by name."""
+
+
+def gnss_grade(name: str) -> Grade:
+    """The GNSS grade of that name; raises `InputError`, naming the nearest, if there is none."""
+    return find_grade(name, GNSS_GRADES, "GNSS grade")
+
+
 # The section [gnss] of a scenario: a grade of the catalogue, values that replace its own, times, outages.
 
 _ZERO = (0.0, 0.0, 0.0)
@@ -279,14 +339,21 @@ SHOWN_SIGMAS = 3.0
 """Drawn delays that are cut are worth a note if the range ends within so many sigmas of the mean."""
 ROUNDING_S = 1e-9
 """Rounding of a delay at the end of its range."""
+_DELAYS_CUT = declared(
+    "delays-cut",
+    "gnss.delay_sigma_s = {sigma:g} s: drawn delays are cut to {least:g} to {most:g} s, because no fix is from the future and "
+    "only one at a time is pending",
+)
 
 
-class GnssSection(TimedSection):
+_FIGURES = figures_section("GnssFigures", GNSS_PARAMETERS, GNSS_GRADES, FIGURES, "spp", "docs/sensors.md")
+
+
+class GnssSection(_FIGURES, TimedSection):  # type: ignore[misc, valid-type]
     """The GNSS receiver."""
 
     sensor: ClassVar[Sensor] = GNSS
 
-    grade: Annotated[str, one_of(GNSS_GRADES)] = key("spp", "grade of the catalogue (docs/sensors.md)")
     epoch_offset_s: Number = key(
         0.0, "time from the epoch of a fix to its sample, below one sample", "s", row="gnss_epoch_offset", ge=0, le=1
     )
@@ -305,28 +372,10 @@ class GnssSection(TimedSection):
         0.0, "that time, 1 sigma of a part drawn at the start", "s", row="gnss_delay_sigma", ge=0, le=3600
     )
     velocity: bool = key(True, "whether fixes contain a velocity", row="gnss_has_velocity", strict=True)
-    position_noise_m: NotNegative | None = key(
-        None, "white noise of position (1 sigma, NED); the grade's if absent", "m", row="gnss_position_noise"
-    )
-    velocity_noise_mps: NotNegative | None = key(
-        None, "white noise of velocity (1 sigma, NED); the grade's if absent", "m/s", row="gnss_velocity_noise"
-    )
-    wander_sigma_m: NotNegative | None = key(
-        None, "correlated error of position (1 sigma, NED); the grade's if absent", "m", row="gnss_wander_sigma"
-    )
-    wander_time_s: Number | None = key(
-        None, "correlation time of that error; the grade's if absent", "s", row="gnss_wander_time", gt=0, le=1e9
-    )
     outlier_probability: Number = key(
         0.0, "probability that a position is an outlier", row="gnss_outlier_probability", ge=0, le=1
     )
     outlier_size_m: Number = key(0.0, "length of an outlier", "m", row="gnss_outlier_size", ge=0, le=1e7)
-
-    @field_validator("grade")
-    @classmethod
-    def _known(cls, value: str) -> str:
-        gnss_grade(value)
-        return value
 
     @property
     def max_age_s(self) -> float:
@@ -346,10 +395,7 @@ class GnssSection(TimedSection):
         reach = SHOWN_SIGMAS * self.delay_sigma_s
         if reach == 0.0 or (least <= self.delay_error_s - reach and self.delay_error_s + reach <= most):
             return ()
-        return (
-            f"gnss.delay_sigma_s = {self.delay_sigma_s:g} s: drawn delays are cut to {least:g} to {most:g} s, because no fix "
-            "is from the future and only one at a time is pending",
-        )
+        return (_DELAYS_CUT.filled(sigma=self.delay_sigma_s, least=least, most=most),)
 
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for times that do not fit the samples."""
@@ -366,4 +412,4 @@ class GnssSection(TimedSection):
                 f"epoch_offset_s = {self.latency_s + self.epoch_offset_s:g} s and interval_s = {self.interval_s:g} s, because "
                 "no fix is from the future and only one at a time is pending"
             )
-        return {**gnss_grade(self.grade).parameters(), **timing, **rows_of(self)}
+        return {**timing, **self.error_rows()}

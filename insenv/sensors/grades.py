@@ -1,4 +1,4 @@
-"""Grades of inertial units and receivers in the units of data sheets, every figure with its source.
+"""Grades of inertial units in the units of data sheets, every figure with its source.
 
 The method `parameters` of a grade converts it to parameter rows in SI.  A figure that a grade omits means: no such error.
 """
@@ -131,28 +131,6 @@ else:
             """,
         },
     )
-
-
-@dataclass(frozen=True)
-class GnssGrade:
-    """Grade of a receiver: standard deviations north, east, down of white noise and correlated position error."""
-
-    name: str
-    title: str
-    source: str
-    position_noise_m: tuple[float, float, float]
-    velocity_noise_mps: tuple[float, float, float]
-    wander_sigma_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    wander_time_s: float = 60.0
-
-    def parameters(self) -> dict[str, Any]:
-        """Values in SI by name of the receiver's parameter row, for `Table.pack`."""
-        return {
-            "gnss_position_noise": np.array(self.position_noise_m),
-            "gnss_velocity_noise": np.array(self.velocity_noise_mps),
-            "gnss_wander_sigma": np.array(self.wander_sigma_m),
-            "gnss_wander_time": self.wander_time_s,
-        }
 
 
 # Names of at most 16 characters for the elements of parameter rows.

@@ -12,6 +12,10 @@ error, G g-sensitivity (gyros only), w standard normal.  The remainder below one
 Only w and the loss are drawn on every sample.  The bias is the sum of the turn-on bias, a first-order Gauss-Markov
 process, a random walk, flicker noise and a thermal part; the step "drift" advances these by `drift_interval` with their
 exact discretisation, and the bias varies linearly between these points.
+
+It is no `Instrument`: it measures on every sample and drives the estimators instead of aiding them, and its errors add up
+over a sample, of two triads in one set of axes, with temperature, range, quantization and lost samples.  Rows, figures, keys
+and grades stand once in `imu_tables` and `grades`; sections, stated errors, logs and pages follow from `grades.FIGURES`.
 """
 
 from __future__ import annotations

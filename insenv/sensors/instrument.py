@@ -12,7 +12,7 @@ to the end of that sample.  The other rows keep their values until the next meas
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -414,16 +414,22 @@ class Instrument:
     @property
     def error_sources(self) -> tuple[ErrorSource, ...]:
         """The sources of its errors, which can be switched off alone."""
-        rows: dict[str, list[str]] = {}
-        for term in self.terms:
-            rows.setdefault(term.source, []).extend(row.name for row in term.rows if row is not term.time)
+        rows: dict[str, str] = {}
         if self.outlier is not None:
-            rows[f"{self.id} outliers"] = [self.outlier.probability]
+            rows["outliers"] = self.outlier.probability
         if self.lag is not None:
-            rows[f"{self.id} {self.lag.name}"] = [f"{self.id}_{self.lag.name}"]
+            rows[self.lag.name] = f"{self.id}_{self.lag.name}"
         if self.quantum is not None:
-            rows[f"{self.id} rounding"] = [self.quantum.name]
-        return tuple(ErrorSource(source, tuple(names)) for source, names in rows.items())
+            rows["rounding"] = self.quantum.name
+        return (*sources_of(self.terms), *(ErrorSource(f"{self.id} {what}", (row,)) for what, row in rows.items()))
+
+
+def sources_of(terms: Iterable[Term]) -> tuple[ErrorSource, ...]:
+    """The sources of errors; terms with the same one are switched off together."""
+    rows: dict[str, list[str]] = {}
+    for term in terms:
+        rows.setdefault(term.source, []).extend(row.name for row in term.rows if row is not term.time)
+    return tuple(ErrorSource(source, tuple(names)) for source, names in rows.items())
 
 
 def root_sum(*parts: Any) -> float:

@@ -41,14 +41,12 @@ _PLUGINS: Plugins[Registered] = Plugins(
     "sensor", "insenv.sensors", _id, SENSORS, ("a key or attribute of a scenario", lambda: TAKEN)
 )
 
+names, check_loaded = _PLUGINS.names, _PLUGINS.check_loaded
+"""As `Plugins` gives them: ids of the sensors beside the inertial unit."""
+
 
 def _section(thing: Registered) -> type[SensorSection]:
     return section_of(thing) if isinstance(thing, Instrument) else thing
-
-
-def names() -> list[str]:
-    """The ids of all sensors beside the inertial unit; none of insenv's is imported."""
-    return _PLUGINS.names()
 
 
 def get(id: str) -> type[SensorSection]:
@@ -84,8 +82,3 @@ def register(thing: Thing) -> Thing:
     """Make a sensor known.  Raises `InputError` if another one has its id."""
     _PLUGINS.register(thing)
     return thing
-
-
-def check_loaded(name: str) -> None:
-    """Raise `InsenvError` if an installed package declares this sensor, but cannot be loaded."""
-    _PLUGINS.check_loaded(name)

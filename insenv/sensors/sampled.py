@@ -89,12 +89,7 @@ class Sampled:
             this.measurement
             + Table(this.exact_rows)
             + Table(tuple(replace(row, name=self._pending(row.name), meaning=f"{row.meaning}; pending") for row in arriving))
-            + Table((
-                Row(f"{id}_pending", "1 if the latest epoch gave a measurement", lower=0.0, upper=1.0),
-                Row(f"{id}_epochs", "Number of epochs so far"),
-                Row(f"{id}_counter", "Samples since the latest epoch"),
-                Row(f"{id}_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
-            ))
+            + timing_state(id)
             + Table(tuple(row for row, _ in this.totals))
             + Table(tuple(term.value for term in this.terms if term.value is not None))
             + (Table() if this.lag is None else this.lag.state)
@@ -109,17 +104,13 @@ class Sampled:
     def sensor(self) -> Sensor:
         """The sensor of these equations."""
         this, id = self.instrument, self.instrument.id
-        timing = (
-            ErrorSource(f"{id} latency", (f"{id}_latency",)),
-            ErrorSource(f"{id} outages", (f"{id}_outage_start", f"{id}_outage_end")),
-        )
         return Sensor(
             id,
             self._part,
             outputs=this.measurement.names,
             truth=(*(row.name for row in this.exact_rows), *self.truth),
             stated_errors=this.stated_values,
-            errors=this.error_sources + timing,
+            errors=(*this.error_sources, *timing_sources(id, id)),
             stated=None if this.accuracy is None else Stated(this.new, self._accuracy),
         )
 
@@ -209,15 +200,9 @@ class Sampled:
     # --- the steps ------------------------------------------------------------------------------------
 
     def _counted(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
-        id, dt = self.instrument.id, p.sample_interval
-        counter = getattr(x, f"{id}_counter") + 1.0
-        arrives = ca.fabs(counter * dt - getattr(p, f"{id}_latency")) < 0.5 * dt
-        return {
-            f"{id}_counter": counter,
-            f"{id}_due": (counter + 0.5) * dt > getattr(p, f"{id}_interval"),
-            self.instrument.new: arrives * getattr(x, f"{id}_pending"),
-            **({} if self.instrument.lag is None else self.instrument.lag.sample(p, x)),
-        }
+        this = self.instrument
+        lagging = {} if this.lag is None else this.lag.sample(p, x)
+        return {**counted(this.id, this.new, p, x, getattr(p, f"{this.id}_latency")), **lagging}
 
     def _measured(self, p: Values, x: Values, r: Any, motion: TrueMotion) -> dict[str, Any]:
         this, id, dt = self.instrument, self.instrument.id, p.sample_interval
@@ -231,12 +216,7 @@ class Sampled:
         rows |= this.exact(motion, errors, p)
         drifts = {term.value.name: values[term.name] for term in this.terms if term.kind == "drift" and term.value is not None}
         epochs = getattr(x, f"{id}_epochs") + 1.0
-        # a microsecond decides ties, which rounding would otherwise decide arbitrarily
-        time = epochs * getattr(p, f"{id}_interval") + 1e-6
-        begin, end = getattr(p, f"{id}_outage_start"), getattr(p, f"{id}_outage_end")
-        for i in range(OUTAGES):
-            lost = lost + (time >= begin[i]) * (time < end[i])
-        there = lost == 0.0
+        there = lost_epoch(id, p, epochs * getattr(p, f"{id}_interval"), lost) == 0.0
         return {
             **{self._pending(name): value for name, value in rows.items()},
             **drifts,
@@ -295,6 +275,46 @@ def timing_rows(id: str) -> Table:
         Row(f"{id}_outage_end", "Outage windows: first epoch no longer lost; a window that ends as it starts is empty", "s",
             (OUTAGES,)),
     ))  # fmt: skip
+
+
+def timing_state(id: str) -> Table:
+    """State of an instrument's timing."""
+    return Table((
+        Row(f"{id}_pending", "1 if the latest epoch gave a measurement", lower=0.0, upper=1.0),
+        Row(f"{id}_epochs", "Number of epochs so far"),
+        Row(f"{id}_counter", "Samples since the latest epoch"),
+        Row(f"{id}_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
+    ))  # fmt: skip
+
+
+def counted(id: str, new: str, p: Values, x: Values, latency: Any) -> dict[str, Any]:
+    """Count a sample: whether a pending measurement is delivered with it (row `new`), and whether another is due."""
+    dt = p.sample_interval
+    counter = getattr(x, f"{id}_counter") + 1.0
+    arrives = ca.fabs(counter * dt - latency) < 0.5 * dt
+    return {
+        f"{id}_counter": counter,
+        f"{id}_due": (counter + 0.5) * dt > getattr(p, f"{id}_interval"),
+        new: arrives * getattr(x, f"{id}_pending"),
+    }
+
+
+def timing_sources(id: str, called: str) -> tuple[ErrorSource, ErrorSource]:
+    """Latency and outages as sources of errors."""
+    return (
+        ErrorSource(f"{called} latency", (f"{id}_latency",)),
+        ErrorSource(f"{called} outages", (f"{id}_outage_start", f"{id}_outage_end")),
+    )
+
+
+def lost_epoch(id: str, p: Values, time: Any, lost: Any = 0.0) -> Any:
+    """`lost`, and 1 more for each outage window of the instrument in which an epoch lies; time: of it since the start, s."""
+    # a microsecond decides ties, which rounding would otherwise decide arbitrarily
+    time = time + 1e-6
+    begin, end = getattr(p, f"{id}_outage_start"), getattr(p, f"{id}_outage_end")
+    for i in range(OUTAGES):
+        lost = lost + (time >= begin[i]) * (time < end[i])
+    return lost
 
 
 def check_times(id: str, sample_interval: float, interval: float, latency: float) -> None:

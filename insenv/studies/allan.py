@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.output import as_path
+from insenv.base.remarks import Remark, declared, remark
 from insenv.core.runner import Progress, check_progress
 from insenv.logs import RecordedLog, load
 from insenv.logs.assumed_unit import assumed_unit
@@ -76,17 +77,25 @@ def allan(
     return UnitNoise(name, part, tuple(noises[:-2]), (noises[-2], noises[-1]), assumed.grade, assumption)
 
 
+_CONSTANT = declared("samples-constant", "the samples are constant: no noise can be seen")
+_KNOCKS = declared(
+    "noise-knocks",
+    "knocks, steps or motion from averaging times of {time:.3g} s on: differences are {ratio:.2g} times as large as their "
+    "typical size suggests",
+)
+
+
 def sensor_noise(name: str, rate: Array, interval: float) -> SensorNoise:
     """The noise of one axis.  rate (n,): rad/s or m/s^2, samples of `interval` (s); name: one of `AXES`."""
     if float(np.std(rate)) <= SILENT * float(np.max(np.abs(rate))):
         silent = Curve(len(rate), interval, np.array([interval]), np.zeros(1), np.ones(1))
-        return SensorNoise(name, silent, None, ("the samples are constant: no noise can be seen",))
-    found = curve(rate, interval)
-    use = _unfiltered(found)
-    terms = fit(found, use)
-    (knocks, growth), unexplained = _knocks(found), _unexplained(found, terms)
-    distrust = unexplained or (knocks if growth > FACTOR else "")
-    return SensorNoise(name, found, terms, tuple(filter(None, (_filtered(found, use), knocks, unexplained))), distrust)
+        return SensorNoise(name, silent, None, (_CONSTANT,))
+    measured = curve(rate, interval)
+    use = _unfiltered(measured)
+    terms = fit(measured, use)
+    (knocks, growth), unexplained = _knocks(measured), _unexplained(measured, terms)
+    distrust = next(iter((*unexplained, *(knocks if growth > FACTOR else ()))), "")
+    return SensorNoise(name, measured, terms, (*_filtered(measured, use), *knocks, *unexplained), distrust)
 
 
 def _triad(kind: str, axes: list[SensorNoise]) -> SensorNoise:
@@ -98,51 +107,52 @@ def _triad(kind: str, axes: list[SensorNoise]) -> SensorNoise:
     impulses = np.max([each.impulses for each in live], axis=0)
     together = replace(live[0], deviation=np.sqrt(variance), impulses=impulses, axes=len(live))
     terms = fit(together, _unfiltered(together))
-    distrust = next((f"{axis.name}: {axis.distrust}" for axis in axes if axis.distrust), _unexplained(together, terms))
+    of_axes = (f"{axis.name}: {axis.distrust}" for axis in axes if axis.distrust)
+    distrust = next(iter((*of_axes, *_unexplained(together, terms))), "")
     return SensorNoise(kind, together, terms, (), distrust)
 
 
-def _unfiltered(found: Curve) -> NDArray[np.bool_]:
+def _unfiltered(measured: Curve) -> NDArray[np.bool_]:
     """The averaging times (k,) at which no low-pass filter hides the white noise.
 
     Behind a filter the white noise, deviation times sqrt(tau), rises from the first averaging time on until the filter is
     passed; slow noise makes it rise later, and without an end.
     """
-    white = found.deviation * np.sqrt(found.tau)
+    white = measured.deviation * np.sqrt(measured.tau)
     settled = np.flatnonzero(white[1:] < FILTER_RISE * white[:-1])
-    use = np.ones(len(found.tau), bool)
-    if settled.size and settled[0] > 0 and found.tau[settled[0]] <= FILTER_S and len(use) - settled[0] >= 6:
+    use = np.ones(len(measured.tau), bool)
+    if settled.size and settled[0] > 0 and measured.tau[settled[0]] <= FILTER_S and len(use) - settled[0] >= 6:
         use[: settled[0]] = False
     return use
 
 
-def _filtered(found: Curve, use: NDArray[np.bool_]) -> str:
-    """The sentence on averaging times that are not in `use`; empty if all are."""
-    return "" if use.all() else f"filtered: noise at averaging times below {found.tau[use][0]:.3g} s is too low and is left out"
+@remark("noise-filtered", "filtered: noise at averaging times below {time:.3g} s is too low and is left out")
+def _filtered(measured: Curve, use: NDArray[np.bool_]) -> dict[str, float] | None:
+    """Some averaging times are not in `use`."""
+    return None if use.all() else {"time": measured.tau[use][0]}
 
 
-def _knocks(found: Curve) -> tuple[str, float]:
-    """The sentence that a curve has knocks, empty if it has none; and the factor by which rare ones make it larger."""
-    number = found.samples * found.interval / found.tau
-    wild = (found.impulses > IMPULSES[0] + IMPULSES[1] / np.sqrt(number)) & (number > 30)
+def _knocks(measured: Curve) -> tuple[tuple[Remark, ...], float]:
+    """The remark that a curve has knocks, none if it has none; and the factor by which rare ones make it larger."""
+    number = measured.samples * measured.interval / measured.tau
+    wild = (measured.impulses > IMPULSES[0] + IMPULSES[1] / np.sqrt(number)) & (number > 30)
     if not wild.any():
-        return "", 1.0
-    said = (
-        f"knocks, steps or motion from averaging times of {found.tau[wild][0]:.3g} s on: differences are "
-        f"{np.sqrt(found.impulses[wild].max()):.2g} times as large as their typical size suggests"
-    )
-    return said, float(np.sqrt(np.max(found.impulses, where=wild & (number <= RARE), initial=1.0)))
+        return (), 1.0
+    said = _KNOCKS.filled(time=measured.tau[wild][0], ratio=np.sqrt(measured.impulses[wild].max()))
+    return (said,), float(np.sqrt(np.max(measured.impulses, where=wild & (number <= RARE), initial=1.0)))
 
 
-def _unexplained(found: Curve, terms: Terms) -> str:
-    """The sentence that the terms do not explain a curve; empty if they do."""
-    ratio = np.sqrt(found.variance / terms.variance(found.tau))
+@remark(
+    "noise-unexplained",
+    "the noise terms do not explain the curve: at {time:.3g} s it is {ratio:.2f} times the fit, as by vibration, swaying or a "
+    "filter",
+)
+def _unexplained(measured: Curve, terms: Terms) -> dict[str, float] | None:
+    """The terms do not explain a curve."""
+    ratio = np.sqrt(measured.variance / terms.variance(measured.tau))
     worst = np.where(np.isfinite(terms.residual), np.abs(terms.residual), 0.0)
     far = (worst > APART) & (np.abs(np.log(ratio)) > np.log(FACTOR))
     if not far.any():
-        return ""
+        return None
     at = int(np.argmax(np.where(far, worst, 0.0)))
-    return (
-        f"the noise terms do not explain the curve: at {found.tau[at]:.3g} s it is {ratio[at]:.2f} times the fit, as by "
-        "vibration, swaying or a filter"
-    )
+    return {"time": measured.tau[at], "ratio": ratio[at]}

@@ -13,6 +13,7 @@ from scipy.stats import chi2
 
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file, finite
+from insenv.base.remarks import Remark, as_json, clock
 from insenv.report import panels
 from insenv.report.document import Block, Document, Grid, Line
 from insenv.report.notebook import Shown
@@ -81,7 +82,7 @@ class SensorNoise:
     name: str
     curve: Curve
     terms: Terms | None
-    warnings: tuple[str, ...]
+    warnings: tuple[Remark, ...]
     distrust: str = ""
 
     @property
@@ -145,13 +146,13 @@ class UnitNoise(Shown):
     assumption: str
 
     @property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Remark, ...]:
         """All warnings: of the samples, and of the axes."""
-        grouped: dict[str, list[str]] = {}
+        grouped: dict[Remark, list[str]] = {}
         for axis in self.axes:
-            for text in axis.warnings:
-                grouped.setdefault(text, []).append(axis.name)
-        return (*self.part.warnings, *(f"{', '.join(names)}: {text}" for text, names in grouped.items()))
+            for warning in axis.warnings:
+                grouped.setdefault(warning, []).append(axis.name)
+        return (*self.part.warnings, *(warning.of(", ".join(names)) for warning, names in grouped.items()))
 
     def grade(self) -> ImuGrade:
         """The grade: noise as measured, of the three axes together; all else is that of the assumed class.
@@ -182,7 +183,7 @@ class UnitNoise(Shown):
                     "rate_hz": 1.0 / self.part.interval,
                     "axes": [_document_of(axis) for axis in self.axes],
                     "triads": [_document_of(triad) for triad in self.triads],
-                    "warnings": list(self.warnings),
+                    **as_json(self.warnings, "warnings"),
                     "grade": self.grade().figures(),
                     "grade_file": None,
                 }
@@ -247,7 +248,7 @@ def blocks(unit: UnitNoise) -> Iterator[Block]:
     part = unit.part
     lasts = part.end_s - part.begin_s
     yield Line(unit.log, "bold")
-    yield Line(f"{lasts:.6g} s {_of(part)} from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
+    yield Line(f"{lasts:.6g} s {_of(part)} from {clock(part.begin_s)} s on, {1.0 / part.interval:.6g} Hz")
     rows = (*unit.axes, *unit.triads)
     columns = 4 if any(noise.floor() for noise in rows) else 3
     for kind, head in _HEADS.items():
@@ -278,7 +279,7 @@ def _explained(rows: Sequence[SensorNoise]) -> Iterator[str]:
     if shown:
         yield f"{'; '.join(text for name, text in _MEANINGS.items() if name in shown)}; in brackets: 95 % bounds"
     if any(noise.terms is not None and not (noise.terms.slow and WHITE in noise.terms.figures) for noise in rows):
-        yield "not seen: noise above this bound (95 %) would have been"
+        yield "not seen: not detected; the value is an upper bound (95 %)"
     if any(noise.floor() for noise in rows):
         yield "lowest (deg/h, ug): of the Allan deviation, a data sheet's bias instability; empty while it still falls"
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.core.batch import make_batch
 from insenv.core.model import Model, Step, Values
 from insenv.core.runner import Progress, check_progress
@@ -69,8 +70,8 @@ def switchable(plant: Model, sensors: tuple[Sensor, ...]) -> Model:
 
 def _stating(rows: Callable[[Values, Values], dict[str, Any]], names: tuple[str, ...]) -> Callable[..., dict[str, Any]]:
     def function(p: Values, x: Values, u: Values) -> dict[str, Any]:
-        own = SimpleNamespace(**{**vars(p), **{name: getattr(p, PREFIX + name) for name in names}})
-        return rows(own, x)
+        parameters = SimpleNamespace(**{**vars(p), **{name: getattr(p, PREFIX + name) for name in names}})
+        return rows(parameters, x)
 
     return function
 
@@ -84,12 +85,12 @@ def packed(model: Model, rows: Mapping[str, Any]) -> Vector:
 
 def switch_off(model: Model, vector: Vector, sources: Iterable[Source]) -> Vector:
     """The parameters `vector` (n,) with the errors of `sources` switched off."""
-    found = vector.copy()
+    switched = vector.copy()
     for source in sources:
         for name in source.rows:
             if name in model.parameters:
-                found[model.parameters.slice(name)] = source.off
-    return found
+                switched[model.parameters.slice(name)] = source.off
+    return switched
 
 
 Array = NDArray[np.float64]
@@ -175,8 +176,8 @@ def _case(
     duration_s: float | None,
     settings: Settings | None,
 ) -> _Case:
-    if isinstance(runs, bool) or not isinstance(runs, (int, np.integer)) or not 1 <= runs <= MAX_RUNS:
-        raise InputError(f"runs = {runs!r}: allowed is a whole number from 1 to {MAX_RUNS}")
+    if isinstance(runs, bool) or not isinstance(runs, (int, np.integer)) or not 2 <= runs <= MAX_RUNS:
+        raise InputError(f"runs = {runs!r}: allowed is a whole number from 2 to {MAX_RUNS}, because a budget compares runs")
     loaded = load(scenario)
     plant = build(loaded, seed=seed, duration_s=duration_s)
     chosen = get(estimator)
@@ -200,7 +201,7 @@ def _errors(case: _Case, progress: Progress | None) -> Array:
     variants, measured = case.variants, case.measured
     at_once = max(1, ROWS_AT_ONCE // len(variants))
     total = len(case.plants) * len(case.times) * case.every
-    found = []
+    errors = []
     try:
         for first in range(0, len(case.plants), at_once):
             part = range(first, min(first + at_once, len(case.plants)))
@@ -213,22 +214,22 @@ def _errors(case: _Case, progress: Progress | None) -> Array:
 
             shown = in_pieces(batch, len(case.times), case.every, look)
             error = shown[..., measured.model.outputs.slice("error")]
-            found.append(error[places.ravel()].reshape(len(part), len(variants), *error.shape[1:]))
+            errors.append(error[places.ravel()].reshape(len(part), len(variants), *error.shape[1:]))
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
-            f"interrupted after {sum(map(len, found))} of {len(case.plants)} seeds; nothing written"
+            f"interrupted after {sum(map(len, errors))} of {len(case.plants)} seeds; nothing written"
         ) from None
-    return np.concatenate(found)
+    return np.concatenate(errors)
 
 
 def _rows(case: _Case, part: range) -> Array:
     """Parameters of the rows of some seeds: all variants of a seed, then those of the next."""
-    model, own = switchable(case.plant.model, sensors_of(case.plant.scenario)), case.estimator.model.parameters
+    model, parameters = switchable(case.plant.model, sensors_of(case.plant.scenario)), case.estimator.model.parameters
     tails = {}
     for on in {_start_of(case.sources, variant) for variant in case.variants}:
         off = [source for k, source in enumerate(case.sources) if source.start and k not in on]
         plants = _plants_without(case, part, off)
-        tails[on] = [own.pack(plant.parameters_of(case.estimator, case.rows, offline=False)) for plant in plants]
+        tails[on] = [parameters.pack(plant.parameters_of(case.estimator, case.rows, offline=False)) for plant in plants]
     evaluation = np.array([case.every, 1], dtype=np.float64)
     rows = []
     for place, k in enumerate(part):
@@ -254,7 +255,11 @@ def _plants_without(case: _Case, part: range, off: Sequence[Source]) -> Sequence
     return reseeded(build(scenario, seed=plants[0].seed, duration_s=case.plant.duration_s), [plant.seed for plant in plants])
 
 
-def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -> Budget:
+_UNKNOWN = declared("errors-unknown", "the errors of {sensors} are not known: they are on in all runs, as part of the method")
+_LOST = declared("budget-diverges", "the estimator diverges in most runs, and the figures are missing: {sources}")
+
+
+def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: tuple[Remark, ...]) -> Budget:
     """The budget from the errors (seeds, variants, records, channels)."""
     channels, count = case.measured.channels, len(case.sources)
     whole, none = errors[:, 0], errors[:, 1]
@@ -282,11 +287,11 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -
     notes = [*case.plant.scenario.notes, *case.plant.notes_of(case.estimator, case.rows)]
     unknown = unknown_errors(case.plant.scenario)
     if unknown:
-        notes.append(f"the errors of {', '.join(unknown)} are not known: they are on in all runs, as part of the method")
+        notes.append(_UNKNOWN.filled(sensors=", ".join(unknown)))
     lost = [name for name, good in zip(_names(case.sources), usable, strict=True) if not good]
     if lost:
-        notes.append(f"the estimator diverges in most runs, and the figures are missing: {', '.join(lost)}")
-    notes += [refusal] if refusal else []
+        notes.append(_LOST.filled(sources=", ".join(lost)))
+    notes += refusal
     return Budget(
         scenario=case.plant.scenario.name or "scenario",
         estimator=case.estimator.id,
@@ -312,9 +317,9 @@ def _differences(errors: Array, none: Array, count: int, angles: list[int]) -> I
     """The contributions of each source (seeds, records, channels): the error with it alone minus that with none."""
     for k in range(count):
         with np.errstate(invalid="ignore"):
-            found = errors[:, 2 + k] - none
-        found[..., angles] = wrapped_deg(found[..., angles])
-        yield found
+            difference = errors[:, 2 + k] - none
+        difference[..., angles] = wrapped_deg(difference[..., angles])
+        yield difference
 
 
 def _names(sources: Sequence[Source]) -> list[str]:

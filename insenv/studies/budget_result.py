@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.output import to_json
+from insenv.base.remarks import Remark, as_json
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
@@ -55,7 +56,7 @@ class Budget(Shown):
     without: Array
     limit: Array | None
     diverged: tuple[int, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
 
     @property
     def sum(self) -> Array:
@@ -105,7 +106,7 @@ class Budget(Shown):
             "limit": {} if self.limit is None else by_channel(self.rms(self.limit)),
             "rms_ratio_95": list(ratio_bounds(count)),
             "diverged": list(self.diverged),
-            "notes": list(self.notes),
+            **as_json(self.notes),
         }
 
     def to_dataframe(self) -> DataFrame:
@@ -173,7 +174,7 @@ def sentences(budget: Budget) -> tuple[str, ...]:
     low, high = ratio_bounds(count)
     return (
         f"rms {since(budget.from_s)}: change by a source alone; w/o: error without it",
-        "method: no source at all; interaction: the rest of all sources, run by run",
+        "method: no source at all; interaction: all sources less their sum, run by run",
         f"rms of {runs_of(count)} over that of many runs: {low:.2f} to {high:.2f} (95 %)",
     )
 

@@ -49,9 +49,9 @@ _FREQUENCIES = 20000
 def allantools() -> ModuleType:
     """The package allantools.  Raises `InputError` if it is not installed."""
     need("an Allan deviation", "allantools", extra="workbench")
-    import allantools as found
+    import allantools as module
 
-    return found
+    return module
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ def octaves(samples: int) -> NDArray[np.int64]:
 
 def deviation(rate: Array, interval: float, sizes: NDArray[np.int64]) -> Array:
     """Overlapping Allan deviation (k,) of a rate (n,) at averaging times of `sizes` samples of `interval` (s)."""
-    found = allantools().oadev(rate - rate.mean(), rate=1.0 / interval, data_type="freq", taus=sizes * interval)
-    return np.asarray(found[1], dtype=np.float64)
+    computed = allantools().oadev(rate - rate.mean(), rate=1.0 / interval, data_type="freq", taus=sizes * interval)
+    return np.asarray(computed[1], dtype=np.float64)
 
 
 def curve(rate: Array, interval: float) -> Curve:
@@ -341,8 +341,8 @@ class _Problem:
             return np.asarray(-self._whitening @ np.column_stack(columns))
 
         first = np.clip(np.log([start[name] for name in names]), low, high)
-        found, cost = _descended(differences, slopes, first, low, high)
-        return cost, values(found)
+        logs, cost = _descended(differences, slopes, first, low, high)
+        return cost, values(logs)
 
     def chosen(self, white: Mapping[str, float]) -> dict[str, float]:
         """The figures of the terms that the curve shows."""
@@ -353,12 +353,12 @@ class _Problem:
             for slow in _SLOW:
                 names = (WHITE, *fast, *slow, *((TIME,) if MARKOV in slow else ()))
                 times = self._times() if MARKOV in slow else (1.0,)
-                found = min(
+                cheapest = min(
                     (self.best({name: starts[name] if name != TIME else time for name in names}) for time in times),
                     key=lambda one: one[0],
                 )
                 price = sum(TIME_WORTH if name == TIME else WORTH for name in names)
-                trials.append((found[0] + price, found[1]))
+                trials.append((cheapest[0] + price, cheapest[1]))
         best = min(trials, key=lambda one: one[0])[1]
         if best.get(TIME, 0.0) > self.duration:  # all of the curve is the walk with which such a bias begins
             walk = best[MARKOV] * float(np.sqrt(2.0 / best[TIME]))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, clock, declared
 from insenv.logs import RecordedLog
 from insenv.logs.rest import REST_WINDOW_S, rest_until
 
@@ -15,6 +16,20 @@ Array = NDArray[np.float64]
 
 LEAST_S, LEAST_SAMPLES = 10.0, 1000
 """The shortest part that tells something of a unit."""
+_PART = declared("longest-rest", "only {begin} to {end} s is used: the longest time without motion in a log of {whole:.6g} s")
+_MOVES = declared("moves-in-part", "the vehicle moves in this part: below its motion the noise of the unit cannot be seen")
+_MISSING = declared(
+    "samples-missing",
+    "{share:.2g} % of the samples are missing and interpolated, which hides noise at averaging times up to {time:.2g} s",
+)
+_REPEAT = declared(
+    "samples-repeat",
+    "{share:.2g} % of the samples repeat the one before: the log has more samples than the unit, and its noise at short "
+    "averaging times is too low",
+)
+_UNEVEN = declared(
+    "samples-uneven", "the time between samples varies by {share:.2g} %, and the Allan deviation takes it as constant"
+)
 
 
 @dataclass(frozen=True)
@@ -31,7 +46,7 @@ class Part:
     interval: float
     rates: Array
     moves: bool
-    warnings: tuple[str, ...]
+    warnings: tuple[Remark, ...]
 
 
 def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = None) -> Part:
@@ -47,14 +62,14 @@ def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = 
         begin = float(end[0] - log.dt[0]) if from_s is None else from_s
         until = float(end[-1]) if to_s is None else to_s
         if not begin < until:
-            raise InputError(f"from {begin:g} s to {until:g} s: allowed is a part that ends after it begins")
+            raise InputError(f"from {clock(begin)} s to {clock(until)} s: allowed is a part that ends after it begins")
         chosen = (end > begin + 1e-9) & (end <= until + 1e-9)
     first, last = _bounds(chosen)
     count, lasts = last - first, float(log.dt[first:last].sum())
     if count < LEAST_SAMPLES or lasts < LEAST_S:
         raise InputError(
-            f"{_label(log)}: {count} samples in {lasts:.3g} s from {begin:g} s to {until:g} s: allowed is {LEAST_SAMPLES} "
-            f"samples and {LEAST_S:g} s or more"
+            f"{_label(log)}: {count} samples in {lasts:.3g} s from {clock(begin)} s to {clock(until)} s: allowed is "
+            f"{LEAST_SAMPLES} samples and {LEAST_S:g} s or more"
         )
     samples = slice(first, last)
     start = round(float(end[first] - log.dt[first]), 9)
@@ -66,11 +81,9 @@ def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = 
     if from_s is None and to_s is None:
         whole = float(end[-1] - end[0] + log.dt[0])
         if whole - lasts > REST_WINDOW_S:
-            warnings.insert(
-                0, f"only {start:.6g} to {end_s:.6g} s is used: the longest time without motion in a log of {whole:.6g} s"
-            )
+            warnings.insert(0, _PART.filled(begin=clock(start), end=clock(end_s), whole=whole))
     elif moves := not _is_rest(log, start, end_s):
-        warnings.insert(0, "the vehicle moves in this part: below its motion the noise of the unit cannot be seen")
+        warnings.insert(0, _MOVES)
     return Part(start, end_s, interval, rates, moves, tuple(warnings))
 
 
@@ -120,22 +133,16 @@ REPEATED, BRIDGED, IRREGULAR = 0.01, 0.001, 0.1
 """Shares of repeated and missing samples, and of the interval by which its length varies, that are worth a warning."""
 
 
-def _faults(log: RecordedLog, samples: slice, rates: Array, interval: float) -> list[str]:
+def _faults(log: RecordedLog, samples: slice, rates: Array, interval: float) -> list[Remark]:
     """Sentences on the sampling."""
-    found = []
+    faults = []
     missing = float(np.mean(log.bridged[samples]))
     if missing > BRIDGED:
-        found.append(
-            f"{100 * missing:.2g} % of the samples are missing and interpolated, which hides noise at averaging times up to "
-            f"{log.gaps.longest_s + interval:.2g} s"
-        )
+        faults.append(_MISSING.filled(share=100 * missing, time=log.gaps.longest_s + interval))
     repeated = float(np.mean(np.all(rates[1:] == rates[:-1], axis=1)))
     if repeated > REPEATED and not np.all(rates == rates[0]):
-        found.append(
-            f"{100 * repeated:.2g} % of the samples repeat the one before: the log has more samples than the unit, and its "
-            "noise at short averaging times is too low"
-        )
+        faults.append(_REPEAT.filled(share=100 * repeated))
     uneven = float(np.std(log.dt[samples])) / interval
     if uneven > IRREGULAR:
-        found.append(f"the time between samples varies by {100 * uneven:.2g} %, and the Allan deviation takes it as constant")
-    return found
+        faults.append(_UNEVEN.filled(share=100 * uneven))
+    return faults

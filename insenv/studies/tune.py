@@ -11,7 +11,7 @@ seeds is one batch of the campaign's model: candidates differ in their parameter
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.installing import need
+from insenv.base.remarks import remark
 from insenv.core.batch import make_batch
 from insenv.core.runner import Progress, check_progress
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.errors import statistics_from
+from insenv.logs import RecordedLog
 from insenv.scenario import ScenarioLike, limit_of, no_limit, with_settings
 from insenv.scenario.loop import PREFIX
 from insenv.studies.campaign.block import in_pieces
@@ -41,7 +43,7 @@ Array = NDArray[np.float64]
 
 WEIGHT = 0.5
 """Weight of the consistency, as in the environment `insenv/Tuning-v0`."""
-MOST = 100_000
+MAX_RUNS = 100_000
 RUNS, HELD_OUT = 8, 32
 """Seeds of a scenario on which is sought and judged by default."""
 RESAMPLES = 1000
@@ -107,7 +109,7 @@ class Seeds:
 
 
 def tune(
-    source: ScenarioLike | str | Path,
+    source: ScenarioLike | str | Path | RecordedLog,
     estimator: str | Estimator,
     *,
     runs: int | None = None,
@@ -140,7 +142,7 @@ def tune(
     check_progress(progress)
     need("tuning", "cma", extra="workbench")
     _check(evaluations=evaluations)
-    if is_log(source):
+    if isinstance(source, RecordedLog) or is_log(source):
         for option, value in (("runs", runs), ("held_out", held_out), ("seed", seed), ("duration_s", duration_s)):
             if value is not None:
                 raise InputError(
@@ -189,8 +191,8 @@ def tune(
 
 def _check(**counts: object) -> None:
     for name, value in counts.items():
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 2 <= value <= MOST:
-            raise InputError(f"{name} = {value!r}: allowed is a whole number from 2 to {MOST}")
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 2 <= value <= MAX_RUNS:
+            raise InputError(f"{name} = {value!r}: allowed is a whole number from 2 to {MAX_RUNS}")
 
 
 def _change(judging: Seeds, first: Measures, second: Measures) -> Estimate:
@@ -200,22 +202,22 @@ def _change(judging: Seeds, first: Measures, second: Measures) -> Estimate:
     if not finite.all():  # a run that diverges counts: there is no interval
         return Estimate(value, float("nan"), float("nan"))
     drawn = np.random.default_rng(judging.plan.first_seed).integers(0, len(finite), (RESAMPLES, len(finite)))
-    found = []
+    changes = []
     for runs in drawn:
         one, other = (Measures(m.squares[runs], None if m.nees is None else m.nees[runs]) for m in (first, second))
-        found.append(judging.objective(other, one) - judging.objective(one, one))
-    low, high = np.percentile(found, [2.5, 97.5])
+        changes.append(judging.objective(other, one) - judging.objective(one, one))
+    low, high = np.percentile(changes, [2.5, 97.5])
     return Estimate(value, float(low), float(high))
 
 
 def _channels(names: tuple[str, ...], first: Measures, second: Measures, limit: dict[str, float]) -> tuple[Channel, ...]:
     finite = np.isfinite(first.squares).all(axis=1) & np.isfinite(second.squares).all(axis=1)
-    found = []
+    channels = []
     for place, name in enumerate(names):
         a, b = first.squares[finite, place], second.squares[finite, place]
         pair = paired(a, b)
-        found.append(Channel(name, float(np.sqrt(a.mean())), float(np.sqrt(b.mean())), pair.ratio, limit.get(name)))
-    return tuple(found)
+        channels.append(Channel(name, float(np.sqrt(a.mean())), float(np.sqrt(b.mean())), pair.ratio, limit.get(name)))
+    return tuple(channels)
 
 
 def _consistency(judging: Seeds, first: Measures, second: Measures) -> dict[str, float] | None:
@@ -226,9 +228,11 @@ def _consistency(judging: Seeds, first: Measures, second: Measures) -> dict[str,
     return {"before": float(np.mean(first.nees)) / degrees, "after": float(np.mean(second.nees)) / degrees}
 
 
-def _diverged(first: Measures, second: Measures) -> Iterator[str]:
-    """A sentence if there are no intervals because the estimator diverges in some of the held-out runs."""
-    counts = [int(np.sum(~np.isfinite(found.squares).all(axis=1))) for found in (first, second)]
-    if any(counts):
-        runs = len(first.squares)
-        yield f"the estimator diverges in {counts[0]} of {runs} held-out runs before and in {counts[1]} after: no interval"
+@remark(
+    "tuning-diverges",
+    "the estimator diverges in {before} of {runs} held-out runs before and in {after} after: no interval",
+)
+def _diverged(first: Measures, second: Measures) -> dict[str, int] | None:
+    """There are no intervals, because the estimator diverges in some of the held-out runs."""
+    before, after = (int(np.sum(~np.isfinite(each.squares).all(axis=1))) for each in (first, second))
+    return {"before": before, "after": after, "runs": len(first.squares)} if before or after else None

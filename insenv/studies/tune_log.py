@@ -13,7 +13,7 @@ LARGEST.  Factors are sought on the first half of the log and judged on the seco
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import clock, remark
 from insenv.base.resources import scenario_names
 from insenv.base.toml import is_log as describes_log
 from insenv.base.toml import read_toml
@@ -126,8 +127,8 @@ def tune_log(
     if len(samples) < LEAST_FIXES:
         raise InputError(f"{len(samples)} fixes: tuning on a log needs at least {LEAST_FIXES}")
     table = chosen.model.parameters
-    given = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.given[chosen.id])))
-    fixes = Fixes(ready, tuned_parameters(chosen, given, keys, but=(SLOW,)), samples, _sigma(ready, samples))
+    present = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.given[chosen.id])))
+    fixes = Fixes(ready, tuned_parameters(chosen, present, keys, but=(SLOW,)), samples, _sigma(ready, samples))
     half, count = len(samples) // 2, len(fixes.parameters)
     first = max(1, round(UNSETTLED * half))
 
@@ -141,40 +142,41 @@ def tune_log(
         raise InputError(f"estimator {chosen.id!r} diverges before tuning: give it parameters with which it runs")
 
     def objective(logs: Array) -> Array:
-        found = means(np.exp(logs), half, first)[0] - base
-        return np.where(np.isfinite(found), found, FAILED)
+        changed = means(np.exp(logs), half, first)[0] - base
+        return np.where(np.isfinite(changed), changed, FAILED)
 
-    found = search(objective, count, evaluations, 1, progress)
-    scores_of_each, squares_of_each = fixes.scores(np.stack([np.ones(count), found.factors]), len(samples))
+    best = search(objective, count, evaluations, 1, progress)
+    scores_of_each, squares_of_each = fixes.scores(np.stack([np.ones(count), best.factors]), len(samples))
     scores, squares = (np.nanmean(values[:, half:], axis=2) for values in (scores_of_each, squares_of_each))
     end = ready.log.imu_time[ready.first + samples]
     result = Tuning(
         source=ready.log.description.title if isinstance(source, RecordedLog) else str(source),
         estimator=chosen.id,
-        trained_on=f"fixes up to {end[half - 1]:.6g} s",
-        judged_on=f"fixes from {end[half]:.6g} s on",
+        trained_on=f"fixes up to {clock(end[half - 1])} s",
+        judged_on=f"fixes from {clock(end[half])} s on",
         duration_s=float(ready.log.imu_time[-1] - ready.log.imu_time[ready.first]),
         parameters=fixes.parameters,
-        factors=found.factors,
-        history=found.history,
+        factors=best.factors,
+        history=best.history,
         start=0.0,
         before=float(scores[0].mean()),
         after=float(scores[1].mean()),
         change=_change(scores[1] - scores[0]),
         channels=(),
         consistency={"before": float(squares[0].mean()), "after": float(squares[1].mean())},
-        notes=(*found.notes, *_slow_errors(float(np.nanmean(squares_of_each[0, half:, :3])), given)),
+        notes=(*best.notes, *_slow_errors(float(np.nanmean(squares_of_each[0, half:, :3])), present)),
     )
     return _with_errors(result, ready.log, estimator, settings, float(end[half]))
 
 
-def _slow_errors(mean: float, given: Mapping[str, Any]) -> Iterator[str]:
-    """A sentence if positions scatter less than stated (mean of y^2 / S) for a filter that models no slow errors of fixes."""
-    if mean < NOTABLE**-2 and not np.any(given.get(SLOW, 0.0)):
-        yield (
-            f"positions scatter less than their sigmas say (mean y^2 / S {mean:.2g}): the sigmas are too large, or part of the "
-            "error is slow, and the score then favours a filter that follows the fixes: state fix_wander_sigma_m in that case"
-        )
+@remark(
+    "score-slow-errors",
+    "positions scatter less than their sigmas say (mean y^2 / S {mean:.2g}): the sigmas are too large, or part of the error is "
+    "slow, and the score then favours a filter that follows the fixes: state fix_wander_sigma_m in that case",
+)
+def _slow_errors(mean: float, parameters: Mapping[str, Any]) -> dict[str, float] | None:
+    """Positions scatter less than stated (mean of y^2 / S) for a filter that models no slow errors of fixes."""
+    return {"mean": mean} if mean < NOTABLE**-2 and not np.any(parameters.get(SLOW, 0.0)) else None
 
 
 def _change(differences: Array) -> Estimate:
@@ -199,15 +201,15 @@ def _sigma(ready: Prepared, samples: NDArray[np.int64]) -> Array:
 
 
 def _with_errors(
-    found: Tuning, log: RecordedLog, estimator: str | Estimator, settings: Settings | None, from_s: float
+    tuning: Tuning, log: RecordedLog, estimator: str | Estimator, settings: Settings | None, from_s: float
 ) -> Tuning:
     """With the errors in the second half before and after, if the log has a reference."""
     if log.reference is None:
-        return found
-    own = {**(settings or {}).get(found.estimator, {}), **found.settings()}
+        return tuning
+    tuned = {**(settings or {}).get(tuning.estimator, {}), **tuning.settings()}
     errors = []
-    for given in (settings or {}, {**(settings or {}), found.estimator: own}):
-        result = replay(log, estimator, settings=given).results[0]
+    for tried in (settings or {}, {**(settings or {}), tuning.estimator: tuned}):
+        result = replay(log, estimator, settings=tried).results[0]
         late = result.time >= from_s
         errors.append({name: float(np.sqrt(np.mean(v[late] ** 2))) for name, v in result.errors.items() if late.any()})
     before, after = errors
@@ -217,4 +219,4 @@ def _with_errors(
         # one drive gives no interval
         ratio = Estimate(after[name] / value if value else nothing, nothing, nothing)
         channels.append(Channel(name, value, after[name], ratio, None))
-    return replace(found, channels=tuple(channels))
+    return replace(tuning, channels=tuple(channels))

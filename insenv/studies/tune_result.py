@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.remarks import Remark, as_json
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import Shown
 from insenv.report.panels import TRUTH_GROUP, Curve, IntervalsPanel, Picture, Section, TimePanel
@@ -63,7 +64,7 @@ class Tuning(Shown):
     change: Estimate
     channels: tuple[Channel, ...]
     consistency: dict[str, float] | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
 
     @property
     def is_better(self) -> bool:
@@ -76,8 +77,8 @@ class Tuning(Shown):
 
     def toml(self) -> str:
         """The section of a scenario or of the description of a log."""
-        head = [f"# insenv tune {self.source} -e {self.estimator}: sought on {self.trained_on}, judged on {self.judged_on}"]
-        head += [] if self.is_better else ["# no better than by chance on data that the search has not seen"]
+        head = [f"# insenv tune {self.source} -e {self.estimator}: tuned on {self.trained_on}, evaluated on {self.judged_on}"]
+        head += [] if self.is_better else ["# not significantly better on held-out data"]
         lines = [f"{key} = {value}" for key, value in self.settings().items()]
         return "\n".join([*head, f'[estimator."{self.estimator}"]', *lines]) + "\n"
 
@@ -97,7 +98,7 @@ class Tuning(Shown):
             "better": self.is_better,
             "errors": {channel.name: channel.as_json() for channel in self.channels},
             "consistency": self.consistency,
-            "notes": list(self.notes),
+            **as_json(self.notes),
         }
 
     def document(self) -> Document:
@@ -114,7 +115,7 @@ class Tuning(Shown):
 def tuning_blocks(tuning: Tuning) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
     yield Line(f"{tuning.source}: {tuning.estimator}", "bold")
-    yield Line(f"sought on {tuning.trained_on}, judged on {tuning.judged_on}")
+    yield Line(f"tuned on {tuning.trained_on}, evaluated on {tuning.judged_on}")
     yield Line()
     yield Grid(PARAMETER_COLUMNS, parameter_rows(tuning))
     yield Line()
@@ -127,7 +128,7 @@ def tuning_blocks(tuning: Tuning) -> Iterator[Block]:
     for sentence in sentences(tuning):
         yield Line(sentence)
     if not tuning.is_better:
-        yield Line("no better than by chance on data not seen before: keep the present tuning", "yellow")
+        yield Line("not significantly better on held-out data: keep the present tuning", "yellow")
     for note in tuning.notes:
         yield Line(f"note: {note}")
 
@@ -177,7 +178,7 @@ def tuning_page(tuning: Tuning) -> Page:
         tab=f"{tuning.source}: tuning of {tuning.estimator}",
         name=f"{tuning.source}: {tuning.estimator}",
         title="Tuning" if tuning.is_better else "Tuning: no better than by chance, keep the present one",
-        facts=[f"sought on {tuning.trained_on}", f"judged on {tuning.judged_on}", f"{number(tuning.duration_s)} s"],
+        facts=[f"tuned on {tuning.trained_on}", f"evaluated on {tuning.judged_on}", f"{number(tuning.duration_s)} s"],
         legend=[{"name": name} for name in LEGEND],
         tables=tables,
         explained=[f"{sentence}." for sentence in sentences(tuning)],

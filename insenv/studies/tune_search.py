@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress
 from insenv.core.tables import Row
 from insenv.estimators import Estimator
@@ -63,16 +64,16 @@ def tuned_parameters(
             if key not in by_key:
                 raise InputError(f"key {key!r}: {estimator.id!r} has no such parameter{nearest(key, by_key, DOCUMENTED)}")
         chosen = {by_key[key]: key for key in keys}
-    found = []
+    parameters = []
     for row, key in chosen.items():
         before = np.array(values[row], dtype=float).reshape(-1)
         if not np.all(before > 0.0):
             raise InputError(f"key {key!r}: its value is {before.tolist()}: tuning finds a factor, and needs a value above 0")
         unit = float(np.max(np.asarray(tuning(estimator, {key: 1.0})[row])))
-        found.append(Parameter(estimator.model.parameters[row], key, unit, before))
-    if not found:
+        parameters.append(Parameter(estimator.model.parameters[row], key, unit, before))
+    if not parameters:
         raise InputError(f"estimator {estimator.id!r} has no noise or gate that is not 0: name its parameters")
-    return tuple(found)
+    return tuple(parameters)
 
 
 def _is_noise(row: str) -> bool:
@@ -89,6 +90,7 @@ POPULATION = 8
 """Smallest population: two registers of the batch core."""
 FAILED = 1e3
 """Objective of factors with which the filter diverges."""
+_INTERRUPTED = declared("search-interrupted", "the search was interrupted after {count} evaluations")
 
 
 @dataclass(frozen=True)
@@ -104,9 +106,9 @@ class Search:
     interrupted: bool
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """What must be said of the search."""
-        return (f"the search was interrupted after {self.evaluations} evaluations",) if self.interrupted else ()
+        return (_INTERRUPTED.filled(count=self.evaluations),) if self.interrupted else ()
 
 
 def search(objective: Objective, parameters: int, evaluations: int, seed: int, progress: Progress | None) -> Search:

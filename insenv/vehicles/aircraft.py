@@ -28,7 +28,8 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
-from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
+from insenv.vehicles.script import Script, Tracker, along_all
+from insenv.vehicles.scripted import scripted
 from insenv.vehicles.section import (
     MAX_LEGS,
     Actions,
@@ -43,7 +44,7 @@ from insenv.vehicles.section import (
     in_legs,
     legs_of,
 )
-from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
+from insenv.vehicles.truth import SineCosine, Vehicle
 
 SLOW = 5.0
 """Speed (m/s) below which the turn rate falls with the speed, to zero at rest."""
@@ -107,7 +108,11 @@ _GUSTS = Gusts("gust", (
     ("gust_north", "m/s"), ("gust_east", "m/s"), ("gust_down", "m/s"),
 ))  # fmt: skip
 _TRACKERS = (_SPEED, BANK, _SLOPE, _AIRBORNE)
-_MOVING = (*_TRACKERS, *_GUSTS.trackers)
+_TRACK = Table((
+    Row("track", "Heading of the path, not wrapped", "rad"),
+    Row("turn_rate", "Rate of the track", "rad/s"),
+    Row("turn_acceleration", "Second time derivative of the track, held over a sample", "rad/s^2"),
+))  # fmt: skip
 
 PARAMETERS = Table((
     Row("mean_roll", "Roll at rest", "rad", lower=-0.5, upper=0.5),
@@ -139,30 +144,6 @@ def aircraft(engine_components: int = 1) -> Vehicle:
     `flight_plan` builds the script from physical quantities.
     """
     engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
-    track = (
-        Row("track", "Heading of the path, not wrapped", "rad"),
-        Row("turn_rate", "Rate of the track", "rad/s"),
-        Row("turn_acceleration", "Second time derivative of the track, held over a sample", "rad/s^2"),
-    )
-    state = Table(track) + engine.state + _GUSTS.state + SCRIPT.state
-    state = sum((tracker.state for tracker in _TRACKERS), state)
-
-    def start(p: Values, r: Any) -> dict[str, Any]:
-        moving = {"track": p.start_heading, "speed": p.start_speed, "airborne": p.start_speed > p.take_off_speed}
-        return moving | engine.start(p) | _GUSTS.start(p, r) | SCRIPT.start(p, {"speed": p.start_speed})
-
-    def along(p: Values, x: Values) -> list[dict[str, Any]]:
-        places = engine.along(x)
-        for rows, place in zip(places, PLACES, strict=True):
-            t = place * p.sample_interval
-            rows |= along_all(_MOVING, x, t)
-            rows["track"] = x.track + t * (x.turn_rate + 0.5 * t * x.turn_acceleration)
-            rows["turn_rate"] = x.turn_rate + t * x.turn_acceleration
-        return places
-
-    def derivative(p: Values, x: Values) -> dict[str, Any]:
-        turning = {"track": x.turn_rate, "turn_rate": x.turn_acceleration}
-        return {**engine.derivative(p, x), **derivative_all(_MOVING, x), **turning}
 
     def angles(p: Values, x: Values) -> list[Any]:
         pitch = p.mean_pitch + climb_angle(x.slope) + p.angle_of_attack * x.airborne
@@ -181,21 +162,24 @@ def aircraft(engine_components: int = 1) -> Vehicle:
             x.gust_down - x.speed * x.slope + engine.rate(p, x, "down"),
         )
 
-    return Vehicle(
-        id="aircraft",
-        title="Aircraft",
-        parameters=PARAMETERS + engine.parameters + _GUSTS.parameters + SCRIPT.parameters,
-        state=state,
-        along=along,
-        derivative=derivative,
+    return scripted(
+        "aircraft",
+        "Aircraft",
+        parameters=PARAMETERS,
+        script=SCRIPT,
+        trackers=_TRACKERS,
+        gusts=_GUSTS,
+        engine=engine,
+        heading=_TRACK,
+        start=lambda p: {"track": p.start_heading, "speed": p.start_speed, "airborne": p.start_speed > p.take_off_speed},
+        turned=lambda x, t: {
+            "track": x.track + t * (x.turn_rate + 0.5 * t * x.turn_acceleration),
+            "turn_rate": x.turn_rate + t * x.turn_acceleration,
+        },
+        turning=lambda x: {"track": x.turn_rate, "turn_rate": x.turn_acceleration},
         angles=angles,
         velocity_n=velocity_n,
-        start=start,
-        start_uniforms=_GUSTS.uniforms,
         hold=_hold,
-        hold_uniforms=_GUSTS.uniforms,
-        inputs=SCRIPT.inputs,
-        steps=SCRIPT.steps,
     )
 
 

@@ -24,7 +24,8 @@ from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
-from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
+from insenv.vehicles.script import Script, Tracker
+from insenv.vehicles.scripted import scripted
 from insenv.vehicles.section import (
     MARGIN_MPS,
     MAX_LEGS,
@@ -42,7 +43,7 @@ from insenv.vehicles.section import (
     in_legs,
     legs_of,
 )
-from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
+from insenv.vehicles.truth import SineCosine, Vehicle
 
 SCRIPT = Script((
     Row("speed", "Speed to reach, over ground", "m/s", lower=0.0, upper=100.0),
@@ -101,7 +102,6 @@ _PITCH = Tracker(("suspension_pitch", "suspension_pitch_rate", "suspension_pitch
 _SINK = Tracker(("sinking", "sinking_rate", "sinking_second"), "Sinking of the suspension", "m")
 _TRACKERS = (_SPEED, _CURVATURE, _SLOPE, _ROLL, _PITCH, _SINK)
 _WIND = Gusts("wind", (("wind_roll", "rad"), ("wind_pitch", "rad")))
-_MOVING = (*_TRACKERS, *_WIND.trackers)
 
 PARAMETERS = Table((
     Row("mean_roll", "Roll of the ground", "rad", lower=-0.5, upper=0.5),
@@ -133,23 +133,6 @@ def car(engine_components: int = 1) -> Vehicle:
     builds the script from physical quantities.
     """
     engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
-    state = Table((Row("path_heading", "Heading, not wrapped", "rad"),)) + engine.state + _WIND.state + SCRIPT.state
-    state = sum((tracker.state for tracker in _TRACKERS), state)
-
-    def start(p: Values, r: Any) -> dict[str, Any]:
-        moving = {"path_heading": p.start_heading, "speed": p.start_speed}
-        return moving | engine.start(p) | _WIND.start(p, r) | SCRIPT.start(p, {"speed": p.start_speed})
-
-    def along(p: Values, x: Values) -> list[dict[str, Any]]:
-        places = engine.along(x)
-        for rows, place in zip(places, PLACES, strict=True):
-            t = place * p.sample_interval
-            rows |= along_all(_MOVING, x, t)
-            rows["path_heading"] = x.path_heading + _turned(x, t)
-        return places
-
-    def derivative(p: Values, x: Values) -> dict[str, Any]:
-        return {**engine.derivative(p, x), **derivative_all(_MOVING, x), "path_heading": x.curvature * x.speed}
 
     def angles(p: Values, x: Values) -> list[Any]:
         return [
@@ -163,21 +146,21 @@ def car(engine_components: int = 1) -> Vehicle:
         down = x.sinking_rate - x.speed * x.slope + engine.rate(p, x, "down")
         return ca.vertcat(x.speed * cosine, x.speed * sine, down)
 
-    return Vehicle(
-        id="car",
-        title="Car",
-        parameters=PARAMETERS + engine.parameters + _WIND.parameters + SCRIPT.parameters,
-        state=state,
-        along=along,
-        derivative=derivative,
+    return scripted(
+        "car",
+        "Car",
+        parameters=PARAMETERS,
+        script=SCRIPT,
+        trackers=_TRACKERS,
+        gusts=_WIND,
+        engine=engine,
+        heading=Table((Row("path_heading", "Heading, not wrapped", "rad"),)),
+        start=lambda p: {"path_heading": p.start_heading, "speed": p.start_speed},
+        turned=lambda x, t: {"path_heading": x.path_heading + _turned(x, t)},
+        turning=lambda x: {"path_heading": x.curvature * x.speed},
         angles=angles,
         velocity_n=velocity_n,
-        start=start,
-        start_uniforms=_WIND.uniforms,
         hold=_hold,
-        hold_uniforms=_WIND.uniforms,
-        inputs=SCRIPT.inputs,
-        steps=SCRIPT.steps,
     )
 
 

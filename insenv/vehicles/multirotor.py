@@ -23,7 +23,8 @@ from insenv.core.tables import Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
-from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
+from insenv.vehicles.script import Script, Tracker
+from insenv.vehicles.scripted import scripted
 from insenv.vehicles.section import (
     MAX_LEGS,
     Engine,
@@ -37,7 +38,7 @@ from insenv.vehicles.section import (
     in_legs,
     legs_of,
 )
-from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
+from insenv.vehicles.truth import SineCosine, Vehicle
 
 SCRIPT = Script((
     Row("forward", "Velocity to reach along the heading", "m/s", lower=-50.0, upper=50.0),
@@ -70,7 +71,6 @@ _GUSTS = Gusts("gust", (
     ("gust_north", "m/s"), ("gust_east", "m/s"), ("gust_down", "m/s"),
 ))  # fmt: skip
 _TRACKERS = (_FORWARD, _RIGHT, _CLIMB, _YAW, _ROLL, _PITCH)
-_MOVING = (*_TRACKERS, *_GUSTS.trackers)
 
 PARAMETERS = Table((
     Row("mean_roll", "Roll of the unit's frame while the thrust is vertical", "rad", lower=-0.5, upper=0.5),
@@ -97,22 +97,6 @@ def multirotor(rotor_components: int = 1) -> Vehicle:
     (``segments``, ``segments_repeat``).
     """
     rotors = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, rotor_components)
-    state = Table((Row("yaw", "Heading without gusts, not wrapped", "rad"),)) + rotors.state + _GUSTS.state + SCRIPT.state
-    state = sum((tracker.state for tracker in _TRACKERS), state)
-
-    def start(p: Values, r: Any) -> dict[str, Any]:
-        return {"yaw": p.start_heading} | rotors.start(p) | _GUSTS.start(p, r) | SCRIPT.start(p, {})
-
-    def along(p: Values, x: Values) -> list[dict[str, Any]]:
-        places = rotors.along(x)
-        for rows, place in zip(places, PLACES, strict=True):
-            t = place * p.sample_interval
-            rows |= along_all(_MOVING, x, t)
-            rows["yaw"] = x.yaw + _YAW.integral(x, t)
-        return places
-
-    def derivative(p: Values, x: Values) -> dict[str, Any]:
-        return {**rotors.derivative(p, x), **derivative_all(_MOVING, x), "yaw": x.yaw_rate}
 
     def angles(p: Values, x: Values) -> list[Any]:
         return [
@@ -130,21 +114,21 @@ def multirotor(rotor_components: int = 1) -> Vehicle:
             x.gust_down - x.climb + rotors.rate(p, x, "down"),
         )
 
-    return Vehicle(
-        id="multirotor",
-        title="Multirotor",
-        parameters=PARAMETERS + rotors.parameters + _GUSTS.parameters + SCRIPT.parameters,
-        state=state,
-        along=along,
-        derivative=derivative,
+    return scripted(
+        "multirotor",
+        "Multirotor",
+        parameters=PARAMETERS,
+        script=SCRIPT,
+        trackers=_TRACKERS,
+        gusts=_GUSTS,
+        engine=rotors,
+        heading=Table((Row("yaw", "Heading without gusts, not wrapped", "rad"),)),
+        start=lambda p: {"yaw": p.start_heading},
+        turned=lambda x, t: {"yaw": x.yaw + _YAW.integral(x, t)},
+        turning=lambda x: {"yaw": x.yaw_rate},
         angles=angles,
         velocity_n=velocity_n,
-        start=start,
-        start_uniforms=_GUSTS.uniforms,
         hold=_hold,
-        hold_uniforms=_GUSTS.uniforms,
-        inputs=SCRIPT.inputs,
-        steps=SCRIPT.steps,
     )
 
 

@@ -18,11 +18,11 @@ from typing import Any
 
 import casadi as ca
 
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, naming
 from insenv.core.compose import Part
 from insenv.core.elementary import polynomial, sin_cos
 from insenv.core.model import Step, Values
-from insenv.core.tables import Row, Table, check_rows, naming
+from insenv.core.tables import Row, Table, check_rows
 from insenv.geodesy import E2, OMEGA_IE, A, bounded_place_rows, normal_gravity_about_axis, place_rows, radii
 
 # The instants within a sample at which the truth is evaluated: the four Gauss-Lobatto nodes, the first being its

@@ -7,7 +7,7 @@ sea state is one of several sets of numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +21,7 @@ from insenv.base.errors import InputError
 from insenv.base.keys import SAME, Conversion, conversion_of, unit_of
 from insenv.core.tables import Vector
 from insenv.scenario import Scenario
-from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
+from insenv.sensors.catalogue import IMU_GRADES
 from insenv.sensors.grade_file import grade_of
 from insenv.sensors.grades import FIGURES
 
@@ -47,12 +47,12 @@ Setting = Mapping[str, Any]
 class Target:
     """Elements that follow from the value.
 
-    into: "p" or "known".  given: elements of `known` that become 1, because the value is given.
+    into: "p" or "known".  stated: elements of `known` that become 1, because the value is given.
     """
 
     into: str
     at: tuple[int, ...]
-    given: tuple[int, ...] = ()
+    stated: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Control:
         for target in self.targets:
             into = p if target.into == "p" else known
             into[list(target.at)] = self.conversion(float(value))
-            known[list(target.given)] = 1.0
+            known[list(target.stated)] = 1.0
 
     def setting(self, value: float | str) -> Setting:
         """The keys of the scenario that `value` sets."""
@@ -204,14 +204,14 @@ VARIED = (
 )
 FACTORS = (0.1, 0.3, 3.0, 10.0)
 """Figures of the scenario's inertial unit that a page changes, and the factors on them."""
-GRADES: Mapping[str, tuple[str, Iterable[str]]] = {"imu": ("unit", IMU_GRADES), "gnss": ("receiver", GNSS_GRADES)}
-"""Label and names of the grades of sections without figures of their own."""
+LABELS = {"imu": "unit", "gnss": "receiver"}
+"""Of the grades of what is no aiding instrument."""
 
 
 def choices(scenario: Scenario) -> Iterator[Control]:
     """Those of a scenario; not all options need be allowed."""
     for id, section in {"imu": scenario.imu, **scenario.sensors}.items():
-        label, grades = GRADES.get(id, (f"{id} grade", getattr(section, "grades", ())))
+        label, grades = LABELS.get(id, f"{id} grade"), IMU_GRADES if id == "imu" else getattr(section, "grades", ())
         if grades:
             current = section.grade if isinstance(section.grade, str) else section.grade.name  # type: ignore[attr-defined]
             settings: dict[str, Setting] = {name: {f"{id}.grade": name} for name in grades}
@@ -310,12 +310,12 @@ class Trials:
         for place, into in enumerate(("p", "known")):
             columns = np.array([trial[place] for trial in trials])
             changed = np.flatnonzero(np.any(columns != self._base[place], axis=0))
-            given = changed[(changed >= 27) & np.all(columns[:, changed] == 1.0, axis=0)] if into == "known" else changed[:0]
-            at = np.setdiff1d(changed, given)
+            stated = changed[(changed >= 27) & np.all(columns[:, changed] == 1.0, axis=0)] if into == "known" else changed[:0]
+            at = np.setdiff1d(changed, stated)
             if np.any(columns[:, at] != expected[:, None]):
                 return ()
             if len(at):
-                targets.append(Target(into, tuple(at.tolist()), tuple(given.tolist())))
+                targets.append(Target(into, tuple(at.tolist()), tuple(stated.tolist())))
         return tuple(targets)
 
     def _with_options(self, control: Control) -> Control | None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file
+from insenv.base.remarks import Remark, declared
 from insenv.base.toml import validated
 from insenv.core.compile import wasm, wasm_source
 from insenv.core.model import Model
@@ -26,7 +27,7 @@ from insenv.report.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
 from insenv.report.page import assembled, check_size
 from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
-from insenv.scenario.build import given_errors, start_normals, start_sigmas
+from insenv.scenario.build import start_normals, start_sigmas, stated_start_errors
 from insenv.scenario.chunks import recording_interval
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
@@ -34,7 +35,7 @@ from insenv.scenario.files import named_estimators
 from insenv.web.controls import Control, Option, Trials, with_values
 from insenv.web.judging import findings, groups_of, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
-from insenv.web.start import known_vector, start_source, told_places
+from insenv.web.start import known_vector, reported_places, start_source
 
 SEEDS = 1024
 """Seeds that a page offers, from 0 on, beside that of the scenario."""
@@ -99,7 +100,7 @@ def live(
     chosen = [plant.adapted(estimator, settings, offline=False) for estimator in chosen]
     page = page_model(plant.model, tuple(chosen))
     parameters = page_parameters(page, plant, chosen, rows)
-    starts = [place for place, _ in told_places(page, plant)]
+    starts = [place for place, _ in reported_places(page, plant)]
     trials = Trials(with_run(loaded, plant, chosen, settings), lambda values: numbers(values, page, settings), starts)
     known = loaded.knowledge
     seeds = (*range(SEEDS), *((plant.seed,) if plant.seed >= SEEDS else ()))
@@ -109,7 +110,7 @@ def live(
         page=page,
         wasm=wasm(wasm_source(page.model, start_source(page, plant))),
         parameters=parameters,
-        known=known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed)),
+        known=known_vector(start_sigmas(known), stated_start_errors(known), start_normals(known, plant.seed)),
         seeds=seeds,
         normals=start_normals(known, np.array(seeds)),
         trials=trials,
@@ -124,7 +125,7 @@ def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | Non
     """
     plant, chosen = _prepared(values, page, settings)
     known = plant.scenario.knowledge
-    vector = known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed))
+    vector = known_vector(start_sigmas(known), stated_start_errors(known), start_normals(known, plant.seed))
     return page_parameters(page, plant, chosen, setting_rows(settings, chosen)), vector
 
 
@@ -281,24 +282,29 @@ def _option(option: Option, live: Live) -> dict[str, Any]:
     return {"value": option.value, "label": option.value, "set": dict(option.setting), "p": option.p, "notes": notes}
 
 
-def _notes(plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> list[str]:
+def _notes(plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> list[Remark]:
     """What must be said of a scenario and of the estimators that run on it, as in a run."""
     rows, notes = setting_rows(settings, chosen), _notes_of_page(plant)
     for estimator in chosen:
-        notes += [f"{estimator.id}: {note}" for note in plant.notes_of(estimator, rows[estimator.id])]
+        notes += [note.of(estimator.id) for note in plant.notes_of(estimator, rows[estimator.id])]
     return notes
 
 
-def _notes_of_page(plant: Plant) -> list[str]:
+_KEEP_TRACK = declared("track-beside", "the downloaded scenario reads its track from {file}: keep that file beside it")
+_REPEATED = declared(
+    "samples-repeated",
+    "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ",
+)
+
+
+def _notes_of_page(plant: Plant) -> list[Remark]:
     """What a reader of the page must know of a scenario."""
-    notes = [*plant.scenario.notes, no_limit(plant)]
+    notes = [*plant.scenario.notes, *no_limit(plant)]
     if file := _track_file(plant):
-        notes.append(f"the downloaded scenario reads its track from {file}: keep that file beside it")
+        notes.append(_KEEP_TRACK.filled(file=file))
     if plant.parameters["imu_drop_probability"] > 0.0:
-        notes.append(
-            "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ"
-        )
-    return [note for note in notes if note]
+        notes.append(_REPEATED)
+    return notes
 
 
 def compressed(module: bytes) -> bytes:

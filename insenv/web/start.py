@@ -47,7 +47,7 @@ EXPORTED(begin) int begin(const double *known, double *p, double *x) {
 
 def start_source(page: PageModel, plant: Plant) -> str:
     """C source of the export ``begin(known, p, x)``.  Raises `InputError` for an estimator that cannot be started so."""
-    copies = "\n".join(f"  p[{at}] = told[{source}];" for at, source in told_places(page, plant))
+    copies = "\n".join(f"  p[{at}] = told[{source}];" for at, source in reported_places(page, plant))
     return "\n".join(
         [
             function_source("plant_start", page.plant.kernels["start"].function, "pr"),
@@ -58,7 +58,7 @@ def start_source(page: PageModel, plant: Plant) -> str:
     )
 
 
-def told_places(page: PageModel, plant: Plant) -> list[tuple[int, int]]:
+def reported_places(page: PageModel, plant: Plant) -> list[tuple[int, int]]:
     """Pairs of an element of the page model's parameters and the one of the nine numbers that an estimator copies there.
 
     Found by asking each estimator for its parameters with other knowledge.  Raises `InputError` if one does more than copy.
@@ -114,7 +114,7 @@ def _others(page: PageModel) -> Any:
     return ca.Function("others_start", [p], [ca.densify(rest.assemble(values))], {"cse": True})
 
 
-def known_vector(sigma: Vector, given: Sequence[float | None], drawn: Vector) -> Vector:
+def known_vector(sigma: Vector, errors_stated: Sequence[float | None], drawn: Vector) -> Vector:
     """The argument `known` of ``begin``: normals, sigmas, errors, and whether each error is given (36,)."""
-    errors = [0.0 if value is None else value for value in given]
-    return np.concatenate([drawn, sigma, errors, [float(value is not None) for value in given]])
+    errors = [0.0 if value is None else value for value in errors_stated]
+    return np.concatenate([drawn, sigma, errors, [float(value is not None) for value in errors_stated]])

@@ -36,3 +36,16 @@ def test_several_files_appear_together_or_not_at_all_and_a_folder_is_no_file(tmp
         check_output_file(tmp_path)
     check_output_file(tmp_path / "new")
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
+
+
+def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path):
+    left, mine = tmp_path / ".run.npz.ab12_xyz.part", [tmp_path / name for name in (".notes.part", "x.tlog.part", ".a.b")]
+    for path in (left, *mine):
+        path.write_text("x")
+    with staged(tmp_path) as part, staged(tmp_path) as other:  # one process does not remove what another one writes
+        for name, make in (("b", part), ("c", other)):
+            make(name).write_text(name)
+        with staged(tmp_path) as third:
+            third("d").write_text("d")
+    assert not left.exists() and all(path.exists() for path in mine)
+    assert [(tmp_path / name).read_text() for name in "bcd"] == list("bcd")

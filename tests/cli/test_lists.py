@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from command_line import call, refused, strict
+from command_line import call, strict
 
 from insenv.base import shipped
 from insenv.cli.lists import What
@@ -17,7 +17,6 @@ def test_the_names_fit_a_screen():
     assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(re.split(r"[\s,]+", out))
     assert tuple(name for name in IMU_GRADES if not name.startswith("paper-")) == shipped.IMU_GRADES
     assert tuple(GNSS_GRADES) == shipped.GNSS_GRADES
-    refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")
 
 
 def test_a_wrong_grade_file_is_named(tmp_path, monkeypatch):

@@ -70,8 +70,3 @@ def test_new_overwrites_nothing(folder, kind, there):
     (folder / there).write_text("mine")
     refused(call("new", kind, "mine.toml"), f"'{there}' exists", "no file is overwritten")
     assert contents(folder) == {there: b"mine"}
-
-
-def test_where_no_file_can_be_written():
-    refused(call("new", "log", "gone/mine.toml"), "no folder 'gone'")
-    refused(call("examples", "/dev/null/x"), "/dev/null", "Not a directory")

@@ -1,7 +1,12 @@
 """Options that several commands share."""
 
+import socket
+from pathlib import Path
+
 import pytest
-from command_line import ROOT, call, refused
+from command_line import ROOT, call, refused, strict
+
+from insenv.base.toml import read_toml
 
 PLAIN = ROOT / "examples" / "logs" / "plain.toml"
 
@@ -16,8 +21,56 @@ def test_an_empty_path_is_refused():
         refused(call(*line.split(), ""), "is empty: allowed is a path")
 
 
-@pytest.mark.parametrize("command", [("budget", "ship-swaying"), ("fmu", "export", "ship-swaying", "-o", "x.fmu")])
-def test_a_command_that_runs_one_estimator_refuses_two(command, tmp_path, monkeypatch):
+RUN, STREAM = "run ship-swaying --duration 2", "stream car-city-drive --duration 1 --to"
+WRONG = read_toml(Path(__file__).with_name("wrong_calls.toml"))
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_a_wrong_call_is_one_sentence_with_the_value_and_what_is_allowed(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    refused(call(*command, "-e", "q-method", "-e", "analytic"), "-e q-method -e analytic: allowed is one estimator")
-    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr("insenv.mavlink.Vehicle", lambda *_, **__: pytest.fail("the work was begun"))
+    for name, text in (("file", ""), ("doubled.toml", "seed = 1\nrate_hz = 1.0\nseed = 2\n")):
+        (tmp_path / name).write_text(text)
+    refused(call(*line.replace("PLAIN", str(PLAIN)).split()), *WRONG[line])
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+FULL = {f"{RUN} -o out": "'out'", "examples new": "'new'", "fmu export q-method -o x.fmu": "x.fmu"}
+
+
+@pytest.mark.parametrize("line", [*FULL, f"allan {PLAIN} --grade-out g.toml"])
+def test_a_full_disk_is_status_1_and_names_the_path(line, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("insenv.base.output.os.replace", full)
+    refused(call(*line.split()), FULL.get(line, "g.toml"), "No space left on device", status=1)
+    assert not [each for each in tmp_path.rglob("*") if each.is_file()]
+
+
+def test_a_tcp_link_that_nobody_accepts_is_failed_work():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    status, _, err = call(*STREAM.split(), f"tcpout:127.0.0.1:{port}", "--speed", "0")
+    assert status == 1 and f"nobody accepted a connection at tcpout:127.0.0.1:{port}" in err
+
+
+def test_set_changes_a_key_as_the_file_does(tmp_path):
+    """Of a scenario, of a log and of a stream, and says so; the parameter of an estimator is meant by both its names."""
+
+    def run(*arguments):
+        document = strict(call(*arguments, "--json")[1])
+        return document["results"][0]["rms"], document["notes"]
+
+    car, rest = ("run", "car-city-drive"), ("-e", "loosely-coupled", "--duration", "5")
+    text, file = (ROOT / "scenarios" / "car-city-drive.toml").read_text(), tmp_path / "car-city-drive.toml"
+    file.write_text(text.replace('grade = "tactical"', 'grade = "industrial"').replace("[gnss]", "[gnss]\nvelocity = false"))
+    gate = "loosely-coupled.innovation_gate=4"
+    found, notes = run(*car, *rest, "--set", "imu.grade=industrial", "--set", "gnss.velocity=false", "--set", gate)
+    assert (found, notes[1:]) == run("run", file, *rest, "--set", f"estimator.{gate}") and found != run(*car, *rest)[0]
+    assert notes[0] == 'changed by --set: imu.grade = "industrial", gnss.velocity = false'
+    log = ("replay", PLAIN, "-e", "loosely-coupled")
+    other, notes = run(*log, "--set", "gnss.height_offset_m=0.5")
+    assert notes[0] == "changed by --set: gnss.height_offset_m = 0.5" and other != run(*log)[0]
+    assert call(*STREAM.split(), "udpout:127.0.0.1:14999", "--speed", "0", "--set", "imu.grade=tactical")[0] == 0

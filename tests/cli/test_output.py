@@ -7,10 +7,13 @@ import struct
 import subprocess
 import sys
 from contextlib import suppress
+from threading import Thread
 
 import pytest
+from command_line import ROOT, SHORT, call
 
-from insenv.cli.output import compiling_noticed, print_blocks
+import insenv
+from insenv.cli.output import compiling_noticed, print_blocks, speaking
 from insenv.core.compile import COMPILED, COMPILING, LOG
 from insenv.report.document import Grid
 
@@ -51,3 +54,46 @@ def test_tables_are_not_cut_at_a_narrow_terminal():
     row = next(line for line in lines if line.startswith("heading [deg]"))
     assert running.wait(timeout=60) == 0 and "…" not in row and len(row.split()) >= 6  # no digit is cut off
     assert max(len(line) for line in lines if line.startswith(("final", "time", "note"))) <= 50
+
+
+def test_quiet_and_verbose(capsys):
+    """Nothing but errors, or every step as a line; what is compiled in other threads too."""
+    for level, said in ((-1, []), (0, [COMPILING]), (1, [COMPILING, COMPILED, COMPILING])):
+        with compiling_noticed(), speaking(level):
+            for text in (COMPILING, COMPILED, COMPILING):
+                thread = Thread(target=LOG.info, args=(text,))
+                thread.start()
+                thread.join()
+        assert capsys.readouterr().err.splitlines() == [f"insenv: {text}" for text in said]
+    assert "insenv: ship-swaying: 100 %" in call(*SHORT, "-v")[2].splitlines() and call(*SHORT, "-q")[2] == ""
+
+
+def test_reproduce_says_without_a_terminal_what_is_measured(monkeypatch):
+    monkeypatch.setattr("insenv.reproduce.reproduce", lambda paper: iter([("ecef", []), ("swaying", [])]))
+    assert call("reproduce")[::2] == (0, "insenv: measured ecef\ninsenv: measured swaying\n")
+    assert call("reproduce", "--quiet")[2] == ""
+
+
+def test_former_names_of_options_work_with_a_note(tmp_path):
+    given = ("allan", ROOT / "examples" / "logs" / "plain.toml", "--from", "0", "--to", "25")
+    said = "insenv: note: --grade is now --grade-out; the former name still works\n"
+    assert call(*given, "--grade", tmp_path / "a.toml")[::2] == (0, said)
+    assert call(*given, "--grade-out", tmp_path / "b.toml")[::2] == (0, "")
+    assert (tmp_path / "a.toml").read_text() == (tmp_path / "b.toml").read_text()
+    for out in ("--out", "--output", "-o"):
+        assert call(*SHORT, "-e", "q-method", "--no-figure", out, tmp_path / "x")[0] == 0
+
+
+def test_a_shell_completes_commands_scenarios_and_estimators(monkeypatch):
+    offers = {"insenv re": "replay", "insenv run ship-s": "ship-swaying", "insenv run x -e lo": "loosely-coupled"}
+    monkeypatch.setenv("_INSENV_COMPLETE", "complete_bash")
+    for line, offered in offers.items():
+        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_CWORD", str(line.count(" ")))
+        assert offered in call()[1].split()
+
+
+def test_a_printed_result_is_the_table_of_the_command():
+    texts = str(insenv.run("ship-swaying", duration_s=10.0)), call(*SHORT)[1]
+    shown, printed = (re.sub(r"[0-9.e-]+ us a sample", "", text) for text in texts)
+    assert "heading [deg]" in shown and printed.startswith(shown)

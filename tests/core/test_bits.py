@@ -4,8 +4,6 @@ The interfaces: native code at each level of optimisation, batch, FMU of FMI 2 a
 environment.  `make test` takes the first run of the table, on which every estimator runs, natively; `make test-all` the rest.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any, NamedTuple
 

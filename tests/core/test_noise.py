@@ -1,9 +1,9 @@
-"""Counter-based noise: the published generator, and no number used twice."""
+"""Counter-based noise: the published generator, no number used twice; NumPy's first numbers for many seeds at once."""
 
 import numpy as np
 import pytest
 
-from insenv.core.noise import START_STREAM, philox, uniforms
+from insenv.core.noise import FEW_SEEDS, START_STREAM, first_uniforms, philox, uniforms
 
 ONES = 0xFFFFFFFF
 
@@ -41,3 +41,13 @@ def test_seed_step_stream_and_place_all_matter_and_order_does_not():
     together = uniforms(9, np.arange(100), 1, 5)
     assert np.array_equal(together[37], uniforms(9, 37, 1, 5))
     assert np.array_equal(together[:, :3], uniforms(9, np.arange(100), 1, 3))
+
+
+@pytest.mark.parametrize("number", [0, 1, FEW_SEEDS, FEW_SEEDS + 1, 300])
+def test_they_are_the_numbers_of_numpy(number):
+    edges = [0, 1, 2**32 - 1, 2**32, 2**53, 2**64 - 1]
+    seeds = [*edges, *np.random.default_rng(7).integers(0, 2**53, 294).tolist()][:number]
+    found = first_uniforms(seeds, 5)
+    assert found.shape == (number, 5)
+    for row, seed in zip(found, seeds, strict=True):
+        assert row.tolist() == np.random.default_rng(seed).random(5).tolist()

@@ -199,6 +199,20 @@ def smallest_eigenvalue(id, state):
     return np.linalg.eigvalsh(P / np.outer(D, D)).min()
 
 
+@pytest.mark.parametrize(
+    ("id", "n", "q_nb", "noise", "given"),
+    [
+        ("qakf", 3, [0.6, 0.0, 0.8, 0.0], 1e-3, {}),
+        ("qakf-improved", 3, [0.6, 0.0, 0.8, 0.0], 1e-3, {}),
+        ("ecef-kf", 12, [1.0, 0.0, 0.0, 0.0], 0.0, {"angle_random_walk": 1e-9, "velocity_random_walk": 1e-7}),
+    ],
+)
+def test_a_day_at_rest_keeps_the_covariance_positive_definite(id, n, q_nb, noise, given):
+    runner = at_rest(id, q_nb, 0.5, DAY, dt=1.0, parameters=given, accel_noise=noise)
+    assert np.linalg.eigvalsh(symmetric.full_array(runner.state["covariance"], n)).min() > 0
+    assert np.abs(attitude_error(runner, q_nb)).max() < 1e-4
+
+
 @pytest.mark.parametrize("id", ["loosely-coupled", "aqe-sukf"])
 def test_a_day_keeps_the_covariance_positive_definite(id):
     """One sample per second, a fix every ten, a third of the day with rest instead of fixes; checked every hour."""

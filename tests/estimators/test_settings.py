@@ -4,14 +4,13 @@ import sys
 
 import numpy as np
 import pytest
-from command_line import call, refused
 from places import ROOT
 from simulated_log import simulated_log
 
 from insenv import replay, run
 from insenv.base.errors import InputError
 from insenv.estimators import get
-from insenv.estimators.settings import parsed_settings, setting_rows, tuning
+from insenv.estimators.settings import parsed_changes, setting_rows, tuning
 from insenv.scenario import load
 
 if sys.version_info >= (3, 11):
@@ -65,17 +64,17 @@ def test_settings_of_a_replay_replace_those_of_the_log():
 
 
 def test_set_at_the_command_line():
-    call_of = ("run", "car-city-drive", "--duration", "5", "-e", "loosely-coupled", "--set", "loosely-coupled.innovation_gate=")
-    refused(call(*call_of), "loosely-coupled", "allowed")
-    texts = ["a.b=1.5", "a.list=[1, 2, 3]", "c.file=x/y=z.json"]
-    assert parsed_settings(texts) == {"a": {"b": 1.5, "list": [1, 2, 3]}, "c": {"file": "x/y=z.json"}}
+    texts = ["fusion.b=1.5", "estimator.fusion.list=[1, 2, 3]", "imu.file=x/y=z.json"]
+    assert parsed_changes(texts, ["imu"]) == ({"fusion": {"b": 1.5, "list": [1, 2, 3]}}, {"imu.file": "x/y=z.json"})
 
 
 def test_wrong_settings_in_python_are_all_named_at_once():
     with pytest.raises(InputError, match="settings"):
         run("car-city-drive", duration_s=1.0, settings={"loosely-coupled": 3})
-    with pytest.raises(InputError, match=r"(?s)--set 'foo'.*a.b is given twice"):
-        parsed_settings(["foo", "a.b=1", "a.b=2"])
+    with pytest.raises(InputError, match=r"(?s)--set 'foo'.*fusion.b is given twice"):
+        parsed_changes(["foo", "fusion.b=1", "fusion.b=2"], ())
+    with pytest.raises(InputError, match=r"fusion\.b is given twice"):
+        parsed_changes(["fusion.b=1", "estimator.fusion.b=2"], ())
     with pytest.raises(InputError) as caught:
         setting_rows({"loosely-coupled": {"foo": 1, "innovation_gate": "x"}, "none": {}}, [get("loosely-coupled")])
     for words in ("foo: unknown key", "innovation_gate = 'x'", "'none' is not an estimator of this run"):

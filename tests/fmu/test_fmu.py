@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import io
+import re
 import shutil
 from ctypes import byref
 
@@ -33,11 +34,13 @@ class Slave:
         folder = str(folder or unzipped(id, fmi))
         read = fmpy.read_model_description(folder, validate=False)
         self.references = {
-            kind: [v.valueReference for v in read.modelVariables if v.causality == kind] for kind in ("input", "output")
+            kind: [v.valueReference for v in read.modelVariables if v.causality == kind and v.name != "sample_number"]
+            for kind in ("input", "output")
         }
         self.booleans = {v.valueReference for v in read.modelVariables if v.type == "Boolean"}
         self.widths = {v.valueReference: int(np.prod([int(d.start) for d in v.dimensions])) for v in read.modelVariables}
         self.names = {v.name: v.valueReference for v in read.modelVariables}
+        self.increments = {number for name, number in self.names.items() if re.match(r"delta_(angle|velocity)(\[|$)", name)}
         self.shown = np.concatenate([np.full(row.size, row.name != "time") for row in self.model.outputs])
         token, module = read.guid or read.instantiationToken, read.coSimulation.modelIdentifier
         kind = fmi2.FMU2Slave if fmi == 2 else fmi3.FMU3Slave
@@ -194,6 +197,65 @@ def test_steps_of_another_length_are_refused(slave, fmi):
     plant.no_step(0.0, 1e9, "communication step is", "up to 1e+09 sample intervals")
     plant.fmu.doStep(0.0, 0.05 - 1e-10)  # ten samples
     assert plant.now == pytest.approx(0.05, abs=1e-15)
+
+
+ONCE, BETWEEN, ADDS_UP = "samples count more than once", "The inputs lie between two samples", "dt adds up to"
+IMPORTED = {  # samples a row, offset of the rows (samples), held or interpolated, a further column by row: what is refused
+    "100 Hz": (2, 0, False, "", ONCE),
+    "50 Hz between steps": (4, 0.5, False, "", ONCE),
+    "190 Hz held": (1.05, 0, True, "", ONCE),
+    "every tenth row, dt": (10, 0, False, "", ONCE),
+    "100 Hz, dt": (2, 0, False, "dt", ADDS_UP),
+    "125 Hz, numbered": (1.6, 0, False, "sample_number", BETWEEN),
+    "half a step off, numbered": (1, 0.5, False, "sample_number", BETWEEN),
+    "every second, numbered": (0.5, 0, True, "sample_number", "sample_number = 2 follows 0"),
+}
+
+
+@both
+@pytest.mark.parametrize("case", IMPORTED)
+def test_samples_that_an_importer_repeats_omits_or_interpolates_are_refused(slave, fmi, case):
+    width, offset, held, further, said = IMPORTED[case]
+    one, rows, steps = slave(ALIGNMENT, fmi), rows_for(ALIGNMENT, 1500), np.arange(1400)
+    columns = np.column_stack([rows[:, :6], np.full(1500, width * one.interval) if further == "dt" else np.arange(1500)])
+    place = np.maximum((steps - offset) / width, 0.0)  # of each step among the rows of the log
+    share, first = (0.0 if held else place % 1.0), np.floor(place + 1e-9).astype(int)
+    made = ((1 - share) * columns[first % 1500].T + share * columns[(first + 1) % 1500].T).T
+    with pytest.raises(FMICallException):
+        for k, (*increments, more) in enumerate(made.tolist()):
+            one.set([r for r in one.references["input"] if r in one.increments], increments)
+            if further:
+                one.give(**{further: more})
+            one.step(k)
+    assert said in one.said[-1][2].decode(), one.said
+    assert [message[1] for message in one.said[:-1]] == ([] if further else [b"logStatusWarning"])
+
+
+@both
+def test_right_samples_are_taken_with_and_without_their_numbers(slave, fmi):
+    """Constant ones too, coarsely rounded ones, and any steps of a vehicle if they are numbered."""
+    rows = rows_for(ALIGNMENT, 300)
+    coarse = np.column_stack([np.round(rows[:, :6], 4), rows[:, 6:]])
+    assert (np.diff(coarse[:, :6], axis=0) == 0).all(axis=1).any()
+    for numbered, fed in ((0, rows), (1, rows), (0, rows[[0] * 300]), (0, coarse), (1, rows[np.arange(300) // 10 * 10])):
+        one = slave(ALIGNMENT, fmi)
+        for k, row in enumerate(fed):
+            one.set(one.references["input"], row.tolist())
+            one.give(sample_number=7.0 + k if numbered else -1.0)
+            one.step(k)
+        np.testing.assert_array_equal(one.outputs(), expected(one, fed)[-1])
+
+
+@both
+def test_an_estimator_waits_for_its_first_sample(slave, fmi):
+    """Zeros before it are what a master has not passed on yet; zeros after it, and a numbered zero, are samples."""
+    rows, one, two = rows_for(ALIGNMENT, 40), slave(ALIGNMENT, fmi), slave(ALIGNMENT, fmi)
+    rows[:3, :6] = rows[20, :6] = 0.0
+    begin = one.outputs()
+    np.testing.assert_array_equal(one.run(rows[:3]), [begin] * 3)
+    np.testing.assert_array_equal(one.run(rows[3:], first=3), expected(one, rows[3:]))
+    two.give(sample_number=0)
+    np.testing.assert_array_equal(two.run(rows[:1]), expected(two, rows[:1]))
 
 
 @both

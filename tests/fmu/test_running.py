@@ -41,7 +41,7 @@ def test_the_outputs_are_those_of_the_model(fmi):
     found = run(exported(ID, fmi), COLUMNS, parameters={"latitude": 0.7})
     np.testing.assert_array_equal(found.values, in_process(ID, COLUMNS, {"latitude": 0.7}))
     np.testing.assert_array_equal(found.time, INTERVAL * np.arange(1, 101))
-    assert found.steps == 100 and not found.passed_over and set(found.held) == {"dt"}
+    assert found.steps == 100 and not found.passed_over and set(found.held) == {"dt", "sample_number"}
     seventh = run(exported(ID, fmi), COLUMNS, parameters={"latitude": 0.7}, every=7)
     np.testing.assert_array_equal(seventh.values, found.values[6::7])
     np.testing.assert_array_equal(seventh.time, found.time[6::7])

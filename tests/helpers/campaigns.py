@@ -1,7 +1,5 @@
 """Small campaigns for the tests of them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

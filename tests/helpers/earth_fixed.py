@@ -5,8 +5,6 @@ Error states are vectors in e, estimate minus truth: position (m), velocity (m/s
 and the biases left in rate (rad/s, b) and specific force (m/s^2, b).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Finding operations whose result may differ between machines."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 _EXACT = (

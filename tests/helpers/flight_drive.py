@@ -1,7 +1,5 @@
 """Ten seconds of a simulated car, written as flight logs of each format."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """Small writers of flight logs, by the published formats, for tests of the readers."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

@@ -1,13 +1,10 @@
 """Helpers of the estimator tests: models as NumPy functions, and error states by the filter's own definition."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 
 from insenv import attitude, geodesy
-from insenv.estimators.fusion import history
-from insenv.estimators.fusion.navigation import Navigation, corrected, navigation_corrected
+from insenv.estimators.fusion.navigation import corrected, navigation_corrected
 from insenv.estimators.loosely_coupled import FILTER
 from insenv.estimators.parts import strapdown
 
@@ -15,22 +12,16 @@ MODEL = FILTER.model
 
 
 def _functions():
-    p, x, u = (ca.SX.sym(n, t.size) for n, t in zip("pxu", (MODEL.parameters, MODEL.state, MODEL.inputs), strict=True))
-    named = MODEL.parameters.symbols(p), MODEL.state.symbols(x), MODEL.inputs.symbols(u)
-    error, state = ca.SX.sym("e", 15), named[1]
+    x, error = ca.SX.sym("x", MODEL.state.size), ca.SX.sym("e", 15)
+    state = MODEL.state.symbols(x)
 
     def without_error(take):
         return MODEL.state.assemble({**vars(state), **take(state, error, FILTER.states, FILTER.places)})
 
-    seen = Navigation(state, named[2], FILTER.states, FILTER.places, ca.SX.zeros(15))
-    C_nw = strapdown.C_nw(state.q_ew)
-    H = ca.vertcat(*[ca.densify(scalar.H) for scalar in FILTER.update(FILTER.aids[0], *named)[0].scalars])
     return {
         "fed_back": ca.Function("fed_back", [x, error], [without_error(corrected)]),
         "corrected": ca.Function("corrected", [x, error], [without_error(navigation_corrected)]),
-        "antenna": ca.Function("antenna", [p, x, u], [*seen.point(named[0].antenna_lever_arm, named[2].gnss_age)]),
-        "H": ca.Function("H", [p, x, u], [ca.diagcat(C_nw, C_nw).T @ H]),  # of position and velocity in w
-        "C_nw": ca.Function("C_nw", [x], [C_nw]),
+        "C_nw": ca.Function("C_nw", [x], [strapdown.C_nw(state.q_ew)]),
     }
 
 
@@ -92,22 +83,3 @@ def random_state(rng, latitude=0.6):
         "covariance": np.diag(np.full(15, 1e-2))[np.triu_indices(15)],
     }
     return MODEL.state.pack(values)
-
-
-def with_kept_motion(state, acceleration_w, rate_b):
-    """The state after a second at this acceleration (3, m/s^2, w) and measured rate (3, rad/s, b)."""
-    s = MODEL.state.unpack(state)
-    ages = 0.02 + history.SPACING * np.arange(history.SLOTS)
-    turns = np.array([attitude.numeric.from_rotation_vector(-rate_b * age) for age in ages])
-    return MODEL.state.pack(
-        {
-            "past_time": 0.02,
-            "past_count": 50.0,
-            "past_age": ages - 0.02,
-            "past_way": s["way_w"] - np.outer(ages, s["velocity_w"]) + np.outer(ages**2 / 2, acceleration_w),
-            "past_velocity": s["velocity_w"] - np.outer(ages, acceleration_w),
-            "past_attitude": [attitude.numeric.multiply(s["q_wb"], turn) for turn in turns],
-            "past_rate": np.tile(rate_b, (history.SLOTS, 1)),
-        },
-        base=state,
-    )

@@ -1,7 +1,5 @@
 """What tests run beside insenv: programs and packages of others.  A missing one is a skip, and a failure in `make test-all`."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """A recorded log in text files, written to a folder, changed and loaded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +88,11 @@ class Folder:
     def hold_increments(self, angle: str) -> None:
         """Describe the samples as increments: angles in the unit `angle`, velocities in m/s."""
         self.change(('"rate"', '"increment"'), ('"deg/s"', f'"{angle}"'), ('accel_unit = "g"', 'accel_unit = "m/s"'))
+
+    def fixes_in(self, file: str, offset_s: float, more: str = "") -> None:
+        """Describe the fixes as those of a file whose format sets the keys, by an offset of its clock; more: further lines."""
+        before = self.toml[: self.toml.index("[gnss]")]
+        self.toml = f'{before}[gnss]\nfile = "{file}"\nlever_arm_m = [0, 0, 0]\ntime_offset_s = {offset_s}\n{more}'
 
     def fixes_in_the_imu_file(self, more: str = "") -> None:
         """Describe the fixes as columns lat, lon and h of the samples."""

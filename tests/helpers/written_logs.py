@@ -1,7 +1,5 @@
 """A simulated drive as the text files of a recorded log, described truly or not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -20,6 +20,19 @@ def test_files_with_other_rows_are_joined_by_time(folder):
     assert any(f"imu: joined by time: {N - 1} rows have the same time" in note for note in log.notes)
 
 
+def test_columns_of_the_same_name_are_named_with_their_file(folder):
+    whole, rows = folder.load(), imu_rows()
+    for name, columns in (("gyro", [0, 1, 2, 3]), ("accel", [0, 4, 5, 6])):
+        (folder.path / name).mkdir()
+        folder.write(f"{name}/1.csv", as_text(rows[:, columns], "t,x,y,z"))
+    folder.change(('"imu.csv"', '["gyro/1.csv", "accel/1.csv"]'), ('"gx", "gy", "gz"', '"x", "y", "z"'))
+    folder.error("imu: several files have the column 'x': allowed is a name with its file, 'gyro/1.csv:x' or 'accel/1.csv:x'")
+    for name, old in (("gyro", '"x", "y", "z"'), ("accel", '"ax", "ay", "az"')):
+        folder.change((old, ", ".join(f'"{name}/1.csv:{axis}"' for axis in "xyz")))
+    np.testing.assert_array_equal(folder.load().delta_velocity, whole.delta_velocity)
+    np.testing.assert_array_equal(folder.load().delta_angle, whole.delta_angle)
+
+
 def test_rates_at_other_times_are_interpolated(folder):
     """An accelerometer of 200 Hz beside a gyro of 50 Hz; over its gap nothing is interpolated."""
     t = 10.0013 + np.arange(0, 8 * N) / 400
@@ -48,5 +61,7 @@ def test_rows_kept_and_joined_and_the_window(folder):
     folder.change(('title = "test"', 'title = "test"\nstart_s = 11.0\nstop_s = 11.8'))
     log = folder.load()
     assert log.imu_time[0] >= 11.0 and log.imu_time[-1] <= 11.8 and log.gnss.time.size == 1
+    folder.write("std.csv", "t,sn,se,sd,ok\n-1,9,9,9,0\n11.5,2,1,1,2\n-1,9,9,9,0\n12.0,3,1,1,1\n")  # -1: no fix
+    np.testing.assert_array_equal(folder.load().gnss.position_sigma[:, 0], [2])
     folder.write("std.csv", "t,sn,se,sd\n10.5,1,1,1\n11.6,1,1,1\n12.1,1,1,1\n")
-    folder.error("only 1 rows have the same time")
+    folder.error("only 0 rows have the same time")

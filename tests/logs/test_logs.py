@@ -83,6 +83,17 @@ def test_notes_on_a_sensor_upside_down_and_on_wrong_units(folder):
     assert "expected about 9.8" in folder.load().notes[0]
 
 
+@pytest.mark.parametrize("epoch", [0.0, 1.7e9])
+def test_start_s_at_the_first_sample_leaves_nothing_out(folder, epoch):
+    """Or rounded to behind it: the state in [initial] is then that of the beginning."""
+    folder.change(*[(f"[{name}]", f"[{name}]\ntime_offset_s = {epoch}") for name in ("imu", "gnss")])
+    described = folder.toml
+    for start, count, kept in ((10.02, N, None), (10.025, N - 1, None), (10.05, N - 2, epoch + 10.05)):
+        folder.toml = f"start_s = {epoch + start!r}\n{described}"
+        log = folder.load()
+        assert (len(log.imu_time), log.description.start_s) == (count, kept)
+
+
 def test_kf_gins_files(folder):
     folder.write("imu.txt", as_text(increments(imu_rows()), sep="  "))
     r = gnss_rows()

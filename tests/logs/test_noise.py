@@ -57,7 +57,7 @@ def still_car(grade):
 )
 def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
     log = simulated_log(still_car(grade), duration_s=25.0, initial={"static_until_s": 25.0})
-    assert log.assumed is not None and f"class {assumed!r}" in log.assumed.sentence
+    assert log.assumed is not None and f"class {assumed!r}" in log.assumed.remark
     own, taken = imu_grade(grade).parameters(), log.sensors(in_place=True)
     for name in ("gyro_bias_sigma", "accel_bias_sigma"):
         assert getattr(taken, name) >= np.max(own[name]), name

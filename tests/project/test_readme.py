@@ -2,6 +2,7 @@
 
 What stands below a command must be printed by it, in this order; ``...`` stands for any lines.  Each block runs in a folder of
 its own with links to examples and scenarios.  ``<!-- not run: reason -->`` on the line before a block leaves it out.
+At the end: the links of README.md.
 """
 
 import os
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 import pytest
 from places import ROOT
+from readme_links import ReadmeLinks, absolute
 
 FIRST = ("README.md", "docs/cli.md", "docs/api.md", "docs/scenarios.md")
 AS_INSTALLED = ("README.md", "docs/cli.md")  # with the packages that README.md installs alone
@@ -172,3 +174,25 @@ def test_what_is_not_printed_is_found():
     printed = "q-method, 0.2 us a sample\nroll   1.0   \npitch 3\nheading 2\n"
     assert missing(["q-method, 9 us a sample", "roll   1.0", "...", "heading 2"], printed) == []
     assert missing(["heading 2", "roll   1.0"], printed) == ["roll   1.0"]
+
+
+SOURCE = "https://example.org/someone/insenv"
+TARGET = re.compile(r"\]\(([^)\s]+)\)")
+README = (ROOT / "README.md").read_text("utf-8")
+
+
+def test_what_the_readme_links_to_exists():
+    local = [target.partition("#")[0] for target in TARGET.findall(README) if not target.startswith("http")]
+    assert local and [target for target in local if not (ROOT / target).exists()] == []
+
+
+def test_links_and_images_become_absolute_where_an_address_is_declared():
+    text = "![a ship](docs/ship.png) [page](docs/a.md#part) [there](https://x.org) [here](#part)"
+    raw, blob = f"{SOURCE}/raw/v1.0", f"{SOURCE}/blob/v1.0"
+    expected = f"![a ship]({raw}/docs/ship.png) [page]({blob}/docs/a.md#part) [there](https://x.org) [here](#part)"
+    assert absolute(text, SOURCE + "/", "v1.0") == expected
+    metadata = {"version": "1.2.3", "urls": {"Source": SOURCE}}
+    ReadmeLinks(str(ROOT), {}).update(metadata)
+    shown = metadata["readme"]["text"]
+    assert all(target.startswith(("https://", "http://", "#")) for target in TARGET.findall(shown))
+    assert f"]({SOURCE}/raw/v1.2.3/docs/figures/ship-swaying.png)" in shown

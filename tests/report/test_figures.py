@@ -43,6 +43,13 @@ def test_a_figure_shades_its_outages():
     assert {(patch.get_x(), patch.get_x() + patch.get_width()) for patch in patches} == {(60.0, 100.0)} and len(patches) > 9
 
 
+def test_times_that_count_from_a_date_are_drawn_from_the_first_on():
+    made = replace(result(), time=TIME + 1.7e9 + 0.25, from_s=1.7e9 + 20.0)
+    figure = draw(report(made, seed=None, truth=replace(track(), time=made.time)))
+    assert "count from 1700000000 s of the log" in figure.get_suptitle()
+    assert {axes.get_xlim()[1] for axes in figure.axes if axes.get_xlabel() == "time [s]"} == {TIME[-1] + 0.25}
+
+
 HEALTHY = replace(of_health(), sigma={}, limit={}, limit_sigma={})
 
 

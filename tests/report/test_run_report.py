@@ -7,11 +7,12 @@ import pytest
 from made_up_reports import PLACE, TIME, of_health, report, result
 
 from insenv.base.errors import InputError, InsenvError
+from insenv.base.remarks import coded
 from insenv.evaluation.errors import ATTITUDE
 
 
 def test_html_is_escaped_and_holds_the_figure():
-    made = report(of_health(ratio=3.0), result("mine", errors={}), notes=("a < b",))
+    made = report(of_health(ratio=3.0), result("mine", errors={}), notes=coded(["a < b"], "note"))
     text = made._repr_html_()
     assert "a &lt; b" in text
     assert 'src="data:image/png;base64,' in text

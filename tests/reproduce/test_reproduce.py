@@ -7,8 +7,7 @@ import pytest
 import reproduced
 from command_line import call
 
-from insenv.estimators import inertial_fir
-from insenv.reproduce import PAPERS, Quantity, conditions, ecef, figure, reproduce, swaying, table_2
+from insenv.reproduce import PAPERS, Quantity, conditions, ecef, figure, reproduce, table_2
 from insenv.reproduce.unit_limits import mean_limit
 
 UNIT = 10.0 ** (1 - reproduced.DIGITS)
@@ -33,14 +32,6 @@ def test_the_command_prints_conditions_and_notes(monkeypatch):
     assert json.loads(call("reproduce", "ecef", "--json")[1]) == [row.as_json()]
 
 
-def test_the_attenuation_is_that_of_the_design():
-    frequency = np.array([inertial_fir.PASS_HZ, inertial_fir.STOP_HZ, 0.5, 2.0, 4.9])
-    gain = swaying.attenuation(frequency)
-    assert abs(gain[0] - 1) < 0.01
-    assert np.all(20 * np.log10(gain[1:]) < -inertial_fir.STOP_DB + 0.1)
-    assert swaying.attenuation(np.zeros(1))[0] == pytest.approx(1.0, abs=1e-14)
-
-
 def test_the_mean_of_a_magnitude_is_below_its_root_mean_square():
     """Of constant sigma, errors that do not change with time: sqrt(2 / pi) of it; a large bias is its own mean."""
     assert mean_limit(np.full(5, 0.3), np.zeros(2)) == pytest.approx(0.3 * np.sqrt(2 / np.pi))
@@ -51,7 +42,7 @@ def test_the_mean_of_a_magnitude_is_below_its_root_mean_square():
 
 def test_the_responses_of_free_inertial_navigation_are_those_of_theory():
     """After 5 min of straight flight: v t, g e t^3 / 6 with Schuler's factor, b t^2 / 2; fits are never worse than no error."""
-    own, each = table_2.responses(table_2.OWN)
+    own, each = table_2.responses(table_2.CORRECTED)
     assert np.linalg.norm(own, axis=1).max() < 0.01
     time, g = 300.0, 9.8
     schuler = np.sqrt(g / 6.39e6)
@@ -61,7 +52,7 @@ def test_the_responses_of_free_inertial_navigation_are_those_of_theory():
     assert np.linalg.norm(gyro) == pytest.approx(drift, rel=0.05)
     assert np.linalg.norm(accel) == pytest.approx(9.80665e-6 * (1 - np.cos(schuler * time)) / schuler**2, rel=0.02)
     nothing = np.sqrt(np.mean(np.sum(table_2.ENU**2, axis=1)))
-    assert all(table_2.fit(reading, table_2.OWN).misfit < nothing for reading in table_2.READINGS)
+    assert all(table_2.fit(reading, table_2.CORRECTED).misfit < nothing for reading in table_2.READINGS)
     assert np.allclose(np.linalg.norm(table_2.ENU, axis=1), table_2.DISTANCE, atol=0.06)  # the table agrees with itself
 
 

@@ -1,8 +1,9 @@
-"""What a log without fixes says of its latitude: gyros at rest contradict a wrong one."""
+"""What a log without fixes says of its latitude, which gyros at rest contradict, and of a rest that it does not state."""
 
 from dataclasses import replace
 
 import pytest
+from changed_scenario import changed
 
 import insenv
 from insenv.logs import load
@@ -18,11 +19,13 @@ def said(log, estimator="q-method"):
     return [note for note in (*report.notes, *report.results[0].notes) if "latitude" in note]
 
 
+def read(log, folder):  # as a file, of which reading finds the time at rest
+    return load(next(file for file in insenv.write(log, folder, ["log"]) if file.suffix == ".toml"))
+
+
 @pytest.fixture(scope="module")
 def parked(tmp_path_factory):
-    """As a file, of which reading finds the time at rest."""
-    files = insenv.write(insenv.record("car-parked", duration_s=60.0), tmp_path_factory.mktemp("log"), ["log"])
-    return load(next(file for file in files if file.suffix == ".toml"))
+    return read(insenv.record("car-parked", duration_s=60.0), tmp_path_factory.mktemp("log"))
 
 
 def test_gyros_at_rest_show_the_latitude(parked):
@@ -37,3 +40,25 @@ def test_an_alignment_by_a_log_without_fixes_names_the_latitude():
     (note, *_) = insenv.replay(told(log, -54.2), "velocity-integration").results[0].notes
     assert note.startswith("nothing in the log shows whether the vehicle is at latitude 54.2 deg S")
     assert note.code == "latitude-unseen"
+
+
+def replayed(log, in_place, kind="car"):
+    description = log.description.model_copy(update={"in_place": in_place, "vehicle_kind": kind})
+    return insenv.replay(replace(log, description=description), "fusion", start="stated").results[0]
+
+
+def lost(result):
+    return [note for note in result.notes if "zero velocity is all that" in note]
+
+
+def test_rest_that_is_not_told_and_no_longer_found_is_noted(tmp_path):
+    scenario = changed("car-parked", rate_hz=100.0, imu={"grade": "industrial"})
+    parked = read(insenv.record(scenario, seed=10001, duration_s=120.0), tmp_path)
+    found = replayed(parked, None)
+    assert abs(found.errors["vn_mps"][-1]) > 1.0
+    (note,) = lost(found)
+    assert note.endswith("If it is parked, say so: in_place = true, and vehicle_kind = 'car' or 'aircraft'")
+    for kind in ("car", ""):
+        told = replayed(parked, True, kind=kind)
+        assert not lost(told) and abs(told.errors["vn_mps"][-1]) < 0.5
+    assert not lost(replayed(parked, False))

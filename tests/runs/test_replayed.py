@@ -12,6 +12,7 @@ from simulated_log import simulated_log
 from insenv import attitude, replay
 from insenv.base.errors import InsenvError
 from insenv.logs import load as load_log
+from insenv.logs.outages import withheld
 from insenv.scenario import load as scenario_of
 
 
@@ -48,7 +49,7 @@ def test_an_alignment_runs_on_a_log_without_a_reference():
 @pytest.mark.parametrize(
     ("changes", "id", "start", "message"),
     [
-        ({}, "loosely-coupled", "coarse", "heading from motion: the fixes do not show it"),
+        ({}, "loosely-coupled", "coarse", "heading at the start: no instrument shows it"),
         ({}, "loosely-coupled", "reference", "must give position, velocity and attitude"),
         ({"gnss": False}, "loosely-coupled", "coarse", "needs GNSS"),
         ({"gnss": False}, "q-method", "coarse", "needs the place"),
@@ -62,9 +63,21 @@ def test_the_error_names_what_a_log_lacks_to_start_an_estimator(changes, id, sta
 def test_an_estimator_that_the_log_is_not_for_does_not_stop_the_others():
     report = replay(log := parked(), ["loosely-coupled", "q-method"])
     assert [result.estimator for result in report.results] == ["q-method"]
-    assert report.notes[0].startswith("loosely-coupled is left out: heading from")
+    assert report.notes[0].startswith("loosely-coupled is left out: heading at the start")
     with pytest.raises(InsenvError, match=r"(?s)loosely-coupled is left out.*wander-sins is left out"):
         replay(log, ["loosely-coupled", "wander-sins"])
+
+
+def test_withheld_fixes_judge_what_ran_without_them():
+    log = load_log(ROOT / "examples" / "logs" / "plain.toml")
+    report = replay(log, ["loosely-coupled", "smoother", "q-method"], outages=["60:80"])
+    assert any("q-method is left out" in note for note in report.notes)
+    without = replay(withheld(log, ["60:80"], 0.0)[0], "loosely-coupled").results[0].outputs
+    assert all(np.array_equal(report.results[0].outputs[name], values) for name, values in without.items())
+    for each in report.results:  # fixes of 0.6 and 0.9 m
+        (one,) = each.outages.each
+        of_truth = np.stack([np.interp(one.time, each.time, each.errors[name]) for name in ("north_m", "east_m", "down_m")], -1)
+        assert len(one.time) == 20 and np.abs((one.error - of_truth) / [0.6, 0.6, 0.9]).max() < 4.0
 
 
 def test_a_diverging_estimator_is_told_with_its_time():

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from insenv.sensors import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade
-from insenv.sensors.gnss import GNSS_PARAMETERS
+from insenv.sensors import GNSS_GRADES, IMU_GRADES, imu_grade
+from insenv.sensors.gnss import GNSS_PARAMETERS, GnssSection
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 
@@ -16,8 +16,8 @@ def test_every_grade_fits_the_tables_and_every_figure_has_a_source() -> None:
             assert grade.source(figure), (grade.name, figure)
         assert set(grade.sources) <= {"", *grade.figures(), "gyro_instability_time_s", "accel_instability_time_s"}
     for receiver in GNSS_GRADES.values():
-        GNSS_PARAMETERS.pack(receiver.parameters())
-        assert receiver.source or receiver.name == "perfect"
+        GNSS_PARAMETERS.pack(GnssSection(grade=receiver.name).error_rows())
+        assert all(receiver.source(figure) for figure in receiver.figures)
 
 
 def test_grades_in_si() -> None:
@@ -30,4 +30,4 @@ def test_grades_in_si() -> None:
     leador = imu_grade("leador").parameters()
     assert leador["accel_instability_sigma"] == pytest.approx(15e-5) and leador["velocity_random_walk"] == pytest.approx(5e-4)
     assert imu_grade("navigation").parameters()["velocity_random_walk"] == pytest.approx(20 * 9.80665e-6)
-    assert gnss_grade("centimetre").parameters()["gnss_position_noise"].tolist() == [0.01, 0.01, 0.02]
+    assert GnssSection(grade="centimetre").error_rows()["gnss_position_noise"].tolist() == [0.01, 0.01, 0.02]

@@ -1,19 +1,19 @@
-"""The inertial unit: each error against its stated parameter."""
+"""The inertial unit: each error against its stated parameter, and the errors that take it back to the truth."""
 
 import math
+from typing import Any
 
+import allantools
 import numpy as np
 import pytest
-from exactness import inexact_operations
 from scipy.spatial.transform import Rotation
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 from sensor_plant import CHANCE, assert_gauss_markov, assert_mean, assert_variance, plant, simulate, starts
 
+from insenv.core.runner import make_runner
 from insenv.sensors import imu_grade
-
-
-def test_operations_are_exact() -> None:
-    assert not any(inexact_operations(function) for function in plant().functions.values())
+from insenv.sensors.imu import true_unit_errors
+from insenv.sensors.imu_tables import FLICKER_PARTS, FLICKER_SIGMA, FLICKER_TIMES
 
 
 def test_the_output_of_a_perfect_imu_is_the_truth_to_the_last_bit() -> None:
@@ -146,3 +146,76 @@ def test_dropped_samples_are_marked_and_empty() -> None:
     assert low <= lost.sum() <= high
     assert not out["delta_angle"][lost].any() and not out["delta_velocity"][lost].any()
     assert (out["delta_angle"][~lost] == [1e-3, 2e-3, 3e-3]).all()
+
+
+def test_what_is_taken_out_of_the_increments_leaves_the_truth():
+    """Every error of a unit that is turned in the body, warms up and has no noise."""
+    rows = {"q_bs": (0.5, 0.5, -0.5, 0.5), "mounting_error": (0.01, -0.02, 0.03), "imu_temperature_initial": 310.0, "seed": 5}
+    for name, size in (("gyro", 1e-3), ("accel", 1e-1)):
+        rows |= {f"{name}_{row}": size for row in ("bias", "bias_sigma", "temperature_slope")}
+        rows |= {f"{name}_scale_factor_slope": 1e-4}
+        rows |= {f"{name}_{row}": 0.02 for row in ("scale_factor", "scale_factor_sigma", "misalignment_sigma")}
+    model = plant()
+    runner = make_runner(model, rows | {"gnss_interval": 1e9})
+    true = np.array([0.02, -0.03, 0.01]), np.array([0.05, 0.01, -0.04])
+    inputs = {f"set_{name}": value for name, value in zip(("true_delta_angle", "true_delta_velocity"), true, strict=True)}
+    shown = model.outputs.unpack(runner.run(3, np.tile(model.inputs.pack(inputs), (3, 1))))
+    parameters = model.parameters.unpack(runner.p)
+    found = true_unit_errors(runner.state, parameters)
+    assert abs(runner.state["imu_temperature"] - parameters["imu_temperature_reference"]) > 1.0
+    for triad, row, exact in (("gyro", "delta_angle", true[0]), ("accel", "delta_velocity", true[1])):
+        unbiased = shown[row][-1] - found[f"{triad}_bias"] * parameters["sample_interval"]
+        kept = np.eye(3) - np.diag(found[f"{triad}_scale"])  # I - S - M
+        kept[~np.eye(3, dtype=bool)] -= found[f"{triad}_misalignment"]
+        assert kept @ unbiased == pytest.approx(exact, rel=1e-12)
+        assert np.abs(found[f"{triad}_misalignment"]).min() > 1e-3
+
+
+def test_g_sensitivity_is_in_body_axes():
+    """The unit's first axis is the second of the body."""
+    quarter = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+    rows = {"q_bs": quarter, "gyro_g_sensitivity": np.diag([1e-4, 2e-4, 3e-4]), "gnss_interval": 1e9}
+    runner = make_runner(plant(), rows)
+    found = true_unit_errors(runner.state, plant().parameters.unpack(runner.p))["gyro_g_sensitivity"]
+    assert found == pytest.approx([2e-4, 1e-4, 3e-4])
+
+
+def allan_of_the_processes(time: Any) -> Any:
+    """Allan deviation of the sum of Gauss-Markov processes of floor 1, in closed form."""
+    total = 0.0
+    for T in FLICKER_TIMES:
+        u = time / T
+        total = total + 2 * FLICKER_SIGMA**2 / u * (1 - (3 - 4 * np.exp(-u) + np.exp(-2 * u)) / (2 * u))
+    return np.sqrt(total)
+
+
+def test_it_has_the_floor_that_is_asked_for() -> None:
+    """The Allan deviation of 3 axes of both triads; the processes are nearly flat from ten seconds to half a day."""
+    flat = allan_of_the_processes(np.logspace(1, np.log10(5e4), 200))
+    assert 0.92 < flat.min() < flat.max() < 1.01
+    floor = {"gyro_flicker": (1e-7, 2e-7, 4e-7), "accel_flicker": (1e-4, 2e-4, 5e-5)}
+    n, seeds, times = 20_000, 2, np.array([10, 30, 100, 300])
+    ratios = []
+    for seed in range(seeds):
+        out = simulate(n, {"sample_interval": 1.0, "drift_interval": 1.0, "seed": seed, **floor})
+        for output, name in (("delta_angle", "gyro_flicker"), ("delta_velocity", "accel_flicker")):
+            for rate, size in zip(out[output].T, floor[name], strict=True):
+                ratios.append(allantools.oadev(rate, 1.0, "freq", times)[1] / size)
+    mean = np.sqrt(np.mean(np.square(ratios), axis=0))
+    # 6 axes a seed of n / (2 time) independent differences each
+    bound = 5.0 / np.sqrt(6 * seeds * n / times)
+    assert (np.abs(mean / allan_of_the_processes(times) - 1.0) < bound + 0.01).all(), mean
+    assert (np.abs(mean - 1.0) < 0.1).all(), mean
+
+
+def test_it_is_stationary_from_the_first_sample_on() -> None:
+    """Over many units: the variance of the bias after the first sample and after half a minute is the same."""
+    units, floor = 200, np.array([1e-7, 2e-7, 3e-7])
+    biases = []
+    for seed in range(units):
+        out = simulate(30, {"sample_interval": 1.0, "drift_interval": 1.0, "seed": seed, "gyro_flicker": floor})
+        biases.append(out["gyro_bias_true"][[0, 1, 29]] / floor)
+    variance = np.mean(np.square(biases), axis=(0, 2))
+    expected = FLICKER_PARTS * FLICKER_SIGMA**2
+    low, high = chi2.ppf([CHANCE, 1 - CHANCE], 3 * units) / (3 * units)
+    assert (low * expected < variance).all() and (variance < high * expected).all()

@@ -269,7 +269,7 @@ def test_the_command(tmp_path, monkeypatch):
     Path("rest.toml").write_text(log, encoding="utf-8")
     rows = np.column_stack([np.arange(1, 2001) / 50.0, unit_rates(np.random.default_rng(2), 2000, rate=50.0)])
     np.savetxt("rest.csv", rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="", fmt="%.9g")
-    status, out, _ = call("allan", "rest.toml", "--grade", "unit.toml", "--out", "out")
+    status, out, _ = call("allan", "rest.toml", "--grade-out", "unit.toml", "--out", "out")
     assert status == 0 and "only the noise is measured; all else is assumed" in out
     assert {path.name for path in Path("out").iterdir()} == {"allan.json", "unit.toml", "allan.png", "allan.svg"}
     found = strict(Path("out/allan.json").read_text("utf-8"))
@@ -280,7 +280,7 @@ def test_the_command(tmp_path, monkeypatch):
     assert low < np.degrees(1e-4) * 60.0 < high
     Path("rest.toml").write_text(log + 'grade = "unit.toml"\n', encoding="utf-8")
     assert insenv.logs.load("rest.toml").sensors(in_place=True).angle_random_walk == pytest.approx(1e-4, rel=0.1)
-    refused(call("allan", "rest.toml", "--grade", "unit.txt"), "unit.txt", "ends in .toml")
+    refused(call("allan", "rest.toml", "--grade-out", "unit.txt"), "unit.txt", "ends in .toml")
     refused(call("allan", "ship-swaying"), "a scenario, not a recorded log")
 
 

@@ -162,10 +162,10 @@ def test_the_command_keeps_a_tuning_that_no_other_betters(tmp_path):
     """No noise of q-method changes its estimate: whatever the search ends at, the result is to be left."""
     given = ("tune", "ship-swaying", "-e", "q-method", "--evaluations", "8", "-n", "2", "--held-out", "4", "--duration", "10")
     status, out, err = call(*given, "--out", tmp_path / "out")
-    assert (status, err) == (0, "") and "keep the present tuning" in out and "sought on seeds 1 to 2" in out
+    assert (status, err) == (0, "") and "keep the present tuning" in out and "tuned on seeds 1 to 2" in out
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {"tuning.html", "tuning.json", "tuning.png", "tuning.svg", "tuning.toml"}
-    assert "no better than by chance" in (tmp_path / "out" / "tuning.toml").read_text("utf-8")
+    assert "not significantly better on held-out data" in (tmp_path / "out" / "tuning.toml").read_text("utf-8")
     status, out, _ = call(*given, "--json")
     document = strict(out)
     assert status == 0 and document["better"] is False

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browser import LAPTOP, PHONE
+from changed_scenario import changed
 from live_pages import CAR, SHIP, live_page, page_file
 from selenium.webdriver import ActionChains, Keys
 from selenium.webdriver.common.by import By
@@ -63,12 +64,6 @@ def printed(report, limit=True):
     return [[number(value) for value in values.values()] for result in results for _, values in error_rows(result)]
 
 
-def changed(name, **imu):
-    """The values of a scenario with other keys of its inertial unit."""
-    values = insenv.load(name).model_dump(mode="json", exclude_unset=True)
-    return {**values, "imu": {**values["imu"], **imu}}
-
-
 def test_run_to_the_end_shows_the_numbers_of_insenv_run_also_after_changes_and_by_a_link(browser):
     path, (name, estimators, duration) = page_file(*SHIP), SHIP
     ready(browser, path)
@@ -80,7 +75,7 @@ def test_run_to_the_end_shows_the_numbers_of_insenv_run_also_after_changes_and_b
     typed(browser, "seed", "7")
     choose(browser, "control-imu.grade", "navigation")
     fast(browser)
-    report = insenv.run(changed(name, grade="navigation"), estimators, seed=7, duration_s=duration)
+    report = insenv.run(changed(name, imu={"grade": "navigation"}), estimators, seed=7, duration_s=duration)
     assert figures(browser) == printed(report, limit=False)
     browser.open(path, fragment=browser.until("location.hash.includes('seed=7') && location.hash"))
     fast(browser)
@@ -93,8 +88,8 @@ def test_another_grade_alone_has_the_notes_of_insenv_run(browser):
     name, estimators, duration = CAR
 
     def said(**imu):
-        found = insenv.run(changed(name, **imu), estimators, duration_s=duration).results
-        of_errors = ("the filter is", "the errors are larger", "refused fixes agreed")  # which stand below the table at the end
+        found = insenv.run(changed(name, imu=imu), estimators, duration_s=duration).results
+        of_errors = ("the filter is", "the errors are larger", "position and velocity")  # below the table at the end
         return [f"{one.estimator}: {note}" for one in found for note in one.notes if not note.startswith(of_errors)]
 
     ready(browser, page_file(*CAR))

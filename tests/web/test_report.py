@@ -12,7 +12,7 @@ from selenium.webdriver.common.by import By
 
 import insenv
 from insenv.report.of_run import in_a_turn, run_page
-from insenv.report.page.report import BYTES, Pool, html, kept_records, page_json
+from insenv.report.page.report import BYTES, Pool, html, page_json, shown_records
 from insenv.report.tables import error_rows, number
 
 DURATION = 60.0
@@ -66,10 +66,10 @@ def test_figures_are_those_of_the_table_with_a_sentence_for_each_aid(driven):
 
 def test_kept_records_end_with_the_last_and_fit_and_the_same_array_is_kept_once():
     for records, arrays in ((1, 1), (3000, 40), (30_000, 120), (299, 10_000)):
-        keep = kept_records(records, arrays)
+        keep = shown_records(records, arrays)
         assert keep[-1] == records - 1 and len(set(np.diff(keep))) <= 1
         assert len(keep) * arrays * 16 / 3 <= BYTES or len(keep) <= 200
-    assert len(kept_records(0, 5)) == 0
+    assert len(shown_records(0, 5)) == 0
     pool = Pool()
     assert pool.add([1.0, 2.0]) == pool.add(np.array([1.0, 2.0])) == 0 and pool.add([2.0]) == 1
 

@@ -129,7 +129,7 @@ class Aid:
         return {row.name: getattr(x, row.name) for row in self.reported}
 
     @property
-    def kept(self) -> Table:
+    def state_rows(self) -> Table:
         """State rows: those of `reported`, the ages and counts of the gate, and its own."""
         flag = () if self.flag else (Row(self.due_row, f"1 when {self.title} measures at this sample"),)
         agreed = Row(self.row("agreed"), "Those of them, the last ones, that agree with each other", "1")

@@ -28,8 +28,8 @@ def _instruments() -> tuple[Instrument, ...]:
 
 @cache
 def _states(instruments: tuple[Instrument, ...]) -> Mapping[str, ErrorState]:
-    own = (*inertial.STATES, *gnss.STATES, *(state for instrument in instruments for state in states_of(instrument)))
-    return {state.name: state for state in own}
+    states = (*inertial.STATES, *gnss.STATES, *(state for instrument in instruments for state in states_of(instrument)))
+    return {state.name: state for state in states}
 
 
 @cache
@@ -68,14 +68,14 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
         raise InputError(f"fusion {id!r}: aids = []: allowed is at least one of {', '.join(known_aids)}")
     names, ids = {state.name for state in chosen}, {aid.id for aid in used}
     for state in chosen:
-        owners = [aid for aid, own in states_by_aid().items() if state in own]
+        owners = [aid for aid, shown in states_by_aid().items() if state in shown]
         if owners and not ids & set(owners):
             raise InputError(f"fusion {id!r}: nothing shows the state {state.name!r} without the aid {' or '.join(owners)}")
     biases = tuple(known[name] for name in ALWAYS if name not in names)
     used = tuple(gnss.WANDER_ESTIMATED if aid is gnss.WHITE and gnss.WANDER.name in names else aid for aid in used)
     every = (*biases, *chosen)
-    own = tuple(state for state in every if state not in known.values())
-    every = (*(state for state in known.values() if state in every), *own)
+    outside = tuple(state for state in every if state not in known.values())
+    every = (*(state for state in known.values() if state in every), *outside)
     count = 9 + sum(state.size for state in every)
     named = "".join(f", {state.name}" for state in every if state.name not in ALWAYS)
     made = f"{count} states: navigation, biases{named}; aids: {', '.join(aid.id for aid in used)}"

@@ -42,7 +42,7 @@ from insenv.estimators.parts.kalman import Update, decay, driven_variance, propa
 
 NAVIGATION = 9
 """Number of errors of position, velocity and attitude, which come first."""
-OWN = Table((
+FILTER_ROWS = Table((
     Row("covariance_interval", "Longest interval between covariance propagations", "s", start=0.05, lower=0, upper=1),
 ))  # fmt: skip
 SINCE_PROPAGATION = Table((
@@ -62,8 +62,8 @@ class Composition:
     """A filter of `states` and `aids`.
 
     id, title: of its model.  states: gyro_bias and accel_bias first, which every filter has.  aids: in the order in which they
-    are used at a sample.  kept: a flag row among its parameters: where it is 1, feedback leaves the covariance as it is, which
-    is the conventional filter of small angles; None: the covariance turns with the platform.
+    are used at a sample.  covariance_held: a flag row among its parameters: where it is 1, feedback leaves
+    the covariance as it is, which is the conventional filter of small angles; None: the covariance turns with the platform.
     Raises `InputError` for a state or an aid that is given twice.
     """
 
@@ -71,7 +71,7 @@ class Composition:
     title: str
     states: tuple[ErrorState, ...]
     aids: tuple[Aid, ...]
-    kept: Row | None = None
+    covariance_held: Row | None = None
 
     def __post_init__(self) -> None:
         for kind, names in (("state", [s.name for s in self.states]), ("aid", [a.id for a in self.aids])):
@@ -84,11 +84,11 @@ class Composition:
     @cached_property
     def places(self) -> dict[str, slice]:
         """The slice of each error state in the error (n), by name."""
-        found, begin = {}, NAVIGATION
+        places, begin = {}, NAVIGATION
         for state in self.states:
-            found[state.name] = slice(begin, begin + state.size)
+            places[state.name] = slice(begin, begin + state.size)
             begin += state.size
-        return found
+        return places
 
     @cached_property
     def n(self) -> int:
@@ -98,13 +98,13 @@ class Composition:
     @cached_property
     def entering(self) -> dict[str, tuple[bool, bool]]:
         """By name of the states that correct increments: whether they change the angle, and the velocity."""
-        found = {}
+        enters = {}
         for state in self.states:
             if state.increments is not None:
                 u = Values(delta_angle=ca.SX.sym("a", 3), delta_velocity=ca.SX.sym("v", 3), dt=ca.SX.sym("t"))
                 parts = self._columns(state, u, ca.SX.sym("x", state.size))
-                found[state.name] = (parts[0].nnz() > 0, parts[1].nnz() > 0)
-        return found
+                enters[state.name] = (parts[0].nnz() > 0, parts[1].nnz() > 0)
+        return enters
 
     @staticmethod
     def _columns(state: ErrorState, u: Any, value: Any) -> tuple[Any, Any]:
@@ -125,16 +125,16 @@ class Composition:
         """
         u = Values(**{name: ca.SX.sym(name, 3) for name in ("delta_angle", "delta_velocity")}, dt=ca.SX.sym("dt"))
         values = {state.name: ca.SX.sym(state.name, state.size) for state in self.states}
-        found: dict[tuple[str, str], Row] = {}
+        sums: dict[tuple[str, str], Row] = {}
         begun: list[tuple[Any, Row]] = []
         for state in self.states:
             columns = self._entered(state, values, u)
             for what, _, _ in self._parts(state):
                 meaning = f"Effect of {state.name} on the {what} over that time"
-                own = Row(f"since_propagation_{what}_{state.name}", meaning, "SI", (3, state.size), "w")
-                found[state.name, what] = next((row for other, row in begun if _same(other, columns[what])), own)
-                begun.append((columns[what], own))
-        return found
+                row_of_state = Row(f"since_propagation_{what}_{state.name}", meaning, "SI", (3, state.size), "w")
+                sums[state.name, what] = next((row for other, row in begun if _same(other, columns[what])), row_of_state)
+                begun.append((columns[what], row_of_state))
+        return sums
 
     @property
     def _sum_rows(self) -> Table:
@@ -148,20 +148,20 @@ class Composition:
     @cached_property
     def parameters(self) -> Table:
         """The start and its standard deviations, the unit, then the rows of states and aids."""
-        own = rows.START + rows.START_SIGMAS + rows.START_BIASES
+        parameters = rows.START + rows.START_SIGMAS + rows.START_BIASES
         walks = {"angle_random_walk": 1e-5, "velocity_random_walk": 1e-3}
-        own += rows.chosen(rows.SENSORS, *walks, **walks) + rows.MOTION_ERRORS + OWN
-        further = Table(() if self.kept is None else (self.kept,))
-        return _united(own, *(state.rows for state in self.states), *(aid.parameters for aid in self.aids), further)
+        parameters += rows.chosen(rows.SENSORS, *walks, **walks) + rows.MOTION_ERRORS + FILTER_ROWS
+        further = Table(() if self.covariance_held is None else (self.covariance_held,))
+        return _united(parameters, *(state.rows for state in self.states), *(aid.parameters for aid in self.aids), further)
 
     @cached_property
     def state(self) -> Table:
         """Navigation, errors, covariance, the interval since it was propagated, and the rows of the aids."""
-        own = strapdown.STATE + Table(tuple(state.value for state in self.states))
-        own += Table((
+        table = strapdown.STATE + Table(tuple(state.value for state in self.states))
+        table += Table((
             Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(self.n),)),
         ))  # fmt: skip
-        return _united(own + SINCE_PROPAGATION, self._sum_rows, history.STATE, *(aid.kept for aid in self.aids))
+        return _united(table + SINCE_PROPAGATION, self._sum_rows, history.STATE, *(aid.state_rows for aid in self.aids))
 
     @cached_property
     def inputs(self) -> Table:
@@ -175,15 +175,15 @@ class Composition:
             Row(f"{s.name}_estimate_sigma", f"Standard deviation of {s.name}", s.value.unit, s.value.shape, s.value.frame)
             for s in self.states
         )
-        found = rows.NAVIGATION + Table(tuple(state.value for state in self.states)) + ESTIMATES + Table(sigmas)
-        return _united(found, *(aid.reported for aid in self.aids))
+        table = rows.NAVIGATION + Table(tuple(state.value for state in self.states)) + ESTIMATES + Table(sigmas)
+        return _united(table, *(aid.reported for aid in self.aids))
 
     # --- equations ----------------------------------------------------------------------------------
 
     def start(self, p: Any) -> dict[str, Any]:
         """The given start; frame w is NED there, so the covariance needs no rotation."""
-        own = (repeated(state.start_sigma(p), state.size) for state in self.states)
-        sigma = ca.vertcat(p.position_sigma, p.velocity_sigma, p.tilt_sigma, p.tilt_sigma, p.heading_sigma, *own)
+        of_states = (repeated(state.start_sigma(p), state.size) for state in self.states)
+        sigma = ca.vertcat(p.position_sigma, p.velocity_sigma, p.tilt_sigma, p.tilt_sigma, p.heading_sigma, *of_states)
         P = ca.diag(sigma * sigma)
         shared = bias_of_tilt(p) @ P[TILT, TILT]
         P[GYRO, TILT], P[TILT, GYRO] = shared, shared.T
@@ -200,7 +200,7 @@ class Composition:
         delta_angle, delta_velocity = corrected_increments(self.states, values, u)
         moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
         since_propagation, change = x.since_propagation + u.dt, moved.rows["velocity_w"] - x.velocity_w
-        found = {
+        stepped = {
             **moved.rows,
             "since_propagation": since_propagation,
             "since_propagation_velocity_w": x.since_propagation_velocity_w + moved.delta_velocity_w,
@@ -214,15 +214,15 @@ class Composition:
             columns = self._entered(state, values, u)
             for what, _, _ in self._parts(state):
                 name = self._sums[state.name, what].name
-                found[name] = getattr(x, name) + ca.densify(moved.C_wb @ columns[what])
+                stepped[name] = getattr(x, name) + ca.densify(moved.C_wb @ columns[what])
         event = ca.SX(since_propagation + u.dt / 2 > p.covariance_interval)
         for aid in self.aids:
             due = aid.due(p, x, u)
-            found |= {aid.due_row: due, aid.row("since"): getattr(x, aid.row("since")) + u.dt}
+            stepped |= {aid.due_row: due, aid.row("since"): getattr(x, aid.row("since")) + u.dt}
             if aid.on_sample is not None:
-                found |= aid.on_sample(p, x, u, delta_angle, delta_velocity, change)
-            event = ca.logic_or(event, due if not aid.triggers else ca.logic_or(due, found[aid.triggers]))
-        return {**found, "covariance_due": select(event, 1.0, 0.0)}
+                stepped |= aid.on_sample(p, x, u, delta_angle, delta_velocity, change)
+            event = ca.logic_or(event, due if not aid.triggers else ca.logic_or(due, stepped[aid.triggers]))
+        return {**stepped, "covariance_due": select(event, 1.0, 0.0)}
 
     def _entered(self, state: ErrorState, values: dict[str, Any], u: Any) -> dict[str, Any]:
         """Derivatives (3 x k each) of the increments that enter the mechanization with respect to the error of a state."""
@@ -253,7 +253,7 @@ class Composition:
                 A[part, place] = sign * getattr(x, self._sums[state.name, what].name)
             if state.time:
                 A[place, place] = ca.diag(
-                    self._kept(p, state, x.since_propagation) - 1
+                    self._decay(p, state, x.since_propagation) - 1
                 )  # may be longer than a correlation time
         return A
 
@@ -263,7 +263,7 @@ class Composition:
         return [enters for is_used, enters in used if is_used]
 
     @staticmethod
-    def _kept(p: Any, state: ErrorState, duration: Any) -> Any:
+    def _decay(p: Any, state: ErrorState, duration: Any) -> Any:
         """The factors (k) by which a Gauss-Markov error decays."""
         return repeated(decay(duration, getattr(p, state.time)), state.size)
 
@@ -275,16 +275,16 @@ class Composition:
             ca.repmat(p.velocity_random_walk**2 * x.since_propagation + by_thrust, 3, 1),
             ca.repmat(p.angle_random_walk**2 * x.since_propagation + by_rotation, 3, 1),
         ]
-        found: dict[str, Any] = {}
+        errors: dict[str, Any] = {}
         for state in self.states:
             if state.time:
-                kept = self._kept(p, state, x.since_propagation)
-                noise.append(driven_variance(repeated(getattr(p, state.sigma), state.size), kept))
-                found[state.name] = kept * getattr(x, state.name)
+                decay = self._decay(p, state, x.since_propagation)
+                noise.append(driven_variance(repeated(getattr(p, state.sigma), state.size), decay))
+                errors[state.name] = decay * getattr(x, state.name)
             else:
                 noise.append(ca.SX.zeros(state.size))
         return {
-            **found,
+            **errors,
             "covariance": propagate(x.covariance, self.transition(p, x), ca.vertcat(*noise)),
             "since_propagation": 0,
             **{row.name: ca.SX.zeros(*(row.shape + (1,))[:2]) for row in self.state if row.name in _EMPTIED},
@@ -297,7 +297,7 @@ class Composition:
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
             done, reported = self.update(aid, p, x, u)
             changed = corrected(x, done.correction, self.states, self.places)
-            share = 1.0 if self.kept is None else 1.0 - getattr(p, self.kept.name)
+            share = 1.0 if self.covariance_held is None else 1.0 - getattr(p, self.covariance_held.name)
             return {**changed, "covariance": covariance_after(done, self.n, share), **reported}
 
         return step
@@ -314,7 +314,7 @@ class Composition:
         def sigma(part: slice) -> Any:
             return ca.sqrt(ca.diag(C_nw @ P[part, part] @ C_nw.T))
 
-        found = {
+        values = {
             **strapdown.navigation_outputs(x),
             "position_sigma": sigma(POSITION),
             "velocity_sigma": sigma(VELOCITY),
@@ -322,11 +322,11 @@ class Composition:
         }
         for state in self.states:
             place = self.places[state.name]
-            found[state.name] = getattr(x, state.name)
-            found[f"{state.name}_estimate_sigma"] = ca.sqrt(ca.diag(P[place, place]))
+            values[state.name] = getattr(x, state.name)
+            values[f"{state.name}_estimate_sigma"] = ca.sqrt(ca.diag(P[place, place]))
         for aid in self.aids:
-            found |= aid.shown(x)
-        return found
+            values |= aid.shown(x)
+        return values
 
     def consistency_error(self, x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
         """Errors of position, velocity and psi, and their covariance (9x9)."""
@@ -370,10 +370,10 @@ def _same(one: Any, other: Any) -> bool:
 
 def _united(*tables: Table) -> Table:
     """The rows of all tables in order; a row that comes again must be the same one."""
-    found: dict[str, Row] = {}
+    by_name: dict[str, Row] = {}
     for row in (row for table in tables for row in table):
-        if found.setdefault(row.name, row) != row:
+        if by_name.setdefault(row.name, row) != row:
             raise InputError(
                 f"two different rows are named {row.name!r}: an error state or aid must name its rows after itself"
             )
-    return Table(tuple(found.values()))
+    return Table(tuple(by_name.values()))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Doubt, declared
+from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
@@ -25,7 +25,7 @@ from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.in_place import SHAKEN
-from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNTOLD_ARM
+from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNKNOWN_ARM
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
@@ -53,11 +53,11 @@ def aids_of(drive: Drive) -> tuple[str, ...]:
     """
     traits = drive.traits
     wheels = traits.wheels and "odometer" in drive.sensors
-    parked = bool(drive.in_place and traits.parks and not held(drive.sensors))
+    parked = bool(drive.in_place and (traits.parks or drive.stands) and not held(drive.sensors))
     stays = traits.turns_in_place or parked
-    own = {"zero_velocity": not stays and not traits.floats, "non_holonomic": wheels, "in_place": stays}
+    without_sensor = {"zero_velocity": not stays and not traits.floats, "non_holonomic": wheels, "in_place": stays}
     every = all_aids().items()
-    return tuple(id for id, aid in every if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
+    return tuple(id for id, aid in every if without_sensor.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
 
 
 def held(ids: Collection[str]) -> bool:
@@ -68,18 +68,18 @@ def held(ids: Collection[str]) -> bool:
 def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[str, ...]:
     """The states, beside the biases, of a filter with these aids."""
     rows = known.rows
-    found = told_of_unit(known) if drive.traits.turns_in_place else _shown_by_manoeuvres(known, drive)
+    names = stated_unit_errors(known) if drive.traits.turns_in_place else _shown_by_manoeuvres(known, drive)
     for aid in aids:
-        found += [state.name for state in states_by_aid().get(aid, ()) if _told(rows, all_states()[state.name].sigma)]
-    if NON_HOLONOMIC.id in aids and untold_mounting(known):
-        found.append(MOUNTING.name)
-    return tuple(dict.fromkeys(found))
+        names += [state.name for state in states_by_aid().get(aid, ()) if _is_stated(rows, all_states()[state.name].sigma)]
+    if NON_HOLONOMIC.id in aids and mounting_unknown(known):
+        names.append(MOUNTING.name)
+    return tuple(dict.fromkeys(names))
 
 
-def told_of_unit(known: Knowledge) -> list[str]:
+def stated_unit_errors(known: Knowledge) -> list[str]:
     """The states of the unit beside its biases whose standard deviation is told."""
     rows = known.rows
-    return [state for state in OF_UNIT if _told(rows, all_states()[state].sigma)]
+    return [state for state in OF_UNIT if _is_stated(rows, all_states()[state].sigma)]
 
 
 def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
@@ -88,26 +88,26 @@ def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
         "gyro": COHERENT_ANGLE / max(sheet.angle_random_walk * sqrt(MINUTE), 1e-12),
         "accel": COHERENT_SPEED / max(sheet.velocity_random_walk * sqrt(MINUTE), 1e-12),
     }
-    found: list[str] = []
+    names: list[str] = []
     for triad, effect in manoeuvre.items():
         if drive.in_place or drive.traits.hovers:  # no manoeuvre shows them
             continue
-        found += [
+        names += [
             f"{triad}_{error}"
             for error in ("scale", "misalignment")
             if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
         ]
-    return found
+    return names
 
 
-def _told(rows: dict[str, Any], sigma: str) -> bool:
+def _is_stated(rows: dict[str, Any], sigma: str) -> bool:
     return bool(np.any(np.asarray(rows.get(sigma, 0.0)) > 0.0))
 
 
 # Parameters of a composition from what is known of the start and the unit.
 
 
-def untold_mounting(known: Knowledge) -> bool:
+def mounting_unknown(known: Knowledge) -> bool:
     """Whether nothing is told of how the inertial unit is mounted to the wheels."""
     return "odometer_lever_arm_b" not in known.instruments
 
@@ -125,8 +125,8 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
     ) in known.instruments:  # an error that is not told, of a state that was asked for, has the size that its row starts with
         if name in rows and not np.any(rows[name]) and table[name].flat_start().any():
             del rows[name]
-    if untold_mounting(known) and "non_holonomic_arm_sigma" in table:
-        rows["non_holonomic_arm_sigma"] = UNTOLD_ARM
+    if mounting_unknown(known) and "non_holonomic_arm_sigma" in table:
+        rows["non_holonomic_arm_sigma"] = UNKNOWN_ARM
     bare = {"gyro": {"gyro_g_sensitivity"}, "accel": {"accel_scale", "accel_misalignment"}}
     for triad, needed in bare.items():
         sigma = getattr(sheet, f"bare_{triad}_bias_sigma")
@@ -152,7 +152,7 @@ chance in 2 runs of 100 000.
 
 _SURPRISING = declared(
     "estimate-surprising",
-    "the estimate of {state} is {ratio} times the standard deviation told of it ({sigma}): the instrument, its description or "
+    "the estimate of {state} is {ratio} times its stated standard deviation ({sigma}): the instrument, its description or "
     "that sigma is wrong",
     Doubt,
 )
@@ -164,13 +164,13 @@ def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> t
     parameters: rows by name, SI.  Of a Gauss-Markov error the stationary standard deviation counts, about 0; of a constant one
     that of the start, about the start.
     """
-    p, found = Values(**parameters), []
+    p, findings_of = Values(**parameters), []
     for state in states:
         sigma = _numbers(parameters[state.sigma] if state.time else state.start_sigma(p), state.size)
         begun = np.zeros(state.size) if state.time or state.started is None else _numbers(state.started(p), state.size)
         sentence = _SURPRISING.filled(state=state.name, sigma=state.sigma)
-        found.append(Finding(state.name, sentence, np.where(sigma > 0.0, sigma, np.inf), begun, SURPRISING))
-    return tuple(found)
+        findings_of.append(Finding(state.name, sentence, np.where(sigma > 0.0, sigma, np.inf), begun, SURPRISING))
+    return tuple(findings_of)
 
 
 def _numbers(value: Any, size: int) -> NDArray[np.float64]:
@@ -249,7 +249,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
     names, ids = [state.name for state in filter.states], [aid.id for aid in filter.aids]
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
 
-    def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
         return (
             *applicability.linear_start(parameters, duration_s, UNKNOWN_START),
             *(() if _holds(filter, "vertical") else vertical_channel.by_bias(parameters, duration_s)),
@@ -280,8 +280,8 @@ UNKNOWN_START = (
 IN_PLACE = "in_place"
 NO_HEADING = declared(
     "no-heading-aid",
-    "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
-    "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable",
+    "none of the aids shows the heading: a linearised filter treats turns as information about it, and its sigmas of heading "
+    "and position are too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable",
 )
 
 
@@ -300,32 +300,31 @@ def _holds(filter: Composition, what: str) -> bool:
 
 NO_PLACE = declared(
     "no-place-aid",
-    "the vehicle is a turntable, and no aid tells that the unit stays in place while it turns: after a turn the sigmas can "
-    "be more than ten times too small; use the aid in_place",
+    "the vehicle is a turntable, and no aid states that the unit stays in place while it turns: after a turn the sigmas "
+    "can be more than ten times too small; use the aid in_place",
 )
 
 
 NO_MOUNTING = declared(
     "mounting-unknown",
-    "nothing is told of how the unit is mounted to the wheels, and their constraint takes its axes for theirs: a degree "
-    "between them is a degree of heading error; use the state odometer_mounting_error",
+    "the mounting of the unit relative to the wheels is not stated, and the wheel constraint assumes aligned axes: one degree "
+    "of misalignment is one degree of heading error; use the state odometer_mounting_error",
 )
 _ERRORS_UNCOUNTED = declared(
     "errors-uncounted",
-    "errors of the instruments that are known to be there and are neither states nor noise of this filter: {states}; its "
-    "sigmas are too small",
+    "instrument errors that this filter neither estimates nor counts as noise: {states}; its stated sigmas are too small",
 )
 _UNIT_UNCOUNTED = declared(
     "unit-errors-uncounted",
-    "errors of the unit that a turn shows and that are no states of this filter: {states}; after a turn its sigmas are several "
-    "times too small",
+    "errors of the unit that a turn reveals and that this filter does not estimate: {states}; after a turn its stated sigmas "
+    "are several times too small",
 )
 _IDLE_STATE = declared(
     "state-without-effect", "the state {state} has no effect: its standard deviation at the start is 0. Set {sigma}"
 )
 
 
-def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str, ...]:
+def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[Remark, ...]:
     """Sentences about what is known to be there and is not in the filter.
 
     Errors of the instruments in use that are no states; on a turntable also those of the unit, and that it stays in place.
@@ -337,21 +336,21 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
         for state in states_by_aid().get(aid.id, ())
         if state.name not in states and state is not WANDER and np.any(np.asarray(known.rows.get(state.sigma, 0.0)) > 0.0)
     ]
-    found = []
+    remarks = []
     if left_out:
-        found.append(_ERRORS_UNCOUNTED.filled(states=", ".join(dict.fromkeys(left_out))))
-    if NON_HOLONOMIC.id in {aid.id for aid in filter.aids} and MOUNTING.name not in states and untold_mounting(known):
-        found.append(NO_MOUNTING)
+        remarks.append(_ERRORS_UNCOUNTED.filled(states=", ".join(dict.fromkeys(left_out))))
+    if NON_HOLONOMIC.id in {aid.id for aid in filter.aids} and MOUNTING.name not in states and mounting_unknown(known):
+        remarks.append(NO_MOUNTING)
     if drive.traits.turns_in_place:
-        of_unit = [name for name in told_of_unit(known) if name not in states]
+        of_unit = [name for name in stated_unit_errors(known) if name not in states]
         if of_unit:
-            found.append(_UNIT_UNCOUNTED.filled(states=", ".join(of_unit)))
+            remarks.append(_UNIT_UNCOUNTED.filled(states=", ".join(of_unit)))
         if IN_PLACE not in [aid.id for aid in filter.aids]:
-            found.append(NO_PLACE)
-    return tuple(found)
+            remarks.append(NO_PLACE)
+    return tuple(remarks)
 
 
-def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[Remark, ...]:
     idle = [state for state in filter.states if not np.any(np.asarray(parameters[state.sigma]) > 0.0)]
     return tuple(_IDLE_STATE.filled(state=state.name, sigma=state.sigma) for state in idle)
 

@@ -54,9 +54,9 @@ def followed(x: Any, velocity_w: Any, moved_velocity_w: Any, dt: Any) -> dict[st
 def _keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Keep the motion at the end of this sample; the oldest is dropped."""
     now = {"way": x.way_w, "velocity": x.velocity_w, "attitude": x.q_wb, "rate": u.delta_angle / u.dt}
-    kept = {f"past_{kind}": ca.vertcat(now[kind].T, getattr(x, f"past_{kind}")[:-1, :]) for kind, _ in _KINDS}
+    past = {f"past_{kind}": ca.vertcat(now[kind].T, getattr(x, f"past_{kind}")[:-1, :]) for kind, _ in _KINDS}
     ages = ca.vertcat(0, x.past_age[:-1] + x.past_time)
-    return {**kept, "past_age": ages, "past_time": 0, "past_count": x.past_count + 1}
+    return {**past, "past_age": ages, "past_time": 0, "past_count": x.past_count + 1}
 
 
 STEP = Step(_keep, when="past_due")

@@ -99,8 +99,8 @@ def states_of(instrument: Instrument) -> tuple[ErrorState, ...]:
 
 def _state(instrument: Instrument, term: Term, state: Estimated, elements: tuple[int, ...]) -> ErrorState:
     stated = [row for row in term.stated if row is not term.time]
-    own = stated[term.states.index(state)].name if not state.sigma else state.sigma
-    sigma = assumed(instrument.stated_errors[own], state.assumed)
+    sigma_name = stated[term.states.index(state)].name if not state.sigma else state.sigma
+    sigma = assumed(instrument.stated_errors[sigma_name], state.assumed)
     further = instrument.stated if state.start_sigma is not None else ()
     size = len(state.elements or elements)
     return ErrorState(

@@ -74,8 +74,8 @@ class Navigation:
 
     def offset_n(self, latitude: Any, longitude: Any, height: Any) -> Any:
         """A place (rad, rad, m) relative to the estimated position (3, m, n); down is the difference of the heights."""
-        own_latitude, own_longitude, _ = geodesy.geodetic_from_q_ew(self._x.q_ew)
-        return geodesy.position_error(latitude, longitude, height, own_latitude, own_longitude, self._x.height)
+        here_latitude, here_longitude, _ = geodesy.geodetic_from_q_ew(self._x.q_ew)
+        return geodesy.position_error(latitude, longitude, height, here_latitude, here_longitude, self._x.height)
 
     def point(self, arm_b: Any, age: Any) -> tuple[Any, Any]:
         """A point of the body `age` seconds ago: position relative to the estimated one (3, m, w) and velocity (3, m/s, w).

@@ -27,7 +27,7 @@ from insenv.sensors.odometer import MOUNTING as NOMINAL_MOUNTING
 
 MOUNTING = next(state for state in states_of(ODOMETER) if state.name == "odometer_mounting_error")
 """The state of the odometer that the constraint shows too."""
-UNTOLD_ARM = 1.5
+UNKNOWN_ARM = 1.5
 """m: standard deviation of the lever arm to the unsteered axle where nothing is told of it."""
 TURN = 5.0
 """s: for which a turn of a car lasts."""

@@ -36,8 +36,8 @@ TOLERANCE = 3.0
 
 _RESTARTED = declared(
     "filter-restarted",
-    "refused fixes agreed with each other, and position and velocity started anew ({ratio} times): the stated sigmas were too "
-    "small before that",
+    "position and velocity were restarted ({ratio} times), because refused fixes agreed with each other: the stated sigmas "
+    "were too small before that",
     Doubt,
 )
 

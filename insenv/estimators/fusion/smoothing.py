@@ -62,8 +62,8 @@ def _last(name: str) -> str:
 
 def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoint.Group, ...]) -> Model:
     """The filter, which also records; an interval ends at a sample that is to be smoothed."""
-    kept = sum((group.rows for group in groups), interval)
-    shown = [filter.state["covariance_due"], *(group.flag for group in groups), *kept, *_nominal(filter)]
+    recorded = sum((group.rows for group in groups), interval)
+    shown = [filter.state["covariance_due"], *(group.flag for group in groups), *recorded, *_nominal(filter)]
     more = Table(tuple(row for row in shown if row.name not in filter.outputs))
 
     def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoin
         model,
         id=id,
         title=f"{filter.id} smoothed over the whole run: {filter.title}",
-        state=model.state + kept,
+        state=model.state + recorded,
         inputs=model.inputs + Table((WANTED,)),
         outputs=model.outputs + more,
         steps={name: replace(step, function=changed.get(name, step.function)) for name, step in model.steps.items()},
@@ -95,20 +95,20 @@ def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoin
     )
 
 
-def _aligned_first(told: adjoint.Smoothing, filter: Composition, way: VelocityIntegration) -> adjoint.Smoothing:
-    """The smoother of a filter that finds its attitude first; told: that of the filter which starts as told."""
-    model, seeking = unknown_start.aligned_first(told.forward, filter, way), unknown_start.SEEKING
+def _aligned_first(smoothing: adjoint.Smoothing, filter: Composition, way: VelocityIntegration) -> adjoint.Smoothing:
+    """The smoother of a filter that finds its attitude first; smoothing: that of the filter which starts as told."""
+    model, seeking = unknown_start.aligned_first(smoothing.forward, filter, way), unknown_start.SEEKING
     shown = rows.chosen(model.state, seeking)
     forward = replace(
         model,
         title=f"{model.title}, smoothed from there on",
         outputs=model.outputs + shown,
-        output=lambda p, x: {**told.forward.output(p, x), seeking: getattr(x, seeking)},
+        output=lambda p, x: {**smoothing.forward.output(p, x), seeking: getattr(x, seeking)},
     )
     return replace(
-        told,
+        smoothing,
         forward=forward,
-        nominal=told.nominal + shown,
+        nominal=smoothing.nominal + shown,
         corrected=lambda x, error: navigation_corrected(x, _along_arc(error), filter.states, filter.places),
         seeking=seeking,
     )
@@ -120,11 +120,11 @@ def _along_arc(error: Any) -> Any:
     Position and velocity that are known along the body, by a lever arm, a log or the specific force, turn with it: their
     corrections follow the arc, not its tangent.
     """
-    found = ca.SX(error)
+    rotated = ca.SX(error)
     half = attitude.from_rotation_vector(error[TILT] / 2)
     for part in (POSITION, VELOCITY):
-        found[part] = attitude.rotate(half, error[part])
-    return found
+        rotated[part] = attitude.rotate(half, error[part])
+    return rotated
 
 
 def _nominal(filter: Composition) -> Table:

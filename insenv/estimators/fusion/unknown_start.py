@@ -2,7 +2,7 @@
 
 A linearised filter that is told 180 deg of heading settles on a wrong one: the first change of velocity, and at once a velocity
 in body axes, seem to show a heading near the one it assumes.  `insenv.estimators.velocity_integration` needs no start attitude
-and states its accuracy.  So until level and heading are known to `LINEAR_TILT` and `FOUND`,
+and states its accuracy.  So until level and heading are known to `LINEAR_TILT` and `HEADING_BOUND`,
 
 - no aid measures;
 - each velocity that the alignment measures, of GNSS or of a Doppler log, starts the filter anew: its level, with the
@@ -47,7 +47,7 @@ from insenv.estimators.velocity_integration import source, wahba
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration, q_ni
 
 PREFIX = "alignment_"
-FOUND = radians(7.0)
+HEADING_BOUND = radians(7.0)
 """rad of heading: of an aircraft with centimetre fixes that starts with 10 deg the NEES was 16 of 9, with 7 deg it was 10."""
 UNKNOWN_PLACE = 1e4
 """m: standard deviation before the first fix."""
@@ -85,12 +85,12 @@ def way_of(filter: Composition, known: Knowledge, drive: Drive) -> VelocityInteg
     return alignment.available(ids, drive.fix_velocity, known)
 
 
-def _uncertain(told: Any) -> Any:
+def _uncertain(start: Any) -> Any:
     """Whether a start attitude is too uncertain for a linearised filter.
 
-    told: has the fields or rows `heading_sigma` and `tilt_sigma`, numbers or symbols.
+    start: has the fields or rows `heading_sigma` and `tilt_sigma`, numbers or symbols.
     """
-    return ca.logic_or(told.heading_sigma > LINEAR_HEADING, told.tilt_sigma > LINEAR_TILT)
+    return ca.logic_or(start.heading_sigma > LINEAR_HEADING, start.tilt_sigma > LINEAR_TILT)
 
 
 def prepared(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
@@ -100,8 +100,9 @@ def prepared(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
 
 @remark(
     "place-uncertain",
-    f"the place at the start is uncertain by {{sigma:.3g}} km: from {LARGEST_PLACE / 1000:.3g} km on this start by a Doppler "
-    "log alone states sigmas of place and heading that are several times too small; give the place better, or add GNSS",
+    f"the place at the start is uncertain by {{sigma:.3g}} km: above {LARGEST_PLACE / 1000:.3g} km a start with a Doppler "
+    "log alone states sigmas of position and heading that are several times too small; state the place more accurately, or "
+    "add GNSS",
 )
 def far_place(way: VelocityIntegration, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """A place that is not known well enough for a start by a log, after which nothing shows it."""
@@ -111,12 +112,12 @@ def far_place(way: VelocityIntegration, parameters: Mapping[str, Any]) -> dict[s
     return {"sigma": sigma / 1000}
 
 
-_NOT_FOUND = declared(
+_HEADING_UNKNOWN = declared(
     "heading-not-found",
-    f"the heading is not found to {degrees(FOUND):.2g} deg (1 sigma): until it is, each measured velocity starts the filter "
-    "anew, and no other aid is used; {shows}",
+    f"the heading is not found to {degrees(HEADING_BOUND):.2g} deg (1 sigma): until it is, each measured velocity starts the "
+    "filter anew, and no other aid is used; {shows}",
 )
-_FOUND = declared(
+_HEADING_REACHED = declared(
     "start-found",
     "heading found after {time} s, to {sigma} deg (1 sigma), {means}; from then on the filter runs with all its aids",
 )
@@ -130,8 +131,8 @@ def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[F
     if not _uncertain(Values(**parameters)):
         return ()
     return (
-        Finding("attitude_sigma", _NOT_FOUND.filled(shows=_SHOWN[way]), scale=(np.inf, np.inf, FOUND)),
-        Reached("attitude_sigma", _FOUND.filled(means=way.source.means), (LINEAR_TILT, LINEAR_TILT, FOUND)),
+        Finding("attitude_sigma", _HEADING_UNKNOWN.filled(shows=_SHOWN[way]), scale=(np.inf, np.inf, HEADING_BOUND)),
+        Reached("attitude_sigma", _HEADING_REACHED.filled(means=way.source.means), (LINEAR_TILT, LINEAR_TILT, HEADING_BOUND)),
     )
 
 
@@ -177,11 +178,11 @@ class _Seeking:
 
     def model(self, model: Model) -> Model:
         aids = {aid.id: aid.due_row for aid in self.filter.aids}
-        own = Table(tuple(row for row in self.way.parameters if row.name not in SHARED))
+        unshared = Table(tuple(row for row in self.way.parameters if row.name not in SHARED))
         return replace(
             model,
             title=f"{model.title}; attitude at the start by {self.way.model.id}",
-            parameters=model.parameters + _prefixed(own),
+            parameters=model.parameters + _prefixed(unshared),
             state=model.state + _prefixed(STATE + self.way.model.state),
             steps={
                 **{name: _masked(step, aids.values()) for name, step in model.steps.items() if name not in aids},
@@ -219,9 +220,9 @@ class _Seeking:
 
     def started(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
         """Start the filter anew, from the answer of the alignment where that is better than what is known."""
-        own, state, n = self.parameters(p), self.state(x), self.filter.n
-        found = self.way.output(own, state)
-        sigma, P = found["attitude_sigma"], symmetric.full(x.covariance, n)
+        of_way, state, n = self.parameters(p), self.state(x), self.filter.n
+        aligned = self.way.output(of_way, state)
+        sigma, P = aligned["attitude_sigma"], symmetric.full(x.covariance, n)
         known = ca.diag(P)[TILT]
         # the level that is known turns with gyro biases whose direction an unknown heading hides
         levelled = ca.logic_and(sigma[0] < LINEAR_TILT, sigma[1] < LINEAR_TILT)
@@ -229,15 +230,15 @@ class _Seeking:
         headed = ca.logic_and(sigma[2] < wahba.UNKNOWN, sigma[2] ** 2 < known[2])
         taken = ca.vertcat(*[select(better, 1.0, 0.0) for better in (levelled, levelled, headed)])
         left = ca.sqrt(taken * sigma**2 + (1 - taken) * known)
-        unknown = ca.logic_or(left[2] > FOUND, ca.logic_or(left[0] > LINEAR_TILT, left[1] > LINEAR_TILT))
+        unknown = ca.logic_or(left[2] > HEADING_BOUND, ca.logic_or(left[0] > LINEAR_TILT, left[1] > LINEAR_TILT))
 
-        q_wb = attitude.multiply(attitude.conjugate(strapdown.wander_quaternion(x.q_ew)), found["q_nb"])
+        q_wb = attitude.multiply(attitude.conjugate(strapdown.wander_quaternion(x.q_ew)), aligned["q_nb"])
         apart = attitude.error_rotation_vector(q_wb, x.q_wb)
         back = attitude.from_rotation_vector((taken - 1) * apart)
         q_wb = attitude.multiply(back, q_wb)
         wrong = ca.SX.zeros(n)
         wrong[TILT] = attitude.error_rotation_vector(q_wb, x.q_wb)
-        covariance = _covariance(P, x, own, state, taken, back)
+        covariance = _covariance(P, x, of_way, state, taken, back)
         covariance[VELOCITY, VELOCITY] = UNKNOWN_VELOCITY[self.way] ** 2 * ca.SX.eye(3)
         gone: dict[str, Any] = {}
         if self.way is alignment.BY_FIXES:
@@ -245,7 +246,7 @@ class _Seeking:
         else:
             # what the velocity in body axes shows of the attitude depends on the velocity
             wrong[VELOCITY] = x.velocity_w - attitude.rotate(q_wb, u.dvl_velocity_b)
-            wrong[POSITION], gone = self.placed(p, own, x, state, u, q_wb, covariance)
+            wrong[POSITION], gone = self.placed(p, of_way, x, state, u, q_wb, covariance)
         return {
             **corrected(x, wrong, self.filter.states, self.filter.places),
             "covariance": symmetric.triangle(covariance),
@@ -286,7 +287,7 @@ class _Seeking:
             beyond = ca.logic_or(beyond, innovation[i] ** 2 > allowed)
         return ca.logic_and(beyond, getattr(p, aid.gate) > 0)
 
-    def placed(self, p: Any, own: Values, x: Any, state: Values, u: Any, q_wb: Any, P: Any) -> tuple[Any, dict[str, Any]]:
+    def placed(self, p: Any, of_way: Values, x: Any, state: Values, u: Any, q_wb: Any, P: Any) -> tuple[Any, dict[str, Any]]:
         """Error of the position (3, m, w) by a log, and the row of the way; P: its part of the covariance is written.
 
         The log has shown a way in body axes, which turns with the attitude.  The alignment levels at the true place, not at the
@@ -300,8 +301,8 @@ class _Seeking:
         step = ca.norm_2(u.dvl_velocity_b) * since
         gone = getattr(x, _GONE) + step
         # a drift of the gyros bends the way, by half of its angle in the mean
-        mounting = maximum(own.dvl_misalignment_sigma**2, minimum((bias_sigma(own) * state.time / 2) ** 2, 1.0))
-        level = own.dvl_scale_factor_sigma**2 + mounting + minimum(ca.trace(P[TILT, TILT]) ** 2, 1.0)
+        mounting = maximum(of_way.dvl_misalignment_sigma**2, minimum((bias_sigma(of_way) * state.time / 2) ** 2, 1.0))
+        level = of_way.dvl_scale_factor_sigma**2 + mounting + minimum(ca.trace(P[TILT, TILT]) ** 2, 1.0)
         # of the velocity between two measurements half is not known
         variance = p.position_sigma**2 + gone**2 * ca.vertcat(level, level, mounting) + (step / 2) ** 2
         by_tilt = skew(way_w)
@@ -332,7 +333,7 @@ def _uncounted(aid: Aid, p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {**zero, aid.row("nis_used_count"): -ca.vertcat(*[ca.sum1(present[part]) for part in aid.parts])}
 
 
-def _covariance(P: Any, x: Any, own: Values, state: Values, taken: Any, back: Any) -> Any:
+def _covariance(P: Any, x: Any, of_way: Values, state: Values, taken: Any, back: Any) -> Any:
     """Covariance (n x n, w) after that, but for position and velocity.  P: before it.  taken (3): 1 for the components of psi
     that the alignment gives.  back (4): the turn from its attitude to the one that is taken, with which its errors turn: those
     of the level belong to biases in body axes.
@@ -345,21 +346,21 @@ def _covariance(P: Any, x: Any, own: Values, state: Values, taken: Any, back: An
     turn = ca.SX(3, source.N)
     turn[:, source.ANSWER] = turn[:, source.DRIFT] = C_wi
     shared = turn @ symmetric.full(state.covariance, source.N)
-    stated = (shared @ turn.T + own.thrust_error**2 * ca.SX.eye(3)) * (taken @ taken.T)
+    stated = (shared @ turn.T + of_way.thrust_error**2 * ca.SX.eye(3)) * (taken @ taken.T)
     stated += ca.trace(stated) ** 2 * ca.diag(taken)  # products of two errors, which linearisation leaves out
     for part in (POSITION, VELOCITY):
         P[part, :] = P[:, part] = 0
-    kept = 1 - taken
+    remaining = 1 - taken
     before = P[TILT, :]
-    P[TILT, :] = ca.repmat(kept, 1, P.shape[1]) * before
+    P[TILT, :] = ca.repmat(remaining, 1, P.shape[1]) * before
     by_bias = ca.SX(3, 3)
-    for part, theirs, counted in ((GYRO, source.GYRO, bias_sigma(own)), (ACCEL, source.ACCEL, own.accel_bias_sigma)):
+    for part, theirs, counted in ((GYRO, source.GYRO, bias_sigma(of_way)), (ACCEL, source.ACCEL, of_way.accel_bias_sigma)):
         variance = ca.diag(P[part, part])
         share = minimum(variance / maximum(counted, 1e-30) ** 2, 1.0)
-        found = -(taken @ share.T) * shared[:, theirs]
-        P[TILT, part] += found
-        by_bias += found @ ca.diag(1 / maximum(variance, 1e-300)) @ before[:, part].T
+        coupling = -(taken @ share.T) * shared[:, theirs]
+        P[TILT, part] += coupling
+        by_bias += coupling @ ca.diag(1 / maximum(variance, 1e-300)) @ before[:, part].T
     P[:, TILT] = P[TILT, :].T
-    apart = by_bias * (taken @ kept.T)  # what both share through the biases
-    P[TILT, TILT] = stated + before[:, TILT] * (kept @ kept.T) + apart + apart.T
+    apart = by_bias * (taken @ remaining.T)  # what both share through the biases
+    P[TILT, TILT] = stated + before[:, TILT] * (remaining @ remaining.T) + apart + apart.T
     return P

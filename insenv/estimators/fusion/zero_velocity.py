@@ -55,7 +55,7 @@ STATE = Table((
 ))  # fmt: skip
 
 
-def watched(p: Any, x: Any, u: Any, delta_angle: Any, delta_velocity: Any, change_w: Any) -> dict[str, Any]:
+def on_sample(p: Any, x: Any, u: Any, delta_angle: Any, delta_velocity: Any, change_w: Any) -> dict[str, Any]:
     """Rows of the window after one more sample; a new window starts after the sample that filled it."""
     goes_on = 1 - x.still_due
     time = goes_on * x.still_time + u.dt
@@ -81,8 +81,8 @@ def likelihood(p: Any, x: Any) -> Any:
 
 def _at_rest(p: Any, row: str) -> Any:
     """A density of white noise of a unit that nothing shakes."""
-    own = getattr(p, f"standing_{row}")
-    return select(own > 0, own, getattr(p, row))
+    at_rest = getattr(p, f"standing_{row}")
+    return select(at_rest > 0, at_rest, getattr(p, row))
 
 
 def detected(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -116,7 +116,7 @@ AT_EACH_SAMPLE = Aid(
     inputs=rows.STANDING_INPUT,
     parameters=PARAMETERS,
     state=STATE,
-    on_sample=watched,
+    on_sample=on_sample,
     steps={"still": Step(detected, when="still_due")},
     triggers="still_due",
     flag="standing_now",

@@ -108,8 +108,8 @@ def drifting_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[s
 
 unseen_heading = above(
     "heading-unseen",
-    "the start heading is known to {angle:.3g} deg only: until turns or changes of speed have shown it, its stated sigma can "
-    "be half of what it should be, and in the first of them that of the velocity a fraction",
+    "the start heading is known to {angle:.3g} deg only: until turns or changes of speed make it observable, its stated "
+    "sigma can be half of what it should be; in the first of them that of the velocity can be a fraction of what it should be",
     "heading_sigma",
     UNSEEN_HEADING,
     Caveat,
@@ -117,8 +117,8 @@ unseen_heading = above(
 """A heading that only manoeuvres show, for a filter that converges from any heading."""
 far_heading = above(
     "heading-far",
-    "the start heading is known to {angle:.3g} deg only: from more than 90 deg off the heading loop turns slowly, and from 180 "
-    "deg not at all, so that its stated sigma can be too small; use q-method",
+    "the start heading is known to {angle:.3g} deg only: with an error above 90 deg the heading loop converges slowly, at "
+    "180 deg not at all, so that its stated sigma can be too small; use q-method",
     "start_heading_sigma",
     FAR_HEADING,
     Caveat,
@@ -145,8 +145,8 @@ def unmodelled_motion(parameters: Mapping[str, Any], duration_s: float) -> dict[
 
 @remark(
     "unit-without-noise",
-    "the inertial unit is told to have no white noise: no stated sigma covers what the linearised filter omits of the start "
-    "attitude, about {omitted:.2g} deg",
+    "the inertial unit is stated to have no white noise: no stated sigma covers what the linearised filter neglects of the "
+    "start attitude, about {omitted:.2g} deg",
     Caveat,
 )
 def noiseless(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
@@ -159,18 +159,19 @@ def noiseless(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any
     return {"omitted": degrees(float(parameters["tilt_sigma"]) * float(parameters["heading_sigma"]))}
 
 
+_PRINTED = declared("printed-form", "the paper's filter as printed, for comparison with it: {fault}; use {instead}")
+
+
 def printed(fault: str, instead: str) -> Notes:
     """What the printed form of a paper's filter is for: its fault, and the estimators to use instead."""
-    said = declared("printed-form", "the paper's filter as printed, for comparison with it: {fault}; use {instead}").filled(
-        fault=fault, instead=instead
-    )
+    said = _PRINTED.filled(fault=fault, instead=instead)
     return lambda parameters, duration_s: (said,)
 
 
 TURNED = declared(
     "turntable",
-    "the vehicle is a turntable: the stated sigmas leave out what turns of the unit do with its errors, and can be several "
-    "times too small once it turns; use fusion",
+    "the vehicle is a turntable: the stated sigmas do not include the effect of rotation on the errors of the unit, and can be "
+    "several times too small once it turns; use fusion",
     Caveat,
 )
 """Roll and pitch of `ecef-kf` at the end of `turntable-indexing` (24 seeds from 7000): 0.005 deg rms, 0.0006 stated; heading of

@@ -205,15 +205,15 @@ _UNDERSTATED = declared(
 )
 
 
-def understated(unit: Mapping[str, Any], given: Mapping[str, Any]) -> tuple[Remark, ...]:
+def understated(unit: Mapping[str, Any], tuned: Mapping[str, Any]) -> tuple[Remark, ...]:
     """Sentences about errors that are set smaller than the unit's: the filter then states too small sigmas in motion.
 
-    unit, given: parameters (by row name) as the data sheet of the unit gives them, and as they are set.
+    unit, tuned: parameters (by row name) as the data sheet of the unit gives them, and as they are set.
     """
     return tuple(
-        _UNDERSTATED.filled(name=name, set=1000 * float(given[name]), unit=1000 * float(unit[name]))
+        _UNDERSTATED.filled(name=name, set=1000 * float(tuned[name]), unit=1000 * float(unit[name]))
         for name in ("rotation_error", "thrust_error")
-        if name in given and name in unit and float(given[name]) < ROUNDED * float(unit[name])
+        if name in tuned and name in unit and float(tuned[name]) < ROUNDED * float(unit[name])
     )
 
 

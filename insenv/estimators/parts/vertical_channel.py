@@ -19,7 +19,7 @@ NOTED = 2.0
 """Growth from which there is a note: after 750 s."""
 
 
-LEAST = 5.0
+MIN_ERROR = 5.0
 """m: a smaller error of the height is not noted."""
 
 
@@ -36,7 +36,7 @@ def by_bias(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] 
     """
     growth = cosh(min(duration_s / TIME, 700.0)) - 1.0
     error = float(parameters["accel_bias_sigma"]) * TIME**2 * growth
-    if error < max(LEAST, float(parameters["position_sigma"][2])):
+    if error < max(MIN_ERROR, float(parameters["position_sigma"][2])):
         return None
     return {"error": error, "duration": duration_s}
 

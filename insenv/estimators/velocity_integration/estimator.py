@@ -59,7 +59,7 @@ def prepare(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
 
 _NO_ATTITUDE = declared("no-attitude", "no attitude was found: this alignment needs {needs}, at least three of them")
 _NO_HEADING = declared("heading-unknown", "the heading is unknown at the end: {shows}")
-_FOUND = declared("heading-found", "heading found after {time} s, to {sigma} deg (1 sigma), {means}")
+_HEADING_REACHED = declared("heading-found", "heading found after {time} s, to {sigma} deg (1 sigma), {means}")
 
 
 def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding | Reached, ...]:
@@ -68,7 +68,7 @@ def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[F
     return (
         Finding(row, _NO_ATTITUDE.filled(needs=way.source.needs), scale=(LARGEST_LINEAR, np.inf, np.inf)),
         Finding(row, heading, scale=(np.inf, np.inf, LARGEST_LINEAR)),
-        Reached(row, _FOUND.filled(means=way.source.means), np.full(3, LARGEST_LINEAR)),
+        Reached(row, _HEADING_REACHED.filled(means=way.source.means), np.full(3, LARGEST_LINEAR)),
     )
 
 

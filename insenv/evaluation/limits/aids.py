@@ -26,7 +26,7 @@ from insenv.sensors.instrument import Instrument, Term, errors_of
 
 Array = NDArray[np.float64]
 
-LEAST = 0.01
+NOISE_FLOOR = 0.01
 """Smallest standard deviation of a measurement here, as a share of that which a filter takes of a perfect instrument."""
 NAVIGATION = 9
 
@@ -101,8 +101,8 @@ class Aid:
         R_M, R_N = geodesy.numeric.radii(np.sin(steps.latitude))
         east = np.angle(np.exp(1j * (steps.longitude - longitude))) * (R_N + steps.height) * np.cos(steps.latitude)
         displacement = np.stack([(steps.latitude - latitude) * (R_M + steps.height), east, height - steps.height], axis=1)
-        found = self.sensitivity(C_en, C_nb, steps.velocity_n, rate_b, force_b, steps.height, displacement)
-        H = found.reshape(len(steps.time), -1, found.shape[-1])
+        sensitivity = self.sensitivity(C_en, C_nb, steps.velocity_n, rate_b, force_b, steps.height, displacement)
+        H = sensitivity.reshape(len(steps.time), -1, sensitivity.shape[-1])
         return H[..., :NAVIGATION], {name: H[..., columns] for name, columns in self.columns.items()}
 
 
@@ -133,7 +133,7 @@ def aid_of(instrument: Instrument, rows: Mapping[str, Any], sample_interval: flo
         id=id,
         sources=tuple(each for each in sources if each is not None),
         columns=columns,
-        noise=np.maximum(np.sqrt(np.broadcast_to(noise, row.size)), LEAST * instrument.least_sigma.get(row.name, 0.0)),
+        noise=np.maximum(np.sqrt(np.broadcast_to(noise, row.size)), NOISE_FLOOR * instrument.least_sigma.get(row.name, 0.0)),
         sensitivity=_sensitivity(instrument, terms, rows, height),
         interval=round(float(rows[f"{id}_interval"]) / sample_interval),
         outages=windows,

@@ -163,8 +163,8 @@ def layout_of(rows: Mapping[str, Any], interval: float, in_place: bool) -> Layou
     fixes = fixes_of(rows, interval)
     mooring = mooring_of(rows) if in_place else None
     of_fixes = () if fixes is None else (wander_of(rows), *receiver_of(rows))
-    own = tuple(source for source in of_fixes if source is not None)
-    return Layout(unit_of(rows), own, fixes, mooring, aids_of(rows, interval))
+    sources = tuple(source for source in of_fixes if source is not None)
+    return Layout(unit_of(rows), sources, fixes, mooring, aids_of(rows, interval))
 
 
 def blocks_of(model: Model, rows: Mapping[str, Any], interval: float, samples: int, layout: Layout) -> Iterable[Steps]:

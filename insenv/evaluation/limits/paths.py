@@ -63,9 +63,9 @@ class _Move:
     decay: Array
 
     def back(self, s: Array) -> Array:
-        found = self.both.T @ s[:NAVIGATION]
-        found[NAVIGATION:] += self.decay[:, None] * s[NAVIGATION:]
-        return np.asarray(found)
+        moved = self.both.T @ s[:NAVIGATION]
+        moved[NAVIGATION:] += self.decay[:, None] * s[NAVIGATION:]
+        return np.asarray(moved)
 
 
 @dataclass(frozen=True)
@@ -129,13 +129,13 @@ class _Drawn(CovarianceFilter):
     def paths(self) -> Paths:
         """The way back."""
         s = np.zeros_like(self.errors)
-        found: list[tuple[float, Array, Array]] = []
+        points: list[tuple[float, Array, Array]] = []
         for entry in reversed(self.record):
             if isinstance(entry, _Instant):
-                found.append((entry.time, entry.error, entry.error - entry.covariance @ s))
+                points.append((entry.time, entry.error, entry.error - entry.covariance @ s))
             else:
                 s = entry.back(s)
-        time, filtered, smoothed = zip(*reversed(found), strict=True)
+        time, filtered, smoothed = zip(*reversed(points), strict=True)
         return Paths(np.array(time), np.array(filtered), np.array(smoothed))
 
 

@@ -61,10 +61,10 @@ class Layout:
     def place(self, source: Source) -> slice:
         """The states of a source."""
         begin = NAVIGATION
-        for own in self.sources:
-            if own is source:
-                return slice(begin, begin + own.place.size)
-            begin += own.place.size
+        for other in self.sources:
+            if other is source:
+                return slice(begin, begin + other.place.size)
+            begin += other.place.size
         raise ValueError(f"no source {source.name!r}")
 
 
@@ -124,25 +124,25 @@ class CovarianceFilter:
         W = local(first, earth_axes(first.latitude, first.longitude))[:1]
         J = euler_jacobian(first.q_nb[:1])
         tilts = np.linalg.inv(J[0])
-        told = np.zeros((9, 9))
-        told[PSI, PSI] = tilts @ np.diag(np.minimum(prior.attitude, UNIFORM) ** 2) @ tilts.T
-        told[DV, DV], told[DR, DR] = np.diag(prior.velocity**2), np.diag(prior.position**2)
+        initial = np.zeros((9, 9))
+        initial[PSI, PSI] = tilts @ np.diag(np.minimum(prior.attitude, UNIFORM) ** 2) @ tilts.T
+        initial[DV, DV], initial[DR, DR] = np.diag(prior.velocity**2), np.diag(prior.position**2)
         back = np.linalg.inv(W[0])
         self.P = np.zeros((NAVIGATION + len(variance),) * 2)
-        self.P[:NAVIGATION, :NAVIGATION] = back @ told @ back.T
+        self.P[:NAVIGATION, :NAVIGATION] = back @ initial @ back.T
         self.P[NAVIGATION:, NAVIGATION:] = np.diag(variance)
         self.without: Array | None = None  # the covariance without the fix that is not yet delivered
         self.due = 0  # sample of its delivery
         self.last = 0  # sample that ended the block before
-        rotation = np.sqrt(np.diag(told[PSI, PSI]))
+        rotation = np.sqrt(np.diag(initial[PSI, PSI]))
         self.start = np.concatenate([np.minimum(prior.attitude, UNIFORM), prior.velocity, prior.position, rotation])[None]
 
     def block(self, steps: Steps) -> Array:
         """The standard deviations (m, 12) after each step."""
-        kept = np.empty((len(steps.time), NAVIGATION, NAVIGATION))
+        covariances = np.empty((len(steps.time), NAVIGATION, NAVIGATION))
         for k in self.each(steps):
-            kept[k] = (self.P if self.without is None else self.without)[:NAVIGATION, :NAVIGATION]
-        return _channels(kept, steps, earth_axes(steps.latitude, steps.longitude))
+            covariances[k] = (self.P if self.without is None else self.without)[:NAVIGATION, :NAVIGATION]
+        return _channels(covariances, steps, earth_axes(steps.latitude, steps.longitude))
 
     def each(self, steps: Steps) -> Iterator[int]:
         """Go through the steps of a block; the number of each, after its measurements."""
@@ -221,14 +221,14 @@ class CovarianceFilter:
 
     def _coupling(self, steps: Steps, C_en: Array, A: Array, force: Array) -> Array:
         """Effect (m, 9, states) of the error sources on the navigation errors over each step."""
-        found = np.zeros((len(steps.time), NAVIGATION, len(self.variance)))
+        coupling = np.zeros((len(steps.time), NAVIGATION, len(self.variance)))
         begin = 0
         for source in self.layout.sources:
-            own = entering(source, self.layout.unit, steps, force)
+            entry = entering(source, self.layout.unit, steps, force)
             span = slice(begin, begin + source.place.size)
-            found[:, PSI, span], found[:, DV, span] = C_en @ own[:, :3], C_en @ own[:, 3:]
+            coupling[:, PSI, span], coupling[:, DV, span] = C_en @ entry[:, :3], C_en @ entry[:, 3:]
             begin = span.stop
-        return np.asarray(found + A @ found / 2)
+        return np.asarray(coupling + A @ coupling / 2)
 
     def _moored(self, rows: Array, C_en: Array) -> None:
         """Measure: the displacement is that of the place and the sway, `rows` of `Mooring.rows`."""
@@ -240,11 +240,11 @@ class CovarianceFilter:
 
     def _aid(self, aid: Aid, steps: Steps, C_en: Array) -> tuple[Array, Array]:
         """The measurement matrix (m, r, states) of an instrument at the end of each step, and its white variance (r,)."""
-        nav, own = aid.linear(steps, C_en)
+        nav, by_source = aid.linear(steps, C_en)
         H = np.zeros((*nav.shape[:2], len(self.P)))
         H[:, :, :NAVIGATION] = nav
         for source in aid.sources:
-            H[:, :, self.layout.place(source)] = own[source.name][:, :, source.place]
+            H[:, :, self.layout.place(source)] = by_source[source.name][:, :, source.place]
         return H, aid.noise**2
 
     def _fix(self, fixes: Fixes, C_en: Array, antenna: _Antenna) -> None:

@@ -64,26 +64,26 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
     def row(name: str, size: int) -> Array:
         return np.broadcast_to(np.asarray(rows.get(name, 0.0), dtype=float).ravel(), size)
 
-    found: list[Source | None] = []
+    sources: list[Source | None] = []
     shortest = 0.5 * float(rows.get("drift_interval", 1.0))  # the plant interpolates between values this far apart, twice
     for name, triad in _TRIADS:
         turn_on = row(f"{name}_bias", 3) ** 2 + row(f"{name}_bias_sigma", 3) ** 2
-        found.append(source("bias", triad, turn_on, walk=row(f"{name}_rate_random_walk", 3) ** 2))
+        sources.append(source("bias", triad, turn_on, walk=row(f"{name}_rate_random_walk", 3) ** 2))
         times = np.maximum(row(f"{name}_instability_time", 3), shortest)
-        found.append(source("in-run bias", triad, row(f"{name}_instability_sigma", 3) ** 2, time=times))
+        sources.append(source("in-run bias", triad, row(f"{name}_instability_sigma", 3) ** 2, time=times))
         floor = FLICKER_SIGMA * row(f"{name}_flicker", 3)
-        found += [
+        sources += [
             source(f"flicker {part}", triad, floor**2, time=np.full(3, FLICKER_TIMES[part])) for part in range(FLICKER_PARTS)
         ]
-        found.append(source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
-        found.append(source("thermal scale factor", triad, row(f"{name}_scale_factor_slope", 3) ** 2))
+        sources.append(source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
+        sources.append(source("thermal scale factor", triad, row(f"{name}_scale_factor_slope", 3) ** 2))
         matrix = np.zeros(9)
         matrix[[0, 4, 8]] = row(f"{name}_scale_factor", 3) ** 2 + row(f"{name}_scale_factor_sigma", 3) ** 2
         matrix[list(_OFF_DIAGONAL)] = row(f"{name}_misalignment", 6) ** 2 + row(f"{name}_misalignment_sigma", 6) ** 2
-        found.append(source("matrix", triad, matrix))
-    found.append(source("g-sensitivity", 0, row("gyro_g_sensitivity", 9) ** 2))
-    found.append(source("gravity", None, row("gravity_disturbance_n", 3) ** 2))
-    found.append(source("mounting", 2, row("mounting_error", 3) ** 2 + row("mounting_error_sigma", 3) ** 2))
+        sources.append(source("matrix", triad, matrix))
+    sources.append(source("g-sensitivity", 0, row("gyro_g_sensitivity", 9) ** 2))
+    sources.append(source("gravity", None, row("gravity_disturbance_n", 3) ** 2))
+    sources.append(source("mounting", 2, row("mounting_error", 3) ** 2 + row("mounting_error_sigma", 3) ** 2))
     q_bs = np.asarray(rows.get("q_bs", (1.0, 0.0, 0.0, 0.0)), dtype=float)
     white = [
         np.maximum(np.abs(row("angle_random_walk", 3)), LEAST_ANGLE_NOISE),
@@ -91,7 +91,7 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
     ]
     usual = {"initial": 293.15, "final": 293.15, "reference": 293.15, "time": 600.0, "ramp": 0.0}
     return Unit(
-        sources=tuple(source for source in found if source is not None),
+        sources=tuple(source for source in sources if source is not None),
         noise=np.array(white),
         C_bs=attitude.numeric.to_dcm(q_bs / np.linalg.norm(q_bs)),
         temperatures=tuple(float(rows.get(f"imu_temperature_{name}", value)) for name, value in usual.items()),
@@ -116,9 +116,9 @@ def receiver_of(rows: Mapping[str, Any]) -> tuple[Source | None, Source | None]:
 
 def constants(name: str, variance: Array) -> Source:
     """States that do not change, such as the place of a mooring; `variance` (k,) > 0."""
-    found = source(name, None, variance)
-    assert found is not None
-    return found
+    made = source(name, None, variance)
+    assert made is not None
+    return made
 
 
 def source(
@@ -137,15 +137,15 @@ def entering(source: Source, unit: Unit, steps: Steps, force: Array) -> Array:
 
     force (m, 3, 3, 3): as `Steps.force`; at rest that of gravity alone.
     """
-    found = np.zeros((len(steps.time), 6, source.place.size))
+    columns = np.zeros((len(steps.time), 6, source.place.size))
     if source.name == "gravity":  # the estimate lacks it
-        found[:, 3:] = -np.eye(3)[:, source.place] * steps.length[:, None, None]
+        columns[:, 3:] = -np.eye(3)[:, source.place] * steps.length[:, None, None]
     if source.triad is None:
-        return found
+        return columns
     for triad in (0, 1) if source.triad == 2 else (source.triad,):
         increments = steps.angle if triad == 0 else force
-        found[:, 3 * triad : 3 * triad + 3] = _columns(source, unit, steps, increments, force)
-    return found
+        columns[:, 3 * triad : 3 * triad + 3] = _columns(source, unit, steps, increments, force)
+    return columns
 
 
 def _columns(source: Source, unit: Unit, steps: Steps, increments: Array, force: Array) -> Array:

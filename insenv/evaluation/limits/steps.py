@@ -41,8 +41,8 @@ class Fixes:
     def samples(self, count: int) -> NDArray[np.int64]:
         """0, the samples of all epochs and deliveries up to `count`, and `count`, rising."""
         epochs = np.arange(self.interval, count + 1, self.interval)
-        found = np.unique(np.concatenate([[0, count], epochs, epochs + self.latency]))
-        return found[found <= count].astype(np.int64)
+        samples = np.unique(np.concatenate([[0, count], epochs, epochs + self.latency]))
+        return samples[samples <= count].astype(np.int64)
 
     def measured(self, sample: int) -> bool:
         """Whether the sample is that of an epoch which gives a fix."""
@@ -135,9 +135,9 @@ def steps_along(model: Model, parameters: Vector, interval: float, ends: NDArray
     while first < len(ends):
         begin = int(ends[first - 1]) if first else 0
         last = max(first + 1, int(np.searchsorted(ends, begin + AT_ONCE, side="right")))
-        own = ends[first:last]
-        shown = model.outputs.unpack(runner.run(int(own[-1]) - begin))
-        block, slow = _summed(shown, own, begin, interval, C_bs, slow)
+        block_ends = ends[first:last]
+        shown = model.outputs.unpack(runner.run(int(block_ends[-1]) - begin))
+        block, slow = _summed(shown, block_ends, begin, interval, C_bs, slow)
         yield block
         first = last
 
@@ -222,13 +222,13 @@ def gravity_gradient_n(latitude: Array, height: Array) -> Array:
 
     R_M, R_N = geodesy.numeric.radii(np.sin(latitude))
     g = gravity(latitude, height)
-    found = np.zeros((len(latitude), 3, 3))
-    found[:, 0, 0] = -g / (R_M + height)
-    found[:, 1, 1] = -g / (R_N + height)
-    found[:, 2, 2] = -(gravity(latitude, height + _HEIGHT) - gravity(latitude, height - _HEIGHT)) / (2 * _HEIGHT)
+    gradient = np.zeros((len(latitude), 3, 3))
+    gradient[:, 0, 0] = -g / (R_M + height)
+    gradient[:, 1, 1] = -g / (R_N + height)
+    gradient[:, 2, 2] = -(gravity(latitude, height + _HEIGHT) - gravity(latitude, height - _HEIGHT)) / (2 * _HEIGHT)
     by_latitude = (gravity(latitude + _LATITUDE, height) - gravity(latitude - _LATITUDE, height)) / (2 * _LATITUDE)
-    found[:, 2, 0] = by_latitude / (R_M + height)
-    return found
+    gradient[:, 2, 0] = by_latitude / (R_M + height)
+    return gradient
 
 
 def integrals(steps: Steps, C_en: Array, thrust_n: Array) -> Array:

@@ -1,6 +1,7 @@
 """The formats of files, each in one file that reads and writes it.  To add one: its file, and a line in `FORMATS`.
 
-`contract.py` says what a format is.  Text tables are read by `csv_table.py`, by the columns that a description names.
+`contract.py` says what a format is.  The sections of a description name the columns of text tables (`csv_table.py`) and of the
+other formats in `SECTION_FORMATS`.
 """
 
 from pathlib import Path
@@ -8,13 +9,19 @@ from pathlib import Path
 from insenv.logs.formats import (
     csv_table,
     dataflash,
+    gnss_logger,
     gpx,
+    kf_gins,
     kml,
+    matlab,
     nmea,
+    numpy_arrays,
     rerun_recording,
     rosbag,
+    rtklib,
     telemetry,
     text_log,
+    ubx,
     ulog,
 )
 from insenv.logs.formats.contract import Format
@@ -31,11 +38,19 @@ FORMATS = (
     rerun_recording.FORMAT,
     nmea.FORMAT,
     text_log.FORMAT,
+    kf_gins.FORMAT,
+    ubx.FORMAT,
+    rtklib.FORMAT,
+    gnss_logger.FORMAT,
+    numpy_arrays.FORMAT,
+    matlab.FORMAT,
 )
 WRITTEN = {each.name: each for each in FORMATS if each.write is not None}
 """The formats that are written, by name."""
 TRACKS = {suffix: each for each in FORMATS if each.read_tracks is not None for suffix in each.suffixes}
 """The formats of tracks, by suffix."""
+SECTION_FORMATS = {each.name: each for each in FORMATS if each is csv_table.FORMAT or each.reads_sections}
+"""The formats of the files that the sections of a description name, by the value of the key `format`."""
 _FLIGHTS = {suffix: each for each in FORMATS if each.read_flight is not None for suffix in each.suffixes}
 SUFFIXES = " or ".join((", ".join(list(_FLIGHTS)[:-1]), list(_FLIGHTS)[-1]))
 """The ends of the names of flight logs, for messages."""
@@ -58,4 +73,4 @@ def is_flight_log(path: Path) -> bool:
     return flight_format(path) is not None
 
 
-__all__ = ["FORMATS", "SUFFIXES", "TRACKS", "WRITTEN", "Format", "flight_format", "is_flight_log"]
+__all__ = ["FORMATS", "SECTION_FORMATS", "SUFFIXES", "TRACKS", "WRITTEN", "Format", "flight_format", "is_flight_log"]

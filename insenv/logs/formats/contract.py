@@ -1,15 +1,20 @@
-"""`Format`: how files of one format are recognised, read and written; `NamedTrack` and `Drive`: what is written."""
+"""`Format`: how files of one format are recognised, read and written; `FileColumns`: what the sections of a description read;
+`NamedTrack` and `Drive`: what is written.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta, timezone
+from fnmatch import fnmatchcase
+from typing import Any
 
 import numpy as np
 
 from insenv import attitude
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark
 from insenv.logs.formats.series import Flight
 from insenv.logs.recorded import RecordedLog
 from insenv.logs.units import Array
@@ -101,11 +106,32 @@ class Drive:
         return (NamedTrack("truth", reference.time, q_nb, reference.velocity_n, *place),)
 
 
+@dataclass(frozen=True)
+class FileColumns:
+    """The columns of a file, by name or number: (n,) each, of one length if they belong together; NaN where a value is missing.
+
+    lines: numbers of the lines of a text file that the rows stand on, for messages; None: the rows are numbered from 1.
+    notes: remarks for the user.
+    """
+
+    columns: Mapping[Any, Array]
+    lines: np.ndarray | None = None
+    notes: tuple[Remark, ...] = ()
+
+
+SectionKeys = Mapping[str, Any]
+"""Values by key of a section of a description, as in its TOML file."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Format:
     """A format of files.  Its functions raise `InputError`.
 
-    name: in `insenv.write`, and of the option that writes it; suffixes: ends of the names of files that are read.
+    name: in `insenv.write`, of the option that writes it, and the value of the key `format` of a description; suffixes: ends of
+    the names of files that are read, * for any text.
+    read_columns: what a section of a description may name as columns, from the file's name for messages, its bytes, and the
+    name of the section; None: those of a text table.  keys: that the format fixes, by section; empty: any section reads it, and
+    names its columns itself.  further_keys: groups of keys, by section, each fixed if the file has their columns.
     read_flight: the series of a flight log, from its name for messages and its bytes; kind: what messages call such a log;
     hint: how to get inertial samples at a usable rate.  read_tracks: the tracks with points, likewise; several: whether a file
     may have more than one.
@@ -115,6 +141,9 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...] = ()
+    read_columns: Callable[[str, bytes, str], FileColumns] | None = None
+    keys: Mapping[str, SectionKeys] = field(default_factory=dict)
+    further_keys: Mapping[str, tuple[SectionKeys, ...]] = field(default_factory=dict)
     read_flight: Callable[[str, bytes], Flight] | None = None
     kind: str = ""
     hint: str = ""
@@ -126,3 +155,14 @@ class Format:
     module: str = ""
     package: str = ""
     extra: str = ""
+
+    @property
+    def reads_sections(self) -> bool:
+        """Whether the files of a description may be of this format."""
+        return self.read_columns is not None or bool(self.keys)
+
+    def named_like(self, name: str) -> bool:
+        """Whether a file's name ends like those of this format; .gz and .zip do not count."""
+        name = name.lower()
+        name = name.rpartition(".")[0] if name.endswith((".gz", ".zip")) else name
+        return any(fnmatchcase(name, f"*{suffix.lower()}") for suffix in self.suffixes)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import Remark, declared
 from insenv.logs.files import all_of
 from insenv.logs.formats.contract import Drive, Files, Format
 from insenv.logs.units import Array
@@ -21,15 +22,24 @@ from insenv.logs.units import Array
 Column = str | int
 MISSING = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
 """Fields, in lower case, that hold no value."""
+_CUT_OFF = declared("table-cut-off", "{label}: the last line has no line end and its last value is short: is the file cut off?")
+
+
+def check_delimiter(label: str, names: Sequence[str]) -> None:
+    """Raise `InputError` if a header was read as one name because it has another delimiter than the description says."""
+    marks = {",": ",", ";": ";", "tab": "\t", "space": " "}
+    fits = next((given for given, mark in marks.items() if mark in names[0].strip()), "") if len(names) == 1 else ""
+    if fits:
+        raise InputError(f"{label}: the header is one column, {names[0][:60]!r}: allowed is delimiter = {fits!r}, or 'auto'")
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """Columns read from a text file.
+    """Columns read from a file.
 
     label: the file's name in messages; names: as in the description, one per column of `values`; values (rows, columns);
     lines (rows,): line numbers in the file, counted from 1; fields: number of fields per line in the file; sha256: of the
-    unpacked bytes; notes: remarks for the user.
+    unpacked bytes; notes: remarks for the user; row: what messages call a row.
     """
 
     label: str
@@ -38,7 +48,8 @@ class TextTable:
     lines: np.ndarray
     fields: int
     sha256: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
+    row: str = "line"
 
     def column(self, name: Column) -> Array:
         """One column (rows,). The name must be one of `names`."""
@@ -54,7 +65,7 @@ class TextTable:
 
     def where(self, row: int) -> str:
         """'file: line N' of a row, for messages."""
-        return f"{self.label}: line {self.lines[row]}"
+        return f"{self.label}: {self.row} {self.lines[row]}"
 
     def refuse(self, names: Sequence[Column], bad: np.ndarray, message: Callable[[int, int], str], hint: str = "") -> None:
         """Raise InputError for the first value of the columns `names` that is bad, (rows,) or (rows, columns) of bool.
@@ -248,6 +259,7 @@ class _Text:
             return names.index(column)
         if not names:
             raise InputError(f"{label}: no column {column!r}: the file has no header; give column numbers 0 to {last}")
+        check_delimiter(label, names)
         raise InputError(f"{label}: no column {column!r}{nearest(column, names)}")
 
     def filled(self, places: list[int], may_miss: list[bool], skip_empty: bool) -> tuple[np.ndarray, list[str]]:
@@ -288,14 +300,14 @@ class _Text:
                         raise InputError(f"{self.label}: line {number + 1}, column {_quoted(column)}: {what}") from None
             raise InputError(f"{self.label}: cannot be parsed: {error}") from None
 
-    def notes_on_end(self) -> tuple[str, ...]:
+    def notes_on_end(self) -> tuple[Remark, ...]:
         """A note if the last line has no line end and its last field is shorter than those before it."""
         if self.text.endswith((b"\n", b"\r")) or self.rows.size < 2:
             return ()
         sizes = [len(self.line(int(number)).split(self.separator)[-1].strip()) for number in self.rows[-50:]]
         if sizes[-1] >= min(sizes[:-1]):
             return ()
-        return (f"{self.label}: the last line has no line end and its last value is short: is the file cut off?",)
+        return (_CUT_OFF.filled(label=self.label),)
 
 
 def _is_number(text: str) -> bool:

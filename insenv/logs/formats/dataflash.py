@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import declared
 from insenv.logs.formats.contract import Format
 from insenv.logs.formats.series import (
     FIX_3D,
@@ -37,6 +38,9 @@ from insenv.logs.units import Array, standard_height
 
 HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3
+_LATE = declared(
+    "fixes-late", "fixes are stamped at logging, after their time of validity: a negative gnss_time_offset_s corrects it"
+)
 
 
 def read(label: str, data: bytes) -> Flight:
@@ -46,13 +50,12 @@ def read(label: str, data: bytes) -> Flight:
     with _reader(label, data) as reader:
         tables = _Tables(reader, data)
         fixes = [series for name in tables.instances("GPS") if (series := tables.fixes(*name)) is not None]
-        late = "fixes are stamped at logging, after their time of validity: a negative gnss_time_offset_s corrects it"
         imus, others = tables.imus()
         return Flight(
             imus=imus,
             fixes=fixes,
             solutions=[tables.solution()],
-            notes=[late] if fixes else [],
+            notes=[_LATE] if fixes else [],
             rows=sum(len(offsets) for offsets in reader.offsets),
             others=others,
             parameters=tables.parameters(),

@@ -46,6 +46,19 @@ GNSS_VELOCITY: dict[str, Any] = {
     "velocity": _NED_VELOCITY,
     "velocity_sigma": [f"velocity_sigma_{axis}_mps" for axis in ("north", "east", "down")],
 }
+UNIX_TIME = "unix_s"
+"""Name of a column of Unix time (UTC), s."""
+RECEIVER: dict[str, Any] = {
+    **GNSS,
+    "time": UNIX_TIME,
+    "latitude": "latitude_deg",
+    "longitude": "longitude_deg",
+    "position_unit": "deg",
+}
+"""The keys of [gnss] for the columns of a receiver's own files; those of its velocity are `GNSS_VELOCITY`."""
+RECEIVER_REFERENCE = {name: value for name, value in RECEIVER.items() if name != "position_sigma"}
+"""The same of [reference], with the velocity of `REFERENCE_VELOCITY`."""
+REFERENCE_VELOCITY = {"velocity": _NED_VELOCITY}
 _SUFFIXES = {"m": "m", "m/s": "mps", "rad": "rad", "T": "t"}
 """Ends of the names of columns, by SI unit; one without a unit has none."""
 _COMPONENTS = {"n": ("north", "east", "down")}
@@ -144,6 +157,21 @@ def _stamps(measured: GnssFixes | Readings) -> Columns:
 
 def _vector(names: list[str], values: Array) -> Columns:
     return dict(zip(names, values.T, strict=True))
+
+
+def receiver_columns(
+    time: Array, degrees: Array, height: Array, sigma: Array, velocity: Array | None, velocity_sigma: Array | None
+) -> Columns:
+    """The columns of `RECEIVER`, and those of `GNSS_VELOCITY` where there is a velocity.
+
+    time (n,) s, Unix; degrees (n, 2): latitude, longitude; height (n,) m above the ellipsoid; the rest (n, 3) north, east,
+    down.
+    """
+    columns = {UNIX_TIME: time, "latitude_deg": degrees[:, 0], "longitude_deg": degrees[:, 1], "height_m": height}
+    columns |= _vector(GNSS["position_sigma"], sigma)
+    if velocity is not None and velocity_sigma is not None:
+        columns |= _vector(GNSS_VELOCITY["velocity"], velocity) | _vector(GNSS_VELOCITY["velocity_sigma"], velocity_sigma)
+    return columns
 
 
 def tables(log: RecordedLog) -> dict[str, Columns]:

@@ -29,6 +29,7 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.installing import need
+from insenv.base.remarks import Remark, declared
 from insenv.logs.formats.contract import EPOCH, Drive, Files, Format, NamedTrack
 from insenv.logs.formats.series import FixSeries, Flight, ImuSeries, SolutionSeries, reading
 from insenv.logs.recorded import GnssFixes, RecordedLog
@@ -83,6 +84,13 @@ def _placed(label: str, data: bytes, scratch: Path) -> Path:
     path = scratch / f"bag{suffix}"
     path.write_bytes(data)
     return path
+
+
+_AXES = declared("axes-by-rep", "axes by REP 103 (body forward, left, up); times are counted from the first inertial sample")
+_UNPLACED = declared(
+    "odometry-unplaced", "{topic}: not used: without a NavSatFix of the same stamps its place and its north are not known"
+)
+_VELOCITY_OF = declared("velocity-of", "{topic}: velocity of {other}")
 
 
 @dataclass
@@ -151,7 +159,7 @@ def _flight(topics: list[_Topic], count: int) -> Flight:
         topic.time = np.asarray((np.array(topic.stamps, dtype=np.int64) - first) * 1e-9, dtype=np.float64)
         topic.values = np.array(topic.rows, dtype=np.float64)
     of = {kind: [topic for topic in topics if topic.kind == kind] for kind in _VALUES}
-    notes = ["axes by REP 103 (body forward, left, up); times are counted from the first inertial sample"]
+    notes = [_AXES]
     imus = [
         ImuSeries(each.name, each.time, each.values[:, :3] * SIGNS, each.values[:, 3:] * SIGNS, "instant") for each in of[IMU]
     ]
@@ -159,9 +167,7 @@ def _flight(topics: list[_Topic], count: int) -> Flight:
     for topic in of[ODOMETRY]:
         partner = next((fix for fix in of[FIX] if fix.beside(topic.name, topic.time)), None)
         if partner is None:
-            notes.append(
-                f"{topic.name}: not used: without a NavSatFix of the same stamps its place and its north are not known"
-            )
+            notes.append(_UNPLACED.filled(topic=topic.name))
         elif topic.frame in MAPS:
             places.add(partner.name)
             solutions.append(_solution(topic, partner.values))
@@ -170,7 +176,7 @@ def _flight(topics: list[_Topic], count: int) -> Flight:
     return Flight(imus=imus, fixes=fixes, solutions=solutions, notes=notes, rows=count, readings=readings)
 
 
-def _fixes(topic: _Topic, twists: list[_Topic], notes: list[str]) -> FixSeries | None:
+def _fixes(topic: _Topic, twists: list[_Topic], notes: list[Remark]) -> FixSeries | None:
     """The fixes, with the velocities of a twist beside them."""
     good = (topic.values[:, 0] >= 0) & np.isfinite(topic.values[:, 1:4]).all(axis=1)
     rows, time = topic.values[good], topic.time[good]
@@ -183,7 +189,7 @@ def _fixes(topic: _Topic, twists: list[_Topic], notes: list[str]) -> FixSeries |
     if twist is not None:
         scatter = twist.values[:, [4, 3, 5]]
         velocity, velocity_sigma = twist.values[:, :3] @ ENU.T, np.sqrt(scatter) if (scatter > 0.0).all() else None
-        notes.append(f"{topic.name}: velocity of {twist.name}")
+        notes.append(_VELOCITY_OF.filled(topic=topic.name, other=twist.name))
     return FixSeries(
         name=topic.name,
         time=time,

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from insenv.base.remarks import Remark
 from insenv.logs.recorded import GnssFixes, Readings, Reference
 from insenv.logs.units import Array
 
@@ -91,7 +92,7 @@ class Flight:
     imus: Sequence[ImuSeries]
     fixes: Sequence[FixSeries | None]
     solutions: Sequence[SolutionSeries | None]
-    notes: Sequence[str]
+    notes: Sequence[Remark]
     rows: int
     others: Sequence[str] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)

@@ -17,6 +17,7 @@ import numpy as np
 
 from insenv import attitude
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs.formats.contract import Format
 from insenv.logs.formats.series import (
@@ -134,6 +135,18 @@ _NAMES = {
     *_UNITS, *_SCALED, "RAW_IMU", "HIL_GPS", "GPS_RAW_INT", "PARAM_VALUE", "HOME_POSITION", "HIL_STATE_QUATERNION", "ATTITUDE",
     "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT",
 }  # fmt: skip
+_ONE_SENDER = declared("one-sender", "messages of system {system}, component {component}; also in the log: {others}")
+_SKIPPED = declared("frames-skipped", "{wrong} frames with a wrong checksum, {skipped} bytes that belong to no record: skipped")
+_UNIX_TIME = declared(
+    "vehicle-unix-time",
+    "the vehicle's time stamps are Unix time: times are counted from the first inertial sample",
+)
+_ACCURACIES = declared(
+    "accuracies-in-cm", "HIL_GPS: eph and epv are taken as accuracies in cm, as PX4 does; MAVLink defines dilutions"
+)
+_ARRIVAL = declared(
+    "times-of-arrival", "GPS_RAW_INT: stamped by a different clock than the inertial unit: times of arrival are used"
+)
 
 
 def read(label: str, data: bytes) -> Flight:
@@ -147,12 +160,12 @@ def read(label: str, data: bytes) -> Flight:
         raise InputError(f"{label}: not a MAVLink telemetry log: it holds no frame after a time stamp")
     tables = {sender: _Tables(rows) for sender, rows in by_sender.items()}
     sender = max(tables, key=lambda s: tables[s].inertial_samples())
-    notes = []
+    notes: list[Remark] = []
     if len(tables) > 1:
         others = ", ".join(f"{s}/{c}" for s, c in sorted(tables) if (s, c) != sender)
-        notes.append(f"messages of system {sender[0]}, component {sender[1]}; also in the log: {others}")
+        notes.append(_ONE_SENDER.filled(system=sender[0], component=sender[1], others=others))
     if log.wrong or log.skipped:
-        notes.append(f"{log.wrong} frames with a wrong checksum, {log.skipped} bytes that belong to no record: skipped")
+        notes.append(_SKIPPED.filled(wrong=log.wrong, skipped=log.skipped))
     return tables[sender].flight(notes, log.records)
 
 
@@ -192,11 +205,11 @@ class _Tables:
 
     # Series.
 
-    def flight(self, notes: list[str], records: int) -> Flight:
+    def flight(self, notes: list[Remark], records: int) -> Flight:
         first = [int(rows["time_usec"][0]) for name in _UNITS if (rows := self.columns(name)).size]
         self.base_us = next((time for time in first if time > UNIX_US), 0)
         if self.base_us:  # double precision of seconds since 1970 is too coarse for the steps between samples
-            notes.append("the vehicle's time stamps are Unix time: times are counted from the first inertial sample")
+            notes.append(_UNIX_TIME)
         imus = list(self._imus())
         undulation = self._undulation()
         clock = max(imus, key=lambda imu: imu.rate_hz).time if imus else np.zeros(0)
@@ -270,7 +283,7 @@ class _Tables:
         height = float(rows[-1]["altitude"]) * 1e-3 + (undulation or 0.0)
         return Place("HOME_POSITION", latitude, longitude, height, undulation is None)
 
-    def _hil_gps(self, undulation: float | None, notes: list[str]) -> FixSeries | None:
+    def _hil_gps(self, undulation: float | None, notes: list[Remark]) -> FixSeries | None:
         rows = self.each_once("HIL_GPS")
         rows = rows[rows["fix_type"] >= FIX_3D]
         if not len(rows):
@@ -282,7 +295,7 @@ class _Tables:
         if stated is None:
             horizontal, vertical = (np.where(rows[name] < _UNKNOWN, rows[name], 0) * 1e-2 for name in ("eph", "epv"))
             if (horizontal > 0).all():
-                notes.append("HIL_GPS: eph and epv are taken as accuracies in cm, as PX4 does; MAVLink defines dilutions")
+                notes.append(_ACCURACIES)
         else:
             horizontal, vertical, moving = stated
             if (known & (moving > 0)).any():
@@ -311,7 +324,7 @@ class _Tables:
         horizontal, vertical, speed = (rows[name][near] * 1e-3 for name in ("h_acc", "v_acc", "vel_acc"))
         return horizontal, vertical, speed
 
-    def _gps_raw_int(self, undulation: float | None, clock: Array, notes: list[str]) -> FixSeries | None:
+    def _gps_raw_int(self, undulation: float | None, clock: Array, notes: list[Remark]) -> FixSeries | None:
         rows = self.columns("GPS_RAW_INT")
         rows = rows[np.sort(np.unique(rows["time_usec"], return_index=True)[1])]  # in order of arrival
         rows = rows[rows["fix_type"] >= FIX_3D]
@@ -320,7 +333,7 @@ class _Tables:
         time = self.seconds(rows)
         if clock.size and (time[-1] < clock[0] or time[0] > clock[-1]):
             time = np.asarray(rows["received_us"].astype(np.int64) * 1e-6 - self._clock_offset(), dtype=np.float64)
-            notes.append("GPS_RAW_INT: stamped by a different clock than the inertial unit: times of arrival are used")
+            notes.append(_ARRIVAL)
         velocity, velocity_sigma = _from_course(rows["vel"], rows["cog"], rows["vel_acc"])
         return FixSeries(
             name="GPS_RAW_INT",

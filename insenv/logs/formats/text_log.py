@@ -119,6 +119,9 @@ def _stated(log: RecordedLog, id: str) -> dict[str, Any]:
     if section is None:  # of a flight log, whose description has no instruments
         return {}
     drop = _AS_READ | set(section.column_keys())
+    if id == "reference":  # its columns are written in the axes of insenv, and at the IMU if it has an attitude
+        at_point = log.reference is not None and log.reference.lever_arm_b is not None
+        drop |= set(type(section).model_fields) - ({"lever_arm_m"} if at_point else set())
     data = section.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     return {name: value for name, value in data.items() if name not in drop}
 

@@ -16,6 +16,7 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.installing import need
+from insenv.base.remarks import Remark, declared
 from insenv.logs.formats.contract import Format
 from insenv.logs.formats.series import (
     AZIMUTH_SIGMA,
@@ -56,6 +57,13 @@ _TOPICS = [
     "vehicle_magnetometer",
     "vehicle_air_data",
 ]
+_DROPOUTS = declared("logger-dropouts", "{count} dropouts of the logger, {lost:.3g} s in total")
+_DAMAGED = declared("file-damaged", "the file is damaged: its readable part is used")
+_CUT_OFF = declared(
+    "file-cut-off", "the file is cut off within its last message, of which {size} bytes are there; later data are missing"
+)
+_SKIPPED = declared("bytes-skipped", "the file is damaged: {lost} bytes at {places} are not messages and are skipped")
+_UNIX_TIME = declared("unix-time", "time stamps are Unix time: times are counted from the first inertial sample")
 
 Columns = dict[str, Any]
 
@@ -83,10 +91,10 @@ def read(label: str, data: bytes) -> Flight:
     undulation = next((each.undulation for each in fixes if each is not None and each.undulation is not None), None)
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
-        notes.append(f"{len(log.dropouts)} dropouts of the logger, {lost:.3g} s in total")
+        notes.append(_DROPOUTS.filled(count=len(log.dropouts), lost=lost))
     notes += damage
     if log.file_corruption and not damage:
-        notes.append("the file is damaged: its readable part is used")
+        notes.append(_DAMAGED)
     return Flight(
         imus=_imus(topics),
         fixes=fixes,
@@ -98,13 +106,13 @@ def read(label: str, data: bytes) -> Flight:
     )
 
 
-def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
+def whole_messages(data: bytes) -> tuple[bytes, list[Remark]]:
     """The file with its whole messages only, and notes on what it lacks: its end, or bytes that are no message.
 
     pyulog stops at some bytes that are no message. A ULog file has no checksums: values that are wrong within whole messages
     cannot be found.
     """
-    notes: list[str] = []
+    notes: list[Remark] = []
     pieces, begin, at, lost, places, end = [], 0, _HEADER_BYTES, 0, 0, len(data)
     while at + 3 <= end:
         size, kind = int.from_bytes(data[at : at + 2], "little"), data[at + 2]
@@ -117,13 +125,9 @@ def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
         else:
             at += 3 + size
     if at < end:
-        notes.append(
-            f"the file is cut off within its last message, of which {end - at} bytes are there; later data are missing"
-        )
+        notes.append(_CUT_OFF.filled(size=end - at))
     if lost:
-        notes.append(
-            f"the file is damaged: {lost} bytes at {places} place{'s' if places > 1 else ''} are not messages and are skipped"
-        )
+        notes.append(_SKIPPED.filled(lost=lost, places=f"{places} place{'s' if places > 1 else ''}"))
     if not lost or any(data[_APPENDED]):  # the places of appended data are offsets into the file
         return data, notes
     return b"".join([*pieces, data[begin:at]]), notes
@@ -164,7 +168,7 @@ class _EndlessError(Exception):
     """Not one of the errors that pyulog catches at a broken message."""
 
 
-def _rebased(topics: dict[tuple[str, int], Columns]) -> list[str]:
+def _rebased(topics: dict[tuple[str, int], Columns]) -> list[Remark]:
     """Count times from the first inertial sample if they are Unix time, as in logs of a simulated PX4."""
     first = min(
         (int(t["timestamp"][0]) for (name, _), t in topics.items() if name in ("sensor_combined", "vehicle_imu")), default=0
@@ -176,7 +180,7 @@ def _rebased(topics: dict[tuple[str, int], Columns]) -> list[str]:
             if column in table:
                 stamps = np.asarray(table[column]).astype(np.int64)
                 table[column] = np.where(stamps > 0, stamps - first, 0)
-    return ["time stamps are Unix time: times are counted from the first inertial sample"]
+    return [_UNIX_TIME]
 
 
 def _imus(topics: dict[tuple[str, int], Columns]) -> list[ImuSeries]:

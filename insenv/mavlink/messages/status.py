@@ -5,7 +5,7 @@ from __future__ import annotations
 from hashlib import blake2b
 from math import nan
 
-from insenv.base.version import __version__
+from insenv.base.shipped import __version__
 from insenv.mavlink.messages.fields import Message, Values
 from insenv.mavlink.messages.view import View
 

@@ -22,8 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from insenv.base.errors import InputError
-from insenv.base.output import check_output_file
+from insenv.base.output import cannot_write, check_output_file
 
 Definition = tuple[int, int, str, tuple[tuple[str, str, int], ...]]
 """Message number, CRC_EXTRA, layout of the payload, and type, name and length (0: no array) of each field."""
@@ -216,7 +215,7 @@ class TlogWriter:
 
     PATH is therefore never incomplete; after a crash ``PATH.part`` is readable up to its last whole record.  An
     existing PATH is replaced.  frames: the number written.  Raises `InputError` when the file cannot be created or
-    written.
+    written, `InsenvError` when the disk is full.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -247,13 +246,13 @@ class TlogWriter:
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
-        """Close the file and raise an `InputError` that names it where an operation of the block fails."""
+        """Close the file and raise an error that names it where an operation of the block fails."""
         try:
             yield
         except OSError as error:
             with suppress(OSError, AttributeError):
                 self._file.close()
-            raise InputError(f"telemetry log {self.path}: cannot be written: {error.strerror or error}") from None
+            raise cannot_write(self.path, error) from None
 
     def __enter__(self) -> TlogWriter:
         return self

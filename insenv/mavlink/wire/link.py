@@ -280,7 +280,7 @@ class Link(ABC):
 
     def _verified(self, frame: bytes) -> Message | None:
         if self.signing is not None:
-            verdict = self.signing.verify(frame, own=(self.system, self.component))
+            verdict = self.signing.verify(frame, ours=(self.system, self.component))
             if verdict is not Verdict.GOOD:
                 setattr(self.statistics, verdict.value, getattr(self.statistics, verdict.value) + 1)
                 return None

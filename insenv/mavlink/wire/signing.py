@@ -126,8 +126,8 @@ class Signing:
             raise InputError(f"signing link {link}: allowed is 0 to 255")
         self._key, self._link, self._clock = key, link, clock
         self._marks = None if marks is None else Path(marks)
-        self._own = 0
-        self._own_mark = 0
+        self._ticks_ours = 0
+        self._ticks_mark = 0
         self._last: dict[Stream, int] = {}
         self._mark: dict[Stream, int] = {}
         self._floor = self._floor_mark = 0  # times up to it are not accepted from streams that are not listed
@@ -151,18 +151,18 @@ class Signing:
 
         link: the link number, instead of the object's, for one of several links that share the key.
         """
-        self._own = max(self._own + 1, self._now())
-        if self._own > self._own_mark and self._marks is not None:
-            self._own_mark = self._own + AHEAD_TICKS
+        self._ticks_ours = max(self._ticks_ours + 1, self._now())
+        if self._ticks_ours > self._ticks_mark and self._marks is not None:
+            self._ticks_mark = self._ticks_ours + AHEAD_TICKS
             self._store_marks()
-        return frame + signature(self._key, frame, self._link if link is None else link, self._own)
+        return frame + signature(self._key, frame, self._link if link is None else link, self._ticks_ours)
 
     # --- in --------------------------------------------------------------------------------------
 
-    def verify(self, frame: bytes, *, own: tuple[int, int] | None = None) -> Verdict:
+    def verify(self, frame: bytes, *, ours: tuple[int, int] | None = None) -> Verdict:
         """Verify a checked frame; the state changes only with `Verdict.GOOD`.
 
-        own: our system and component; frames that state them are reflections of our own.
+        ours: our system and component; frames that state them are reflections of our own.
         """
         if not is_signed(frame):
             return Verdict.UNSIGNED
@@ -170,7 +170,7 @@ class Signing:
         if not hmac.compare_digest(signature(self._key, body, link, ticks), frame[-SIGNATURE:]):
             return Verdict.WRONGLY_SIGNED
         who = sender(frame)
-        if own == who:
+        if ours == who:
             return Verdict.REFLECTED
         stream, now = (link, *who), self._now()
         if ticks > now + MAX_LEAD_TICKS:
@@ -188,7 +188,7 @@ class Signing:
             return Verdict.STALE
         self._last[stream] = ticks
         # the other end compares our first frame with its own clock, which may be ahead of ours
-        self._own = max(self._own, ticks)
+        self._ticks_ours = max(self._ticks_ours, ticks)
         return Verdict.GOOD
 
     def _has_room(self, now: int) -> bool:
@@ -220,7 +220,7 @@ class Signing:
         try:
             stored = json.loads(path.read_text("utf-8"))
             streams = {_stream(name): _ticks(ticks) for name, ticks in stored["streams"].items()}
-            own, floor = _ticks(stored["own"]), _ticks(stored.get("others", 0))
+            stamp, floor = _ticks(stored["own"]), _ticks(stored.get("others", 0))
         except FileNotFoundError:
             return
         except OSError as error:
@@ -230,13 +230,13 @@ class Signing:
                 f"signing times {path}: not a valid file of signing times; without it, frames of the last minute could be"
                 " replayed: repair it, or wait a minute and remove it"
             ) from None
-        self._own = self._own_mark = own
+        self._ticks_ours = self._ticks_mark = stamp
         self._last, self._mark = dict(streams), dict(streams)
         self._floor = self._floor_mark = floor
 
     def _write(self, path: Path) -> None:
         streams = {" ".join(map(str, stream)): ticks for stream, ticks in sorted(self._mark.items())}
-        marks = {"own": max(self._own, self._own_mark), "others": self._floor_mark, "streams": streams}
+        marks = {"own": max(self._ticks_ours, self._ticks_mark), "others": self._floor_mark, "streams": streams}
         text = json.dumps(marks, indent=1)
         try:
             with atomic(path, private=True) as file:
@@ -260,7 +260,7 @@ class Signing:
         """Store the exact times at an orderly end, so that no sender has to wait for the marks."""
         if self._marks is not None:
             self._mark = dict(self._last)
-            self._own_mark, self._floor_mark = self._own, self._floor
+            self._ticks_mark, self._floor_mark = self._ticks_ours, self._floor
             self._write(self._marks)
 
 

@@ -47,7 +47,7 @@ def assembled(title: str, documents: Mapping[str, Any]) -> str:
         "documents": "\n".join(parts),
     }
     template = (folder / "page.html").read_text("utf-8")
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found.group(1)], template)
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: filled[match.group(1)], template)
 
 
 def worker_script() -> str:
@@ -85,11 +85,11 @@ def joined(folder: Path, entry: str) -> str:
         for _, other in _IMPORT.findall(text):
             add(other, (*above, name))
         exported = ", ".join(_EXPORT.findall(text))
-        text = _IMPORT.sub(lambda found: f"const {{{found[1]}}} = {_variable(found[2])};\n", text)
-        text = _EXPORT.sub(lambda found: found.group().removeprefix("export "), text)
-        if found := _LEFT.search(text):
+        text = _IMPORT.sub(lambda match: f"const {{{match[1]}}} = {_variable(match[2])};\n", text)
+        text = _EXPORT.sub(lambda match: match.group().removeprefix("export "), text)
+        if match := _LEFT.search(text):
             raise InsenvError(
-                f"web/{name}: {found.group().strip()!r}: allowed are `import {{NAMES}} from` and `export` of a name"
+                f"web/{name}: {match.group().strip()!r}: allowed are `import {{NAMES}} from` and `export` of a name"
             )
         texts[name] = f"// --- {name}\nconst {_variable(name)} = (() => {{\n{text}\nreturn {{ {exported} }};\n}})();\n"
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.output import to_json
-from insenv.base.version import __version__
+from insenv.base.shipped import __version__
 from insenv.report.document import Page, Table
 from insenv.report.page.html import assembled
 from insenv.report.panels import Band, Curve, IntervalsPanel, Panel, Range, TimePanel
@@ -21,7 +21,7 @@ FEWEST = 100
 """Records that a page keeps, however many arrays it has."""
 
 
-def kept_records(records: int, arrays: int, budget: int = BYTES) -> NDArray[np.intp]:
+def shown_records(records: int, arrays: int, budget: int = BYTES) -> NDArray[np.intp]:
     """Indices of the records that a page keeps: evenly spaced, the last among them; `arrays` arrays of them fit in `budget`."""
     most = max(FEWEST, int(budget / (16 / 3 * max(arrays, 1))))
     stride = -(-records // most) if records else 1

@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, model_validator
 
 from insenv import attitude
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import declared
 from insenv.base.toml import Number, Positive, Section, key
 from insenv.logs.units import ANGLE_UNITS
 from insenv.scenario.tracks.points import Points, checked
@@ -65,6 +66,9 @@ class Outputs(Section):
         return self
 
 
+_CONTRADICTED = declared("attitude-contradicts-motion", "{said}: is vehicle.outputs.quaternion_order = {order} right?")
+
+
 class FmuSection(RecordedFile):
     """A vehicle that an FMU moves."""
 
@@ -104,7 +108,7 @@ def _in_order(section: FmuSection, points: Points, shape: Shape) -> Shape:
         raise InputError(
             f"{points.label}: {said}: state vehicle.outputs.quaternion_order = {other!r}, or {order!r} if the vehicle moves so"
         )
-    return replace(shape, notes=(*shape.notes, f"{said}: is vehicle.outputs.quaternion_order = {order!r} right?"))
+    return replace(shape, notes=(*shape.notes, _CONTRADICTED.filled(said=said, order=repr(order))))
 
 
 def _failed(description: Any, step_s: float, said: str) -> str:

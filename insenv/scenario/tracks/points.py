@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ class Points:
     height: Array
     attitude: Array | None = None
     velocity: Array | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
 
     def ned(self) -> Array:
         """Offsets (n, 3) north, east, down from the first point, m."""

@@ -14,6 +14,7 @@ from pydantic import model_validator
 
 from insenv.attitude import numeric
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import Remark, declared
 from insenv.base.toml import Section, key, read_toml
 from insenv.logs import RecordedLog, load
 from insenv.logs.columns import AngleUnit
@@ -78,6 +79,12 @@ def points_of(path: Path, columns: Columns, height_offset_m: float = 0.0, track:
     return replace(points, height=points.height + height_offset_m)
 
 
+_SEVERAL_TRACKS = declared(
+    "several-tracks", "{file} has the tracks {tracks}: the first is taken; vehicle.track chooses another"
+)
+_NO_HEIGHTS = declared("track-without-heights", "{file} has no heights: the track is at height_offset_m above the ellipsoid")
+
+
 def _chosen(path: Path, tracks: Sequence[NamedTrack], track: Column | None) -> Points:
     """The points of one of the named tracks of a file, with a note if it is one of several and not chosen."""
     names = [each.name for each in tracks]
@@ -97,8 +104,7 @@ def _chosen(path: Path, tracks: Sequence[NamedTrack], track: Column | None) -> P
     points = _points(path, tracks[0])
     if len(tracks) == 1:
         return points
-    note = f"{path.name} has the tracks {listed}: the first is taken; vehicle.track chooses another"
-    return replace(points, notes=(note, *points.notes))
+    return replace(points, notes=(_SEVERAL_TRACKS.filled(file=path.name, tracks=listed), *points.notes))
 
 
 def _points(path: Path, track: NamedTrack) -> Points:
@@ -112,8 +118,8 @@ def _points(path: Path, track: NamedTrack) -> Points:
         )
     if not len(unknown):
         return Points(str(path), track.time, latitude, longitude, height)
-    note = f"{path.name} has no heights: the track is at height_offset_m above the ellipsoid"
-    return Points(str(path), track.time, latitude, longitude, np.zeros(len(height)), notes=(note,))
+    notes = (_NO_HEIGHTS.filled(file=path.name),)
+    return Points(str(path), track.time, latitude, longitude, np.zeros(len(height)), notes=notes)
 
 
 def _csv(path: Path, columns: Columns) -> Points:
@@ -147,7 +153,7 @@ def _log(path: Path, columns: Columns) -> Points:
     return Points(str(path), fixes.time, fixes.latitude, fixes.longitude, fixes.height, notes=_notes(log, "gnss"))
 
 
-def _notes(log: RecordedLog, section: str) -> tuple[str, ...]:
+def _notes(log: RecordedLog, section: str) -> tuple[Remark, ...]:
     """What the log notes on the table that is the track, as rows that are left out."""
     begins = (f"{section}:", *(f"{source.file}:" for source in log.sources if source.section == section))
     return tuple(note for note in log.notes if note.startswith(begins))

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import model_validator
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark
 from insenv.base.toml import Number, Positive, key
 from insenv.geodesy import POLAR_RADIUS
 from insenv.scenario.tracks.points import Points, checked
@@ -63,7 +64,7 @@ class TrackSection(VehicleSection):
         return float(steps.max(initial=0.0)) / self.shape.interval * POLAR_RADIUS + MARGIN_MPS
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """Sentences on what was chosen in the file of the track."""
         return self.shape.notes
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark
 from insenv.geodesy import STANDARD_GRAVITY, numeric
 from insenv.scenario.tracks.points import Points
 from insenv.vehicles.track import Spline, smoothed
@@ -32,7 +33,7 @@ class Shape:
     interval: float
     origin: tuple[float, float, float]
     duration_s: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
 
     @property
     def spline(self) -> Spline:

@@ -16,6 +16,7 @@ from pydantic import field_validator
 
 from insenv import geodesy
 from insenv.base.errors import InputError
+from insenv.base.remarks import Remark, declared
 from insenv.base.toml import Number, Positive, key
 from insenv.scenario.tracks.points import Points, checked
 from insenv.scenario.tracks.section import TrackSection, knot_interval
@@ -47,6 +48,13 @@ class Waypoint(PlaceSection):
     stop_s: Number = key(0.0, "time to stand here", "s", ge=0, le=86400)
 
 
+_PASSES = declared(
+    "waypoint-missed",
+    "the arc at vehicle.waypoints[{number}] passes {distance:.0f} m from the place: a stop_s, a lower speed or a larger "
+    "lateral_mps2 keeps it closer",
+)
+
+
 class WaypointsSection(TrackSection):
     """A vehicle on a planned track through places, with speeds and stops."""
 
@@ -72,7 +80,7 @@ class WaypointsSection(TrackSection):
         return shaped(points, knot_interval(self.knot_s, KNOT_S, points), noise, self.bank)
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """Places that the vehicle passes at a distance."""
         return tuple(_way(self, _offsets(self))[2])
 
@@ -107,7 +115,7 @@ def _offsets(section: WaypointsSection) -> Array:
     return offsets
 
 
-def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[str]]:
+def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[Remark]]:
     """Points (m, 3) of the way, `SPACING_M` apart or more, the largest speed (m,) at each, 0 where it stops, and notes."""
     places, parts, limits = section.waypoints, [], []
     notes = []
@@ -142,10 +150,7 @@ def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array, list[
                 end, arc = end - reach * direction, (end + reach * after, radius, turn, corner)
                 missed = radius * (1.0 / np.cos(0.5 * turn) - 1.0)
                 if missed > MAX_CUT * shorter:
-                    notes.append(
-                        f"the arc at vehicle.waypoints[{k + 1}] passes {missed:.0f} m from the place: a stop_s, a lower "
-                        "speed or a larger lateral_mps2 keeps it closer"
-                    )
+                    notes.append(_PASSES.filled(number=k + 1, distance=missed))
         count = max(int(np.linalg.norm((end - begin)[:2]) / spacing), 2)
         share = np.linspace(0.0, 1.0, count, endpoint=False)[:, None]
         parts.append(begin + share * (end - begin))

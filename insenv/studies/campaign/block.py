@@ -32,7 +32,7 @@ class Begun:
     """What of a batch is done: samples of a row, and the outputs (rows, records, outputs.size) of the records so far."""
 
     samples: int
-    found: list[NDArray[np.float64]]
+    pieces: list[NDArray[np.float64]]
 
 
 def in_pieces(
@@ -44,7 +44,7 @@ def in_pieces(
     those after it.
     """
     so_far = Begun(0, []) if begun is None else begun
-    found, piece = so_far.found, max(1, FIRST_PIECE // batch.rows)
+    pieces, piece = so_far.pieces, max(1, FIRST_PIECE // batch.rows)
     for record in range(so_far.samples // record_samples, records):
         left = (record + 1) * record_samples - so_far.samples
         while left:
@@ -56,8 +56,8 @@ def in_pieces(
             so_far.samples += now
             # pieces grow and shrink towards PIECE_S; the results do not depend on them
             piece = max(1, min(int(now * PIECE_S / max(perf_counter() - clock, 1e-6)), 4 * piece))
-        found.append(shown)
-    return np.concatenate(found, axis=1)
+        pieces.append(shown)
+    return np.concatenate(pieces, axis=1)
 
 
 Arrays = dict[str, NDArray[Any]]
@@ -110,28 +110,31 @@ def _held(plan: Plan, batch: Batch) -> list[dict[str, tuple[Remark, float]]]:
     estimator = plan.chosen
     if estimator.findings is None:
         return [{}] * batch.rows
-    own = estimator.model
-    p, x = (
-        _own(*given) for given in ((own.parameters, batch.model.parameters, batch.p), (own.state, batch.model.state, batch.x))
-    )
-    shown = np.array(own.kernels["output"].function(p.T, x.T)).T
+    model = estimator.model
+    p = _of_estimator(model.parameters, batch.model.parameters, batch.p)
+    x = _of_estimator(model.state, batch.model.state, batch.x)
+    shown = np.array(model.kernels["output"].function(p.T, x.T)).T
     return [
-        estimator.held(own.parameters.unpack(p[run]), own.outputs.unpack(shown[run : run + 1]))
+        estimator.held(model.parameters.unpack(p[run]), model.outputs.unpack(shown[run : run + 1]))
         if np.isfinite(shown[run]).all()
         else {}
         for run in range(batch.rows)
     ]
 
 
-def _own(own: Table, table: Table, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _of_estimator(part: Table, table: Table, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The estimator's part (runs, own.size) of the model's parameters or state."""
-    return np.concatenate([values[:, table.slice(PREFIX + name)] for name in own.names], axis=1)
+    return np.concatenate([values[:, table.slice(PREFIX + name)] for name in part.names], axis=1)
 
 
 def _part(batch: Batch, done: Begun) -> Arrays:
     """What is done of a block: the states, the samples of a run, the outputs so far."""
     empty = np.zeros((batch.rows, 0, batch.model.outputs.size))
-    return {"state": batch.x, "samples": np.array(float(done.samples)), "outputs": np.concatenate([empty, *done.found], axis=1)}
+    return {
+        "state": batch.x,
+        "samples": np.array(float(done.samples)),
+        "outputs": np.concatenate([empty, *done.pieces], axis=1),
+    }
 
 
 def _plants(plan: Plan, runs: range, stopped: Stopped) -> list[Plant]:

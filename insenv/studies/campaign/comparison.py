@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.remarks import Remark, as_json, declared
 from insenv.report import Document, FilesWritten, OutputFolder, Shown, write_document
 from insenv.report.document import Block, Grid, Line, Page, Table
 from insenv.report.panels import IntervalsPanel, Section
@@ -93,6 +94,9 @@ def paired(first: Array, second: Array) -> Paired:
     )
 
 
+_TIMES_DIFFER = declared("times-differ", "rms {time} of {id}, {other} of {first}: their ratio compares different times")
+
+
 @dataclass(frozen=True, repr=False)
 class Comparison(Shown):
     """Campaigns of several estimators on the same runs.
@@ -110,12 +114,11 @@ class Comparison(Shown):
         return next(iter(self.summaries))
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """What must be said of the pairs: the errors of an alignment count from later on than those of a navigation."""
         first, *others = self.summaries.values()
         return tuple(
-            f"rms {since(one.from_s)} of {one.plan.estimator}, {since(first.from_s)} of {self.first}: "
-            "their ratio compares different times"
+            _TIMES_DIFFER.filled(id=one.plan.estimator, time=since(one.from_s), first=self.first, other=since(first.from_s))
             for one in others
             if one.from_s != first.from_s
         )
@@ -129,7 +132,7 @@ class Comparison(Shown):
                 {"estimator": id, "errors": {name: pair.as_json() for name, pair in pairs.items()}}
                 for id, pairs in self.pairs.items()
             ],
-            "notes": list(self.notes),
+            **as_json(self.notes),
         }
 
     def save(self, folder: str | Path, figure: bool = True, table: str = "") -> FilesWritten:
@@ -200,8 +203,8 @@ def write_comparison(comparison: Comparison, folder: OutputFolder, figure: bool 
     parts = [
         write_document(one.document(table), OutputFolder(folder.path / id), figure) for id, one in comparison.summaries.items()
     ]
-    own = write_document(comparison.document(), folder, figure)
-    return FilesWritten((*own.paths, *(path for part in parts for path in part.paths)), parts[0].note)
+    written = write_document(comparison.document(), folder, figure)
+    return FilesWritten((*written.paths, *(path for part in parts for path in part.paths)), parts[0].note)
 
 
 # The page of a comparison of estimators on the same runs: their tables, paired differences and errors over time.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress
 from insenv.evaluation.errors import STEEP_LIMIT
 from insenv.scenario import limit_of, no_limit
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 
 VARIED_RUNS = 16
 """Number of runs, evenly spaced, whose limits stand for those of all if the scenario varies: each takes about a second."""
+_SOME_RUNS = declared("limit-of-some-runs", "limit: the root mean square over {some} of the {runs} runs, evenly spaced")
 
 
 @dataclass(frozen=True)
@@ -23,14 +25,14 @@ class CampaignLimit:
     """Limits of runs.
 
     runs (k,): numbers of the runs; squares (k, records, channels): mean squares of their limits over the evaluations since
-    the previous record, as those of the errors.  same: whether the one limit is that of every run.  note: what must be said
-    of it, or empty.
+    the previous record, as those of the errors.  same: whether the one limit is that of every run.  notes: what must be said
+    of it.
     """
 
     runs: NDArray[np.int64]
     squares: Array
     same: bool
-    note: str = ""
+    notes: tuple[Remark, ...] = ()
 
     def course(self) -> Array | None:
         """Root mean square over the runs (records, channels); None if there is no limit."""
@@ -38,11 +40,11 @@ class CampaignLimit:
 
     def of_runs(self, count: int, late: NDArray[np.bool_]) -> Array:
         """Limit of each of `count` runs over the records `late` (count, channels); NaN where it was not computed."""
-        found = np.full((count, self.squares.shape[2]), np.nan)
+        limits = np.full((count, self.squares.shape[2]), np.nan)
         if self.runs.size:
-            own = np.sqrt(np.mean(self.squares[:, late], axis=1))
-            found[slice(None) if self.same else self.runs] = own
-        return found
+            rms = np.sqrt(np.mean(self.squares[:, late], axis=1))
+            limits[slice(None) if self.same else self.runs] = rms
+        return limits
 
 
 def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | None = None) -> CampaignLimit:
@@ -60,15 +62,15 @@ def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | N
                 progress(before * total + done, len(runs) * total)
 
         plant = plan.plant if same else plan.plant_of(int(run))
-        found = limit_of(plant, report)
-        limit = found.at(_evaluations(plan))
-        own = np.stack([limit[name] for name in channels], axis=-1) ** 2
-        own[:, [name in found.unjudged for name in channels]] = np.nan
-        steep = steep or bool(found.unjudged)
-        squares.append(own.reshape(len(plan.times), plan.evaluations, len(channels)).mean(axis=1))
+        of_run = limit_of(plant, report)
+        limit = of_run.at(_evaluations(plan))
+        square = np.stack([limit[name] for name in channels], axis=-1) ** 2
+        square[:, [name in of_run.unjudged for name in channels]] = np.nan
+        steep = steep or bool(of_run.unjudged)
+        squares.append(square.reshape(len(plan.times), plan.evaluations, len(channels)).mean(axis=1))
     some = len(runs) < plan.runs and not same
-    notes = [f"limit: the root mean square over {len(runs)} of the {plan.runs} runs, evenly spaced"] if some else []
-    return CampaignLimit(runs, np.array(squares), same, "; ".join([*notes, *([STEEP_LIMIT] if steep else [])]))
+    notes = [_SOME_RUNS.filled(some=len(runs), runs=plan.runs)] if some else []
+    return CampaignLimit(runs, np.array(squares), same, (*notes, *([STEEP_LIMIT] if steep else [])))
 
 
 def _evaluations(plan: Plan) -> Array:

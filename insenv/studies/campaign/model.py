@@ -107,10 +107,10 @@ class _Statistics:
 
     def evaluate(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
         """Add the squared errors and the stated variances; the first evaluation after a record restarts the sums."""
-        found = self._named(self.estimator.model, PREFIX, p, x)
-        added = {"squared_error": error_of(self.channels, found, x)}
+        outputs = self._named(self.estimator.model, PREFIX, p, x)
+        added = {"squared_error": error_of(self.channels, outputs, x)}
         if self.stated:
-            added["squared_sigma"] = sigma_of(self.stated, found)
+            added["squared_sigma"] = sigma_of(self.stated, outputs)
         continues = x.evaluated < p.evaluations
         # selected rather than multiplied by 0: a NaN must not survive the restart
         sums = {name: select(continues, getattr(x, name), 0.0) + value * value for name, value in added.items()}
@@ -118,15 +118,15 @@ class _Statistics:
 
     def output(self, p: Values, x: Values) -> dict[str, Any]:
         """The outputs at a record."""
-        found = self._named(self.estimator.model, PREFIX, p, x)
+        outputs = self._named(self.estimator.model, PREFIX, p, x)
         count = x.evaluated + (x.evaluated == 0)
-        rows: dict[str, Any] = {"error": error_of(self.channels, found, x), "mean_square": x.squared_error / count}
+        rows: dict[str, Any] = {"error": error_of(self.channels, outputs, x), "mean_square": x.squared_error / count}
         if self.stated:
-            rows |= {"sigma": sigma_of(self.stated, found), "mean_variance": x.squared_sigma / count}
+            rows |= {"sigma": sigma_of(self.stated, outputs), "mean_variance": x.squared_sigma / count}
         if self.degrees:
-            own = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
-            rows["nees"] = nees(self.estimator, own, found, x)[0]
-        rows.update({name: getattr(found, name) for name in self.estimator.health_rows.names})
+            state = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
+            rows["nees"] = nees(self.estimator, state, outputs, x)[0]
+        rows.update({name: getattr(outputs, name) for name in self.estimator.health_rows.names})
         return rows
 
     def _degrees(self) -> int:
@@ -139,5 +139,5 @@ class _Statistics:
     def _named(self, model: Model, prefix: str, p: Values, x: Values) -> Values:
         """The outputs of one of the loop's estimators, under its own names."""
         tables = ((p, model.parameters), (x, model.state))
-        own = [SimpleNamespace(**{r.name: getattr(values, prefix + r.name) for r in table}) for values, table in tables]
-        return SimpleNamespace(**model.output(*own))
+        named = [SimpleNamespace(**{r.name: getattr(values, prefix + r.name) for r in table}) for values, table in tables]
+        return SimpleNamespace(**model.output(*named))

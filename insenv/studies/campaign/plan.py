@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from insenv import estimators
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, coded, declared
+from insenv.base.remarks import Remark, declared
+from insenv.base.shipped import __version__
 from insenv.base.toml import validated
-from insenv.base.version import __version__
 from insenv.estimators import Estimator
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, reseeded
 from insenv.scenario.build import seed_and_duration
@@ -27,9 +27,10 @@ from insenv.studies.campaign.variation import (
     Variation,
     check_design,
     check_variations,
-    design_note,
+    dependent,
     numbers_of,
     seed_of,
+    unbalanced,
     varied,
     whole_design,
 )
@@ -42,20 +43,20 @@ DIGITS = 9
 """Significant digits that `parameter_digest` compares: fewer than those in which machines may differ."""
 
 
-def run_parameters(plants: Sequence[Plant], estimator: Estimator, evaluation: tuple[int, int], whole: bool) -> Array:
+def run_parameters(plants: Sequence[Plant], estimator: Estimator, evaluation: tuple[int, int], differ: bool) -> Array:
     """Parameters of the campaign's model, one row per plant.
 
-    evaluation: samples between evaluations, evaluations between records.  whole: whether the plants differ in more than
+    evaluation: samples between evaluations, evaluations between records.  differ: whether the plants differ in more than
     their seeds.
     """
-    model, own = plants[0].model, estimator.model.parameters
+    model, parameters = plants[0].model, estimator.model.parameters
     place, one = model.parameters.slice("seed").start, model.parameters.pack(plants[0].parameters)
     rows = []
     for plant in plants:
-        if whole:
+        if differ:
             one = model.parameters.pack(plant.parameters)
         one[place] = plant.seed
-        parts = [one, own.pack(plant.parameters_of(estimator))]
+        parts = [one, parameters.pack(plant.parameters_of(estimator))]
         parts.append(np.array(evaluation, dtype=np.float64))
         rows.append(np.concatenate(parts))
     return np.array(rows)
@@ -208,17 +209,16 @@ class Plan:
     @property
     def notes(self) -> tuple[Remark, ...]:
         """Notes on the scenario, on the estimator in that of the first run (`Estimator.notes`), and on its tuning in all."""
-        found = (
-            *coded(self.plant.scenario.notes, "scenario"),
+        lossy = float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0
+        return (
+            *self.plant.scenario.notes,
             *self.chosen.notes(self._parameters, self.duration_s),
             *self.chosen.without_effect(self.plant.tunings),
             *self._understated,
+            *unbalanced(self.design, self.runs),
+            *dependent(self.design),
+            *([SAMPLES_HELD] if lossy else []),
         )
-        note = design_note(self.design, self.runs)
-        found += coded([note] if note else [], "design")
-        if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
-            found += (SAMPLES_HELD,)
-        return found
 
     @property
     def _understated(self) -> tuple[Remark, ...]:

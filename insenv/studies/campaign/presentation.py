@@ -149,8 +149,8 @@ def sensitivity_tables(campaign: Statistics) -> Iterator[tuple[tuple[str, ...], 
         columns = ("rank correlation", *(text for name in shown for text in (name.rpartition("_")[0], "index")))
         rows = []
         for variation in campaign.plan.variations:
-            own = {one.channel: one for one in campaign.sensitivity if one.key == variation.key}
-            rows.append((variation.key, *(cell for name in shown for cell in _sensitivity(own[name]))))
+            by_channel = {one.channel: one for one in campaign.sensitivity if one.key == variation.key}
+            rows.append((variation.key, *(cell for name in shown for cell in _sensitivity(by_channel[name]))))
         yield columns, rows
 
 
@@ -194,8 +194,8 @@ def consistency_lines(campaign: Statistics) -> Iterator[str]:
     """NEES with its bounds, and the health of the runs, if there are any."""
     if (nees := campaign.as_json()["nees"]) is not None:
         yield (
-            f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
-            f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
+            f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, within its 95 % bounds ("
+            f"{number(nees['low'])} to {number(nees['high'])}) {100 * nees['share_inside']:.0f} % of the time"
         )
     if (of_runs := campaign.verdicts()) is not None:
         yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes')}"

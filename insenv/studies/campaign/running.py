@@ -27,7 +27,7 @@ from uuid import uuid4
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.installing import need
 from insenv.base.output import as_path
-from insenv.base.version import __version__
+from insenv.base.shipped import __version__
 from insenv.core.compile import NoRoomError, batch_library_path
 from insenv.core.runner import Progress, check_progress, resolve_backend
 from insenv.estimators import Estimator, get_all
@@ -97,13 +97,13 @@ def _held_back() -> Iterator[None]:
     held: list[int] = []
     handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     in_main = threading.current_thread() is threading.main_thread()
-    own = {number: handler for number, handler in handlers.items() if in_main and callable(handler)}
-    for number in own:
+    to_hold = {number: handler for number, handler in handlers.items() if in_main and callable(handler)}
+    for number in to_hold:
         signal.signal(number, lambda arrived, frame: held.append(arrived))
     try:
         yield
     finally:
-        for number, handler in own.items():
+        for number, handler in to_hold.items():
             signal.signal(number, handler)
         for arrived in held:
             signal.raise_signal(arrived)
@@ -188,7 +188,7 @@ def campaign(
         raise InputError(f"vary = {vary!r}: allowed is a dict of ranges by key of the scenario")
     several = isinstance(estimator, Sequence) and not isinstance(estimator, str)
     chosen: list[str | Estimator] = list(estimator) if several else [estimator]  # type: ignore[arg-type, list-item]
-    variations = [variation_of(key, given) for key, given in (vary or {}).items()]
+    variations = [variation_of(key, spread) for key, spread in (vary or {}).items()]
     plans = make_plans(
         scenario, chosen, runs, first_seed=seed, duration_s=duration_s, variations=variations, design=design, settings=settings
     )
@@ -238,15 +238,15 @@ def run_campaigns(
 ) -> list[Summary]:
     """Run plans one after the other, as `run_campaign` does."""
     check_progress(progress)
-    found = []
+    summaries = []
     for place, (plan, store) in enumerate(zip(plans, stores, strict=True)):
 
         def report(done: int, total: int, before: int = place) -> None:
             assert progress is not None
             progress(before * total + done, len(plans) * total)
 
-        found.append(run_campaign(plan, store=store, workers=workers, progress=None if progress is None else report))
-    return found
+        summaries.append(run_campaign(plan, store=store, workers=workers, progress=None if progress is None else report))
+    return summaries
 
 
 def run_campaign(

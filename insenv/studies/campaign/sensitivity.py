@@ -2,7 +2,7 @@
 
 The quantity is the rms error of a run.  Spearman's rank correlation says whether it rises or falls with a key; the first-order
 index is the share of its variance that a key explains alone, the total index the share that it takes part in (Saltelli et al.
-2008, chapter 4).  What the indices leave to 1 is the noise of the runs, and of the first-order ones also the interactions.
+2008, chapter 4).  The remainder to 1 is due to the noise of the runs, and for first-order indices also to interactions.
 First-order indices come from any design (random balance, SALib's `rbd_fast`), total ones from a saltelli design.
 """
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.installing import advice, is_installed
+from insenv.base.remarks import remark
 from insenv.studies.campaign.plan import Plan
 
 Array = NDArray[np.float64]
@@ -72,22 +73,23 @@ def sensitivities(
     """By channel and key, from the values (runs, keys) and the rms (runs, channels) of the runs that are `whole`."""
     if not plan.variations or int(whole.sum()) < LEAST_RUNS:
         return ()
-    found = []
+    rows = []
     for place, channel in enumerate(channels):
         firsts, totals = _indices(plan, values, rms[:, place], whole)
         for k, variation in enumerate(plan.variations):
             correlation, chance = None, None
             if variation.distribution.is_of_numbers:
                 correlation, chance = _rank(plan, values[whole, k], rms[whole, place])
-            found.append(Sensitivity(variation.key, channel, correlation, chance, firsts[k], totals[k]))
-    return tuple(found)
+            rows.append(Sensitivity(variation.key, channel, correlation, chance, firsts[k], totals[k]))
+    return tuple(rows)
 
 
-def sensitivity_note(plan: Plan) -> str:
-    """What must be said of the sensitivities of a plan; empty if nothing."""
+@remark("no-sobol-indices", "no Sobol indices: SALib is not installed: {advice}")
+def no_indices(plan: Plan) -> dict[str, str] | None:
+    """Keys are varied, and the package that computes the indices is missing."""
     if not plan.variations or is_installed("SALib"):
-        return ""
-    return f"no Sobol indices: SALib is not installed: {advice('SALib', 'workbench')}"
+        return None
+    return {"advice": advice("SALib", "workbench")}
 
 
 def _rank(plan: Plan, values: Array, rms: Array) -> tuple[float, float | None]:

@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.remarks import Remark, as_json, coded
+from insenv.base.remarks import Remark, as_json
 from insenv.evaluation.health import VERDICTS, AidHealth, Health
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.tables import runs_of
 from insenv.studies.campaign.plan import Plan
-from insenv.studies.campaign.sensitivity import Sensitivity, sensitivity_note
+from insenv.studies.campaign.sensitivity import Sensitivity, no_indices
 
 # Confidence intervals of the statistics of independent runs, 95 %, without assuming a distribution of the errors.
 
@@ -84,7 +84,7 @@ def horizontal(north: Array, east: Array) -> dict[str, Estimate]:
 Array = NDArray[np.float64]
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
-FAR = 10.0
+FAR_OFF = 10.0
 """A run whose error is at least this many times that of the median run is listed as far off."""
 NAMED = 10
 """Largest number of seeds that are printed; the files hold all."""
@@ -128,9 +128,9 @@ class Statistics:
     taken.
     Run by run: seeds; values (runs, variations); final, rms, stated, limit (runs, channels; NaN where nothing is stated, or
     where there is no limit).
-    limit_note: what must be said of the limit, or empty.
+    limit_notes: what must be said of the limit.
     diverged: seeds of runs with a number that is not finite.
-    far: seeds of runs whose rms is `FAR` times the median.
+    far: seeds of runs whose rms is `FAR_OFF` times the median.
     whole: runs (runs,) whose numbers are all finite.  sensitivity: of the rms of the runs to the varied keys.
     health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
     held: of every run, what `insenv.run` would say of its end: sentence and ratio (`Estimator.held`).
@@ -149,7 +149,7 @@ class Statistics:
     limit: Array
     diverged: tuple[int, ...]
     far: tuple[int, ...]
-    limit_note: str = ""
+    limit_notes: tuple[Remark, ...] = ()
     health: tuple[Health | None, ...] = ()
     held: tuple[Mapping[Remark, float], ...] = ()
     whole: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
@@ -159,8 +159,7 @@ class Statistics:
     @property
     def notes(self) -> tuple[Remark, ...]:
         """What must be said of the campaign."""
-        of_limit, of_design = filter(None, [self.limit_note]), filter(None, [sensitivity_note(self.plan)])
-        return (*self.plan.notes, *self._held_notes, *coded(of_limit, "limit"), *coded(of_design, "sensitivity"))
+        return (*self.plan.notes, *self._held_notes, *self.limit_notes, *no_indices(self.plan))
 
     @property
     def _held_notes(self) -> Iterator[Remark]:
@@ -252,13 +251,12 @@ class Statistics:
             "health": self.verdicts(),
             "diverged": list(self.diverged),
             "far": list(self.far),
-            "notes": list(self.notes),
-            "remarks": as_json(self.notes),
+            **as_json(self.notes),
         }
 
 
-def _of_aid(found: list[AidHealth]) -> dict[str, Any]:
-    return _shares([one.verdict for one in found], [(one.measurements, one.refused, one.nis.mean) for one in found])
+def _of_aid(healths: list[AidHealth]) -> dict[str, Any]:
+    return _shares([one.verdict for one in healths], [(one.measurements, one.refused, one.nis.mean) for one in healths])
 
 
 def _shares(verdicts: Sequence[str], measured: list[tuple[int, int, float]]) -> dict[str, Any]:
@@ -290,5 +288,5 @@ def _known_rms(values: Array) -> float | None:
     return float(rms_of(known)) if known.size else None
 
 
-def _interval(found: Estimate) -> list[float | None]:
-    return [end if np.isfinite(end) else None for end in (found.low, found.high)]
+def _interval(estimate: Estimate) -> list[float | None]:
+    return [end if np.isfinite(end) else None for end in (estimate.low, estimate.high)]

@@ -25,7 +25,7 @@ from insenv.studies.campaign.plan import Plan
 
 FORMAT, VERSION = "insenv-campaign", 1
 MANIFEST, BLOCKS, LOCK = "manifest.json", "blocks", ".lock"
-OWN = ("estimator", "equations", "parameters")
+OF_ESTIMATOR = ("estimator", "equations", "parameters")
 """What the plans of a comparison do not share (`Plan.as_json`)."""
 _DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 
@@ -35,21 +35,24 @@ def check_compared(folder: Path, plans: Sequence[Plan]) -> None:
 
     The campaigns of a comparison lie in folders named by their estimators (`insenv.studies.campaign.running.stores_of`).
     """
-    found: dict[str, Mapping[str, Any]] = {}
+    compared: dict[str, Mapping[str, Any]] = {}
     for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
         with suppress(*_DAMAGE, TypeError):
             theirs = json.loads(manifest.read_text(encoding="utf-8"))["plan"]
             if theirs["estimator"] == manifest.parent.name:
-                found[manifest.parent.name] = theirs
-    if found and len(plans) == 1:
-        raise InputError(f"{str(folder)!r} holds the comparison of {', '.join(found)}: choose another folder for one estimator")
+                compared[manifest.parent.name] = theirs
+    if compared and len(plans) == 1:
+        names = ", ".join(compared)
+        raise InputError(f"{str(folder)!r} holds the comparison of {names}: choose another folder for one estimator")
     for plan in plans:
-        found.pop(plan.estimator, None)  # is compared whole by its own `Folder`
-    ours = {name: value for name, value in plans[0].as_json().items() if name not in OWN} if found else {}
-    for id, theirs in found.items():
+        compared.pop(plan.estimator, None)  # is compared whole by its own `Folder`
+    ours = {name: value for name, value in plans[0].as_json().items() if name not in OF_ESTIMATOR} if compared else {}
+    for id, theirs in compared.items():
         other = [name for name, value in ours.items() if json.dumps(value) != json.dumps(theirs.get(name))]
         if other:
-            raise InputError(f"{str(folder)!r} holds another comparison: its campaign of {id} differs in {', '.join(other)}")
+            raise InputError(
+                f"{str(folder)!r} holds another comparison: its campaign of {id} differs in {', '.join(other)}; {OTHER_FOLDER}"
+            )
 
 
 class Memory:
@@ -78,6 +81,36 @@ class Memory:
     def held(self) -> Iterator[None]:
         """Hold the store for one campaign; memory belongs to this process."""
         yield
+
+
+OTHER_FOLDER = "name another folder with --out, or repeat that campaign's options with --resume"
+
+
+def _differences(theirs: Mapping[str, Any], plan: Plan) -> str:
+    """The options in which another campaign differs, with its values and those of the plan."""
+    ours = plan.as_json()
+    pairs = {name: (theirs.get(name), ours[name]) for name in ours if _text(theirs.get(name)) != _text(ours[name])}
+    if isinstance((pairs.get("scenario") or (None,))[0], dict):
+        there, here = pairs.pop("scenario")
+        pairs = {**{f"scenario.{key}": each for key, each in _leaves(there, here)}, **pairs}
+    stated = {name: each for name, each in pairs.items() if name not in ("equations", "parameters")}
+    shown = [f"{name} ({_text(there)[:40]} there, {_text(here)[:40]} here)" for name, (there, here) in stated.items()]
+    more = [f"and {len(shown) - 4} more"] if len(shown) > 4 else []
+    return ", ".join([*shown[:4], *more] or pairs)
+
+
+def _leaves(there: Any, here: Any, key: str = "") -> Iterator[tuple[str, tuple[Any, Any]]]:
+    """The values in which two tables differ, by dotted key."""
+    if not (isinstance(there, dict) and isinstance(here, dict)):
+        if _text(there) != _text(here):
+            yield key, (there, here)
+        return
+    for name in dict.fromkeys([*there, *here]):
+        yield from _leaves(there.get(name), here.get(name), f"{key}.{name}" if key else name)
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value)
 
 
 class Folder:
@@ -203,13 +236,13 @@ class Folder:
     def _check(self, manifest: Path, resume: bool) -> None:
         """Raise `InputError` unless the folder holds this campaign and it is to be resumed."""
         try:
-            found = json.loads(manifest.read_text(encoding="utf-8"))
-            digest, plan = found["digest"], found["plan"]
+            stored = json.loads(manifest.read_text(encoding="utf-8"))
+            digest, plan = stored["digest"], stored["plan"]
         except (*_DAMAGE, TypeError):
             raise InputError(f"{str(manifest)!r} is not the manifest of a campaign: choose another folder") from None
         if digest != self._digest:
-            ours = self.plan.as_json()
-            other = [name for name in ours if json.dumps(ours[name]) != json.dumps(plan.get(name))]
-            raise InputError(f"{str(self.path)!r} holds another campaign: it differs in {', '.join(other)}")
+            raise InputError(
+                f"{str(self.path)!r} holds another campaign: it differs in {_differences(plan, self.plan)}; {OTHER_FOLDER}"
+            )
         if not resume:
             raise InputError(f"{str(self.path)!r} holds this campaign already: --resume continues it")

@@ -21,7 +21,7 @@ from insenv.studies.campaign.model import Measured
 from insenv.studies.campaign.plan import Plan
 from insenv.studies.campaign.presentation import campaign_document, campaign_facts, campaign_frame, run_columns
 from insenv.studies.campaign.sensitivity import sensitivities
-from insenv.studies.campaign.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
+from insenv.studies.campaign.statistics import BOUNDS, FAR_OFF, PERCENTILES, Course, NeesCourse, Statistics
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -85,15 +85,15 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
     courses = {}
     for place, name in enumerate(measured.channels):
         stated = variance[:, :, place] if name in measured.stated else None
-        own = None if limits is None or np.isnan(limits[:, place]).all() else limits[:, place]
-        courses[name] = _course(error[:, :, place], square[:, :, place], own, stated, finite)
+        limit_of_channel = None if limits is None or np.isnan(limits[:, place]).all() else limits[:, place]
+        courses[name] = _course(error[:, :, place], square[:, :, place], limit_of_channel, stated, finite)
     rms = np.sqrt(np.mean(square[:, late], axis=1))
     whole = np.all(finite, axis=1)
-    far = whole & (rms > FAR * np.median(rms[whole], axis=0)).any(axis=1) if whole.any() else whole
+    far = whole & (rms > FAR_OFF * np.median(rms[whole], axis=0)).any(axis=1) if whole.any() else whole
     values = np.concatenate(columns("values"))
     healths = _health(columns, plan.chosen.health_rows.names) if plan.chosen.reports_health else ()
-    told = [json.loads(str(text)) for text in np.concatenate(columns("held"))]
-    held = [{Remark(code, text): ratio for code, text, ratio in one} for one in told]
+    stored = [json.loads(str(text)) for text in np.concatenate(columns("held"))]
+    held = [{Remark(code, text): ratio for code, text, ratio in one} for one in stored]
     for run, one in enumerate(healths) if plan.chosen.reports_fixes else ():
         if whole[run]:
             held[run] |= dict.fromkeys(no_fix(one), 0.0)
@@ -111,7 +111,7 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
         limit=limit.of_runs(len(seeds), late),
         diverged=tuple(int(seed) for seed in seeds[~whole]),
         far=tuple(int(seed) for seed in seeds[far]),
-        limit_note=limit.note,
+        limit_notes=limit.notes,
         whole=whole,
         sensitivity=sensitivities(plan, measured.channels, values, rms, whole),
         health=healths,

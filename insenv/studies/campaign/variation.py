@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
+from insenv.base.remarks import remark
 from insenv.core import noise
 from insenv.scenario.files import grade_value
 
@@ -172,26 +173,26 @@ def parse_variation(text: str) -> Variation:
         raise InputError(f"vary {text!r}: {error}") from None
 
 
-def variation_of(key: str, given: object) -> Variation:
+def variation_of(key: str, value: object) -> Variation:
     """The variation that Python gives: a pair (low, high), a text as of `parse_distribution`, or a `Distribution`."""
-    if isinstance(given, Distribution):
-        return Variation(key, given)
-    if isinstance(given, str):
-        return _variation(key, given, lambda: parse_distribution(given))
+    if isinstance(value, Distribution):
+        return Variation(key, value)
+    if isinstance(value, str):
+        return _variation(key, value, lambda: parse_distribution(value))
     try:
-        low, high = (float(limit) for limit in given)  # type: ignore[attr-defined]
+        low, high = (float(limit) for limit in value)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
         raise InputError(
-            f"vary[{key!r}] = {given!r}: allowed is a pair of numbers, the lower first, or a text such as 'normal(0, 1)'"
+            f"vary[{key!r}] = {value!r}: allowed is a pair of numbers, the lower first, or a text such as 'normal(0, 1)'"
         ) from None
-    return _variation(key, given, lambda: Distribution("uniform", (low, high)))
+    return _variation(key, value, lambda: Distribution("uniform", (low, high)))
 
 
-def _variation(key: str, given: object, distribution: Callable[[], Distribution]) -> Variation:
+def _variation(key: str, value: object, distribution: Callable[[], Distribution]) -> Variation:
     try:
         return Variation(key, distribution())
     except InputError as error:
-        raise InputError(f"vary[{key!r}] = {given!r}: {error}") from None
+        raise InputError(f"vary[{key!r}] = {value!r}: {error}") from None
 
 
 def varied(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -229,10 +230,10 @@ def _insert(changed: dict[str, Any], key: str, value: Any) -> None:
 def _of_grade(data: Mapping[str, Any], section: str, name: str, key: str) -> list[float]:
     """The three elements of a vector that the scenario leaves to the grade of a section."""
     grade = data[section].get("grade")
-    found = None if grade is None else grade_value(section, grade, name)
-    if found is None:
+    value = None if grade is None else grade_value(section, grade, name)
+    if value is None:
         raise InputError(f"vary {key!r}: the scenario gives no {section}.{name}: give it there, or vary it as a whole")
-    elements = np.broadcast_to(np.asarray(found, dtype=float), 3)
+    elements = np.broadcast_to(np.asarray(value, dtype=float), 3)
     return [float(element) for element in elements]
 
 
@@ -304,13 +305,18 @@ def _is_power(number: int) -> bool:
     return number > 0 and number & (number - 1) == 0
 
 
-def design_note(design: str, runs: int) -> str:
-    """What must be said of a design; empty if nothing."""
-    if design == "sobol" and not _is_power(runs):
-        return f"a Sobol sequence is balanced for a power of 2: {runs} runs cover the ranges less evenly"
-    if design == "saltelli":
-        return "the runs of a saltelli design share seeds and values: statistics are not those of independent runs"
-    return ""
+@remark("design-unbalanced", "a Sobol sequence is balanced for a power of 2: {runs} runs cover the ranges less evenly")
+def unbalanced(design: str, runs: int) -> dict[str, int] | None:
+    """A Sobol sequence with another number of runs."""
+    return {"runs": runs} if design == "sobol" and not _is_power(runs) else None
+
+
+@remark(
+    "design-dependent", "the runs of a saltelli design share seeds and values: statistics are not those of independent runs"
+)
+def dependent(design: str) -> dict[str, Any] | None:
+    """The runs of a design are not independent."""
+    return {} if design == "saltelli" else None
 
 
 def seed_of(design: str, first_seed: int, run: int, keys: int) -> int:
@@ -330,16 +336,16 @@ def whole_design(design: str, first_seed: int, runs: int, keys: int) -> Array:
         return {name: np.random.default_rng(first_seed)}
 
     if design == "latin":
-        found = qmc.LatinHypercube(keys, **options(qmc.LatinHypercube)).random(runs)
+        uniforms = qmc.LatinHypercube(keys, **options(qmc.LatinHypercube)).random(runs)
     elif design == "sobol":
-        found = qmc.Sobol(keys, **options(qmc.Sobol)).random_base2(max(0, (runs - 1).bit_length()))[:runs]
+        uniforms = qmc.Sobol(keys, **options(qmc.Sobol)).random_base2(max(0, (runs - 1).bit_length()))[:runs]
     else:
         groups = runs // (keys + 2)
         both = qmc.Sobol(2 * keys, **options(qmc.Sobol)).random_base2(groups.bit_length() - 1)
         a, b = both[:, :keys], both[:, keys:]
         crossed = [np.where(np.arange(keys) == k, b, a) for k in range(keys)]
-        found = np.stack([a, *crossed, b], axis=1).reshape(runs, keys)
-    return np.clip(found, _EDGE, 1.0 - _EDGE)
+        uniforms = np.stack([a, *crossed, b], axis=1).reshape(runs, keys)
+    return np.clip(uniforms, _EDGE, 1.0 - _EDGE)
 
 
 def numbers_of(variations: Sequence[Variation], uniforms: Array) -> Array:

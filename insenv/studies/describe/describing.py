@@ -231,7 +231,7 @@ def _of_the_loaded(keys: Mapping[str, Any], folder: Path) -> list[Finding]:
     if raised["angle_random_walk"] > 0:
         arw, vrw = np.degrees(raised["angle_random_walk"]) * 60.0, raised["velocity_random_walk"] * 60.0
         moving = f"; in motion the noise is {arw:.2g} deg/sqrt(h), {vrw:.2g} m/s/sqrt(h)"
-    findings = [Finding("imu.grade", None, f"{assumed.sentence if assumed else 'the description states it'}{moving}", "open")]
+    findings = [Finding("imu.grade", None, f"{assumed.remark if assumed else 'the description states it'}{moving}", "open")]
     if log.rest is None:
         return [*findings, Finding("initial.static_until_s", None, "the log does not begin at rest")]
     begin, end = log.rest

@@ -84,7 +84,7 @@ def collect(
         if scenario.gnss is None:
             raise InputError(f"scenario {scenario.name!r} has no [gnss]: {FILTER} and lssvm need it")
         if not scenario.vehicle.in_place:
-            raise InputError(f"scenario {scenario.name!r} moves: lssvm aligns a vehicle in place")
+            raise InputError(f"scenario {scenario.name!r} moves: lssvm is for a vehicle that stays in place")
     for done, (scenario, share, chosen) in enumerate(work, 1):
         runs += _runs(scenario, share, chosen, duration_s, raw_inputs)
         if progress is not None:

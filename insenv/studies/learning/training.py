@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.installing import need
-from insenv.base.version import __version__
+from insenv.base.shipped import __version__
 from insenv.core.runner import check_progress
 from insenv.estimators.lssvm import SUPPORT, TrainedMachine
 from insenv.scenario import Scenario, load

@@ -12,7 +12,7 @@ from insenv.core.runner import make_runner
 from insenv.estimators.contract import Drive, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.family import aids_of, prepared
-from insenv.estimators.fusion.non_holonomic import UNTOLD_ARM
+from insenv.estimators.fusion.non_holonomic import UNKNOWN_ARM
 from insenv.scenario import build, load, parse
 from insenv.scenario.chunks import input_rows
 
@@ -107,7 +107,13 @@ WHEELS = ["odometer", "non_holonomic"]
     ("scenario", "filter", "settings", "said", "unsaid"),
     [
         ("car-survey", fusion(["gyro_misalignment"], ["gnss"]), {}, "standard deviation at the start is 0", "neither"),
-        ("multirotor-hover", "fusion", {"states": ["gnss_wander"]}, "neither states nor noise", "is 0"),  # 13 m off
+        (
+            "multirotor-hover",
+            "fusion",
+            {"states": ["gnss_wander"]},
+            "neither estimates nor counts as noise",
+            "is 0",
+        ),  # 13 m off
         ("car-odometer", fusion([], ["odometer"]), {}, "holds the height", "at the start is 0"),  # 1.5 km after 600 s
         ("car-odometer", fusion([], WHEELS), {}, "none of the aids shows the heading", "holds the height"),
         (with_barometer_alone(0.2), "fusion", {}, "holds the horizontal velocity", "neither states"),
@@ -189,10 +195,10 @@ def test_a_real_drive_has_its_heading_within_its_sigma():
 def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_told():
     untold, told = (build(load(name), seed=1, duration_s=2.0) for name in ("car-city-drive", "car-odometer"))
     filter = insenv.fusion([], WHEELED)
-    assert float(untold.parameters_of(untold.adapted(filter))["non_holonomic_arm_sigma"]) == UNTOLD_ARM
+    assert float(untold.parameters_of(untold.adapted(filter))["non_holonomic_arm_sigma"]) == UNKNOWN_ARM
     assert float(told.parameters_of(told.adapted(filter)).get("non_holonomic_arm_sigma", 0.0)) == 0.0
     chosen = insenv.run("car-city-drive", "fusion", duration_s=2.0, settings={"fusion": {"aids": WHEELED}}).results[0]
     assert "odometer_mounting_error" in chosen.outputs
     exact, known = (insenv.run(name, filter, duration_s=2.0).results[0].notes for name in ("car-city-drive", "car-odometer"))
     assert any("use the state odometer_mounting_error" in note for note in exact)
-    assert not any("nothing is told of how the unit is mounted" in note for note in known)
+    assert not any("the mounting of the unit relative to the wheels is not stated" in note for note in known)

@@ -51,14 +51,14 @@ def test_the_sigmas_fit_the_errors_where_the_unit_turns():
     [
         ("tactical", {}, f"biases, {', '.join(OF_UNIT)}; aids: in_place"),
         ("industrial", {}, "a gyro bias of 720 deg/h may turn the heading by 24 deg in the 120 s"),
-        ("tactical", {"states": ["gyro_scale"]}, "filter: gyro_g_sensitivity, gyro_misalignment, accel_scale,"),
-        ("tactical", {"aids": ["zero_velocity"]}, "no aid tells that the unit stays in place"),
+        ("tactical", {"states": ["gyro_scale"]}, "estimate: gyro_g_sensitivity, gyro_misalignment, accel_scale,"),
+        ("tactical", {"aids": ["zero_velocity"]}, "no aid states that the unit stays in place"),
     ],
 )
 def test_what_is_chosen_and_left_out_is_said(grade, chosen, said):
     report = insenv.run(table(grade, **chosen) | {"rate_hz": 10.0})
     assert said in " ".join((*report.notes, *report.results[0].notes))
-    unsaid = ("errors of the unit that a turn shows", "no aid tells", "may turn the heading")
+    unsaid = ("errors of the unit that a turn reveals", "no aid states", "may turn the heading")
     assert not any(words in note for note in calibrated().results[0].notes for words in unsaid)
 
 

@@ -93,7 +93,7 @@ def test_each_fix_counts_where_no_attitude_is_found():
     assert result.sigma["heading_deg"][-1] > 60.0
     assert result.health is not None and result.health.verdict == "untested" and result.health.fixes > 50
     assert any("the heading is not found" in note for note in result.notes)
-    assert not any("no fix came" in note for note in result.notes)
+    assert not any("no fix was received" in note for note in result.notes)
 
 
 def test_an_outlier_is_not_the_first_fix():

@@ -63,7 +63,7 @@ RAD = np.pi / 180
         ("unmodelled_motion", {"accel_bias_sigma": 0.01, "rotation_error": 3e-4}, ()),
         ("unmodelled_motion", {"accel_bias_sigma": 0.01, "rotation_error": 4e-4}, ("0.4 mrad", "three stated sigmas")),
         ("far_heading", {"start_heading_sigma": 0.5}, ()),
-        ("far_heading", {"start_heading_sigma": 0.6}, ("34.4 deg", "from 180 deg not at all")),
+        ("far_heading", {"start_heading_sigma": 0.6}, ("34.4 deg", "at 180 deg not at all")),
     ],
 )
 def test_a_note_begins_where_the_sigmas_become_too_small(function, parameters, words):

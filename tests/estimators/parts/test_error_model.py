@@ -2,22 +2,30 @@
 
 The filters' transitions are read off their covariances: without noise one of rank one, v v^T, becomes (Phi v)(Phi v)^T.
 What the filters' models leave out is below 1e-3 of what the largest term causes; half a Coriolis term is 1e-2 of it.
+At the end: the covariance that an alignment hands over, and errors that turn with a corrected platform.
 """
 
+import dataclasses
 from functools import cache
 
+import casadi as ca
 import earth_fixed
 import numpy as np
 import pytest
+from changed_scenario import changed
 from earth_fixed import ACCEL, GYRO, PHI, POSITION, SCALE, VELOCITY, Motion, matrix_of, quaternion_of, skew, stored, tangent
 from scipy.spatial.transform import Rotation
 
+import insenv
+from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.available import all_states
 from insenv.estimators.fusion.inertial import COUPLINGS
+from insenv.estimators.parts.error_model import TILT, aligned, covariance_after
+from insenv.estimators.parts.kalman import Update
 from insenv.scenario.chunks import input_rows
 
 FLIGHT, DURATION, DT = Motion(), 100.0, 0.025
@@ -224,3 +232,53 @@ def test_errors_of_the_unit_enter_as_in_an_independent_mechanization(seed):
     for part in (POSITION, VELOCITY, PHI):
         # the columns take the attitude at the start of each sample, here of 25 ms
         assert np.abs(found[part] - expected[part]).max() < 4e-3 * np.abs(expected[part]).max(), part
+
+
+def test_the_hand_over_carries_what_biases_do():
+    """The balance of specific force and Earth rate in place, against differences of the rates at a misalignment."""
+    latitude, g, gyro, accel = 0.8, 9.81, 3e-8, 5e-4
+    noise = np.array([1e-5, 2e-5, 3e-4])
+    level, heading = accel / g, np.hypot(gyro / (geodesy.OMEGA_IE * np.cos(latitude)), accel / g * np.tan(latitude))
+    sigma = np.sqrt(noise**2 + np.array([level, level, heading]) ** 2)
+    found = aligned(ca.DM(sigma), latitude, g, gyro, accel)
+    P, by_accel, by_gyro = (np.array(ca.evalf(part)) for part in dataclasses.astuple(found))
+    assert np.diag(P) == pytest.approx(sigma**2, rel=1e-9)
+    f, omega = np.array([0, 0, -g]), geodesy.OMEGA_IE * np.array([np.cos(latitude), 0, -np.sin(latitude)])
+    for axis in range(3):
+        phi = by_accel[:, axis] / accel  # the misalignment that this bias causes
+        assert (np.cross(f, phi) + np.eye(3)[axis] * accel)[:2] == pytest.approx(0, abs=1e-12)
+        assert np.cross(omega, phi)[1] == pytest.approx(0, abs=1e-15)
+        phi = by_gyro[:, axis] / gyro
+        assert (np.cross(omega, phi) + np.eye(3)[axis] * gyro)[1] == pytest.approx(0, abs=1e-15)
+
+
+def test_what_is_unknown_about_the_vertical_of_the_platform_stays_so():
+    """The platform is found 5 deg off level: the unknown heading is about its vertical before, and about the new one after."""
+    psi = np.radians([4.0, -3.0, 0.0])
+    before = Rotation.from_rotvec(psi).inv().apply([0.0, 0.0, 1.0])
+    P = np.zeros((12, 12))
+    P[TILT, TILT] = np.outer(before, before)
+    P[TILT, 10] = P[10, TILT] = 0.1 * before
+    update = Update((), ca.vertcat(ca.SX.zeros(6), psi, ca.SX.zeros(3)), symmetric.triangle(ca.SX(P)))
+    after = np.array(ca.DM(symmetric.full(covariance_after(update, 12), 12)))
+    wanted = np.zeros((12, 12))
+    wanted[8, 8], wanted[8, 10], wanted[10, 8] = 1.0, 0.1, 0.1
+    assert after == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize("filter", ["loosely-coupled", "fusion"])
+def test_a_parked_car_learns_no_heading_from_being_level(monkeypatch, filter):
+    """The told attitude is 0.5 deg off level and 3 deg off in heading; zero velocities and fixes level the unit."""
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+    for seed in (1, 2, 3):
+        (result,) = insenv.run("car-city-drive", filter, seed=seed, duration_s=31.0).results
+        assert result.sigma["heading_deg"][-1] > 0.9 * result.limit_sigma["heading_deg"][-1]
+        assert abs(result.errors["heading_deg"][-1]) < 3 * result.sigma["heading_deg"][-1]
+
+
+def test_a_heading_30_deg_off_is_found_while_driving():
+    scenario = changed("car-unknown-heading", knowledge={"heading_sigma_deg": 30.0, "heading_error_deg": 30.0})
+    found = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=60.0).results[0] for seed in range(300, 308)]
+    errors = np.abs([result.errors["heading_deg"][-1] for result in found])
+    assert np.median(errors) < 0.4
+    assert (errors < 3.5 * np.array([result.sigma["heading_deg"][-1] for result in found])).all()

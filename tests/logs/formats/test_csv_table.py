@@ -30,6 +30,11 @@ def test_wrong_rows(folder, name, line, text, said):
     folder.error(said)
 
 
+def test_a_wrong_delimiter_is_one_line_that_names_the_right_one():
+    with pytest.raises(InputError, match=r"a.csv: the header is one column, 't,gx': allowed is delimiter = ',', or 'auto'$"):
+        read_table("a.csv", b"t,gx\n1,2\n", ["t", "gx"], delimiter=";", header_rows=1)
+
+
 def test_a_file_that_is_cut_off(folder):
     text = (folder.path / "imu.csv").read_text()
     last = text.rstrip("\n").rfind("\n") + 1

@@ -148,7 +148,7 @@ def test_replayed_late_and_reflected_frames(signing, clock):
     assert signing.verify(Ground(at_s=NOW_S + 0.01).frame()) is GOOD  # slow clocks of known senders are allowed
     own = bytearray(m.MAVLink_heartbeat_message(11, 0, 0, 0, 4, 3).pack(m.MAVLink(None, srcSystem=1, srcComponent=1)))
     own[2] = 1
-    assert signing.verify(signing.signed(bytes(own)), own=(1, 1)) is Verdict.REFLECTED
+    assert signing.verify(signing.signed(bytes(own)), ours=(1, 1)) is Verdict.REFLECTED
 
 
 def test_each_system_and_each_link_number_has_its_own_time(signing):

@@ -34,7 +34,7 @@ def test_the_limit_follows_what_is_varied(monkeypatch):
     variations = [parse_variation("start.latitude_deg=20:85"), parse_variation("imu.gyro_arw_deg_sqrt_h=0.001:0.01")]
     plan = make_plan(slow_ship(), "analytic", 3, first_seed=1, duration_s=20.0, variations=variations)
     found = run_campaign(plan)
-    assert found.limit_note == "" and len(set(found.limit[:, 2])) == 3
+    assert found.limit_notes == () and len(set(found.limit[:, 2])) == 3
     late = found.time >= found.from_s - 1e-9
     assert found.figures()["heading_deg"]["limit"] == pytest.approx(np.sqrt(np.mean(found.limit[:, 2] ** 2)))
     for place in range(3):

@@ -1,4 +1,4 @@
-"""The command `insenv reproduce`."""
+"""The commands that measure insenv itself: `insenv reproduce` against papers, `insenv bench` on this machine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def reproduce(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Repeat the tests of the papers; print the published values, those of the printed form, insenv's, and the limit."""
+    """Repeat the tests of the papers; print published values, those of the printed form and of insenv, and the limit."""
     from insenv.cli.output import print_blocks, print_json, print_line, working
     from insenv.report import OutputFolder
     from insenv.reproduce import chosen, document, figure
@@ -27,9 +27,8 @@ def reproduce(
     with working(f"measuring {papers[0]}") as progress:
         for name, quantities in measure(paper):
             by_paper[name] = quantities
-            progress.describe(f"measured {name}")
+            progress.finished(f"measured {name}")
         if folder is not None:
-            folder.path.mkdir(parents=True, exist_ok=True)
             for name in papers:
                 written += figure(name, folder.path)
     shown = document(by_paper)
@@ -39,3 +38,27 @@ def reproduce(
     print_blocks(shown.blocks())
     if written:
         print_line(f"written: {', '.join(str(path) for path in written)}")
+
+
+@command
+def bench(
+    only: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(metavar="PREFIX", help="Only the figures whose names start with this."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure speed and accuracy on this machine, each figure beside its floor."""
+    from insenv.bench import document, figures
+    from insenv.cli.output import print_blocks, print_json, working
+
+    measured = []
+    with working("measuring") as progress:
+        for figure in figures(only):
+            measured.append(figure)
+            progress.describe(f"measuring: {figure.name} done")
+    shown = document(measured)
+    if as_json:
+        print_json(shown.as_json())
+        return
+    print_blocks(shown.blocks())
