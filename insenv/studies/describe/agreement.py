@@ -81,16 +81,34 @@ class Track:
         """Median time (s) between two fixes."""
         return float(np.median(np.diff(self.time)))
 
+    @property
+    def averaged(self) -> int:
+        """Number of fixes whose mean is taken where velocities are made of positions: their noise is less than that of one."""
+        return max(round(LAG_S / self.interval), 1) if self.velocity is None else 1
+
+    @cached_property
+    def _means(self) -> tuple[Array, Array, Array, Array]:
+        """Time, latitude, longitude and height of means of `averaged` fixes, without those over a gap."""
+        each = self.averaged
+        count = len(self.time) // each
+        parts = [
+            column[: count * each].reshape(count, each) for column in (self.time, self.latitude, self.longitude, self.height)
+        ]
+        whole = np.ptp(parts[0], axis=1) < 1.5 * each * self.interval
+        time, latitude, longitude, height = (part.mean(axis=1)[whole] for part in parts)
+        return time, latitude, longitude, height
+
     @cached_property
     def speeds(self) -> tuple[Array, Array]:
         """Times (k,) s and velocities (k, 3) m/s, NED: of the fixes, or between those that are `LAG_S` or more apart."""
         if self.velocity is not None:
             return self.time - self.velocity_lag, self.velocity
-        lag = max(round(self.spacing / self.interval), 1)
-        took = self.time[lag:] - self.time[:-lag]
-        fine = took < 1.5 * lag * self.interval
-        middle = 0.5 * (self.time[lag:] + self.time[:-lag])
-        places = (self.latitude, self.longitude, self.height)
+        time, *places = self._means
+        interval = self.interval * self.averaged
+        lag = max(round(self.spacing / interval), 1)
+        took = time[lag:] - time[:-lag]
+        fine = took < 1.5 * lag * interval
+        middle = 0.5 * (time[lag:] + time[:-lag])
         way = geodesy.numeric.ned_offset(*(each[lag:] for each in places), *(each[:-lag] for each in places))
         return middle[fine], (np.asarray(way) / took[:, None])[fine]
 
@@ -235,7 +253,7 @@ def pairs_of(windows: Windows, track: Track, delay: float = 0.0, drift: float = 
     sin, cos = np.sin(track.latitude.mean()), np.cos(track.latitude.mean())
     earth = OMEGA_IE * np.array([cos, 0.0, -sin])
     y = velocity[last] - velocity[first] - took * (np.array([0.0, 0.0, track.gravity]) - 2.0 * np.cross(earth, middle))
-    half = 0.0 if track.velocity is not None else 0.5 * max(round(track.spacing / track.interval), 1) * track.interval
+    half = 0.0 if track.velocity is not None else 0.5 * lag * interval
     rows = [np.flatnonzero((time[first] - half >= at) & (time[last] + half <= at + windows.length)) for at in windows.begin]
     most = max([len(each) for each in rows] or [0])
     index, valid = np.zeros((len(rows), most), int), np.zeros((len(rows), most), bool)
@@ -361,6 +379,23 @@ def refined(done: Turned, pairs: Pairs, rounds: int = 3) -> Fit:
         errors = covariance @ np.einsum("wni,wn->i", A, r) / (variance * repeats)
         fit = fitted(u + design @ errors, pairs, done.windows)
     return replace(fit, errors=errors, covariance=covariance)
+
+
+def independent(residual: Array, pairs: Pairs) -> float:
+    """Number of independent components of residuals (w, p, 3): their number by their correlation along a window.
+
+    N / (1 + 2 sum rho_k), the sum up to the first rho_k that is not positive (Geyer 1992); each window's attitude takes three.
+    """
+    size = np.linalg.norm(residual, axis=-1)
+    limit = LARGEST * np.median(size[pairs.valid])
+    cut = np.where((pairs.valid & (size <= limit))[..., None], residual, 0.0)
+    squares, correlated = float(np.sum(cut**2)), 1.0
+    for k in range(1, residual.shape[1]):
+        rho = float(np.sum(cut[:, k:] * cut[:, :-k])) / max(squares, 1e-30)
+        if rho <= 0.0:
+            break
+        correlated += 2.0 * rho
+    return max((3.0 * pairs.valid.sum() - 3.0 * len(residual)) / correlated, 1.0)
 
 
 def log_ratio(worse: float, better: float, count: float) -> float:

@@ -35,6 +35,8 @@ WAY_S = 5.0
 SPACING_S = 4.0
 """Time (s) over which velocities are made of positions."""
 
+VERTICAL = "gnss.velocity_vertical"
+
 _LATITUDE, _LONGITUDE = re.compile(r"lat(?!e)", re.IGNORECASE), re.compile(r"lon|lng", re.IGNORECASE)
 _HEIGHT = re.compile(r"alt|height|hgt|elev|msl|(^|[^a-z])h([^a-z]|$)", re.IGNORECASE)
 _SIGMA = re.compile(
@@ -68,7 +70,28 @@ class Fixes:
     position_sigma: tuple[int, int, int] | None = None
     velocity_sigma: tuple[int, int, int] | None = None
     findings: tuple[Finding, ...] = field(default=())
-    sure: bool = True
+
+    @property
+    def places(self) -> tuple[int, int, str]:
+        """What says which fixes they are."""
+        return self.latitude, self.longitude, self.unit
+
+    @property
+    def vertical_seen(self) -> bool:
+        """Whether the height shows the direction of the third velocity."""
+        return not any(each.key == VERTICAL and each.confidence != "measured" for each in self.findings)
+
+    @property
+    def upside_down(self) -> Fixes:
+        """The same with the third velocity in the other direction."""
+        assert self.track.velocity is not None
+        track = replace(self.track, velocity=self.track.velocity * [1.0, 1.0, -1.0])
+        return replace(self, vertical="up" if self.vertical == "down" else "down", track=track)
+
+    def vertical_shown(self, evidence: str) -> Fixes:
+        """The same with the direction of the third velocity as measured."""
+        others = tuple(each for each in self.findings if each.key != VERTICAL)
+        return replace(self, findings=(*others, Finding(VERTICAL, self.vertical, evidence)))
 
 
 def angle_units(table: LogTable, column: int, time: Array | None = None) -> list[str]:
@@ -122,13 +145,16 @@ def positions(table: LogTable) -> list[tuple[int, int, str]]:
 
 
 def fixes_of(table: LogTable) -> list[Fixes]:
-    """What the fixes of a table may be; several where velocities do not decide.  Raises `UnclearError` if there are none."""
+    """What the fixes of a table may be; several where velocities do not decide, or the height not the sign of the vertical one.
+
+    Raises `UnclearError` if there are none."""
     found = positions(table)
     if not found:
         raise UnclearError(f"{table.file}: no two columns are latitude and longitude in {listed(ANGLE_UNITS)}")
     made = [_with_height(table, *each) for each in found]
     sure = [each for each in made if each.velocity is not None]
-    return sure or made
+    likely = sure or made
+    return [*likely, *(each.upside_down for each in likely if each.velocity is not None and not each.vertical_seen)]
 
 
 def _with_height(table: LogTable, latitude: int, longitude: int, unit: str) -> Fixes:
@@ -262,11 +288,11 @@ def _velocity(
         says = f"column {table.label(down)} is that {vertical}: slope {slope:.3f}, correlation {follows:.3f}"
         stated = "up" if _UP.search(table.names[down]) else "down" if _DOWN.search(table.names[down]) else vertical
         says += "" if stated == vertical else f"; its name says {stated}, which the height contradicts"
-        sure = Finding("gnss.velocity_vertical", vertical, says)
+        sure = Finding(VERTICAL, vertical, says)
     else:
         vertical = "up" if _UP.search(table.names[down]) else "down"
         says = f"column {table.label(down)} stands for the vertical; the height changes too little to show its sign"
-        sure = Finding("gnss.velocity_vertical", vertical, says, "named" if down in named else "assumed")
+        sure = Finding(VERTICAL, vertical, says, "named" if down in named else "assumed")
     columns = (north, east, down)
     return columns, vertical, (Finding("gnss.velocity", [table.refs[c] for c in columns], evidence), sure)
 
@@ -359,7 +385,7 @@ def scatter(track: Track, residual: Array | None) -> tuple[Array, Array | None]:
         third = np.diff(_ways(track, 1), n=2, axis=0)
         own = np.array([_robust(column) / np.sqrt(20.0) for column in third.T])
         return np.maximum(
-            own if speed is None else np.minimum(own, speed * track.spacing / np.sqrt(6.0)), LEAST_POSITION_M
+            own if speed is None else np.minimum(own, speed * track.spacing * np.sqrt(track.averaged / 6.0)), LEAST_POSITION_M
         ), None
     took = np.diff(track.time)
     fine = took < 1.5 * track.interval

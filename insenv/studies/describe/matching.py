@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import permutations, product
 
 import numpy as np
@@ -26,6 +27,7 @@ from insenv.studies.describe.agreement import (
     Windows,
     changes,
     fitted,
+    independent,
     log_ratio,
     pairs_of,
     refined,
@@ -80,10 +82,15 @@ class Agreed:
     drift_sigma: float
     sign_margin: float = np.inf
 
+    @cached_property
+    def independent(self) -> float:
+        """Number of independent components of the residuals."""
+        return independent(self.fit.residual, self.pairs)
 
-def agreed(table: LogTable, choices: Sequence[Choice], track: Track) -> Agreed:
-    """The one of the choices, orders of axes and signs with which samples and fixes agree.  Raises `UnclearError` if none
-    does."""
+
+def agreed(table: LogTable, choices: Sequence[Choice], track: Track, delays: Sequence[float]) -> Agreed:
+    """The one of the choices, orders of axes and signs with which samples and fixes agree best, sought from `delays` (s) of the
+    fixes.  Raises `UnclearError` if they share too little."""
     length = WINDOW_S[track.velocity is not None]
     tried: list[_Tried] = []
     for choice in choices:
@@ -100,30 +107,32 @@ def agreed(table: LogTable, choices: Sequence[Choice], track: Track) -> Agreed:
                 )
             screened.append(_screened(choice, windows, track))
         tried += min(screened, key=lambda each: min(one.mean for one in each))
-    best = _best(tried, track, START_DELAYS)
-    if best.left > EXPLAINED and float(best.fit.mean) > _noise(track):
-        # what is only as small as the noise shows no delay of seconds
-        later = _best(tried, track, OTHER_DELAYS)
-        if later.left > EXPLAINED:
-            raise UnclearError(
-                f"{table.file}: whatever unit, order and sign its columns have, {100 * best.left:.3g} % of the changes "
-                f"of velocity "
-                f"that the fixes show remain unexplained (allowed {100 * EXPLAINED:g} %): are both of one drive and one clock?"
-            )
-        best = later
-    if best.unit_margin < SURE:
+    return _best(tried, track, delays)
+
+
+def explained(found: Agreed, track: Track) -> bool:
+    """Whether samples and fixes agree: what is only as small as the noise of the fixes shows no disagreement."""
+    return found.left <= EXPLAINED or float(found.fit.mean) <= _noise(track)
+
+
+def check_sure(found: Agreed, table: LogTable, track: Track) -> None:
+    """Raise `UnclearError` if samples and fixes do not agree, or if another assumption fits about as well."""
+    if not explained(found, track):
         raise UnclearError(
-            f"{table.file}: two units or choices of columns fit about alike ({best.choice.gyro_unit}, "
-            f"{best.choice.accel_unit} is "
-            f"only {best.unit_margin:.3g} better in log-likelihood, {SURE:g} are needed)"
+            f"{table.file}: whatever unit, order and sign its columns have, {100 * found.left:.3g} % of the changes of "
+            f"velocity that the fixes show remain unexplained (allowed {100 * EXPLAINED:g} %): are both of one drive and one "
+            "clock?"
         )
-    if best.sign_margin < SURE or (not best.choice.same_axes and best.margin < SURE):
+    if found.unit_margin < SURE:
+        raise UnclearError(
+            f"{table.file}: two units or choices of columns fit about alike ({found.choice.gyro_unit}, "
+            f"{found.choice.accel_unit} is only {found.unit_margin:.3g} better in log-likelihood, {SURE:g} are needed)"
+        )
+    if found.sign_margin < SURE or (not found.choice.same_axes and found.margin < SURE):
         raise UnclearError(
             f"{table.file}: gyros and accelerometers do not have the same axes, and two orders fit about alike (only "
-            f"{best.margin:.3g} "
-            f"apart in log-likelihood, {SURE:g} are needed): no turns and accelerations tell them apart"
+            f"{found.margin:.3g} apart in log-likelihood, {SURE:g} are needed): no turns and accelerations tell them apart"
         )
-    return best
 
 
 NOISY = 1.5
@@ -195,7 +204,9 @@ def _best(tried: Sequence[_Tried], track: Track, delays: Sequence[float]) -> Agr
     chosen, raw = next((end for end in alike if end[0].choice.plain), alike[0] if alike else best)
     margins = [_ratio(end, chosen) for end, _ in ends[units] if end is not chosen]
     margins += [
-        log_ratio(each.mean, raw, chosen.fit.count) for each in groups[units] if each.mean > max(end[1] for end in ends[units])
+        log_ratio(each.mean, raw, chosen.independent)
+        for each in groups[units]
+        if each.mean > max(end[1] for end in ends[units])
     ]
     unit_margin = min((_ratio(group[0][0], chosen) for each, group in ends.items() if each != units), default=np.inf)
     sign_margin = min(
@@ -205,7 +216,7 @@ def _best(tried: Sequence[_Tried], track: Track, delays: Sequence[float]) -> Agr
 
 
 def _ratio(worse: Agreed, better: Agreed) -> float:
-    return log_ratio(float(worse.fit.mean), float(better.fit.mean), better.fit.count)
+    return log_ratio(float(worse.fit.mean), float(better.fit.mean), better.independent)
 
 
 def _refined(tried: _Tried, track: Track, delays: Sequence[float]) -> Agreed:

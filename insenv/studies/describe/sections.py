@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from insenv.logs.units import Array
-from insenv.studies.describe.agreement import ARM
+from insenv.studies.describe.agreement import ARM, log_ratio
 from insenv.studies.describe.finding import Finding, UnclearError, listed
 from insenv.studies.describe.fixes import Fixes, scatter
 from insenv.studies.describe.inertial import ACCEL_NAMES, GYRO_NAMES, Choice
-from insenv.studies.describe.matching import SURE, Agreed, agreed
+from insenv.studies.describe.matching import OTHER_DELAYS, START_DELAYS, SURE, Agreed, agreed, check_sure, explained
 from insenv.studies.describe.mounting import Mounting, axes_text, lying, mounting, mounting_angles
 from insenv.studies.describe.text_tables import LogTable, stated_unit
 from insenv.studies.describe.vehicle import kind_of, traits_of
@@ -114,26 +114,32 @@ def _clock(found: Agreed, fixes: Fixes, sigma: float, imu: dict[str, Any], gnss:
 
 def _agreeing(imu: LogTable, choices: Sequence[Choice], candidates: Sequence[Fixes]) -> tuple[Fixes, Agreed]:
     """The one of what the fixes may be with which the samples agree.  Raises `UnclearError`."""
-    ends: list[tuple[Fixes, Agreed]] = []
-    why: UnclearError | None = None
-    for each in candidates:
-        try:
-            ends.append((each, agreed(imu, choices, each.track)))
-        except UnclearError as error:
-            why = why or error
-    if not ends:
-        assert why is not None
-        raise why
-    ends.sort(key=lambda end: end[1].left)
-    if len(ends) > 1:
-        apart = 0.5 * ends[0][1].fit.count * float(np.log(ends[1][1].left / ends[0][1].left))
-        if apart < SURE:
-            names = " or ".join(f"columns {each.latitude}, {each.longitude} in {each.unit}" for each, _ in ends[:2])
-            raise UnclearError(
-                f"latitude and longitude are {names}: both fit about alike (log-likelihood {apart:.3g} apart, {SURE:g} "
-                f"are needed)"
-            )
-    return ends[0]
+    for delays in (START_DELAYS, OTHER_DELAYS):
+        ends = [(each, agreed(imu, choices, each.track, delays)) for each in candidates]
+        ends.sort(key=lambda end: end[1].left)
+        if explained(ends[0][1], ends[0][0].track):
+            break
+    fixes, best = ends[0]
+    others = [end for end in ends[1:] if end[0].places != fixes.places]
+    if others and (apart := _apart(best, others[0][1])) < SURE:
+        names = " or ".join(f"columns {each.latitude}, {each.longitude} in {each.unit}" for each in (fixes, others[0][0]))
+        raise UnclearError(
+            f"latitude and longitude are {names}: both fit about alike (log-likelihood {apart:.3g} apart, {SURE:g} are needed)"
+        )
+    check_sure(best, imu, fixes.track)
+    upside_down = [end for end in ends[1:] if end[0].places == fixes.places]
+    if not upside_down:
+        return fixes, best
+    apart = _apart(best, upside_down[0][1])
+    if apart < SURE:  # the direction that its name says, or down
+        stated = next(each for each in candidates if each.places == fixes.places)
+        return next(end for end in ends if end[0] is stated)
+    return fixes.vertical_shown(f"the samples show it: the other direction fits worse by {apart:.0f} in log-likelihood"), best
+
+
+def _apart(better: Agreed, worse: Agreed) -> float:
+    """Logarithm of the likelihood ratio of two ways to read the fixes."""
+    return log_ratio(worse.left, better.left, better.independent)
 
 
 def _file_keys(table: LogTable) -> dict[str, Any]:

@@ -144,12 +144,13 @@ def kind_of(traits: Traits, steadiness: float) -> Finding:
             "vehicle_kind", "car", f"it moves where it points: {felt} (from {UPRIGHT:g}), {moves} (below {100 * SIDEWAYS:g} %)"
         )
     upright = not leans and not traits.along < UPRIGHT
-    if upright and traits.rolling > ROLLING_DEG and traits.heights < LEVEL_M and traits.speed < FLOATING:
+    floats = traits.rolling > ROLLING_DEG and traits.heights < LEVEL_M and traits.speed < FLOATING
+    if upright and floats and steadiness > AHEAD:
         return Finding(
             "vehicle_kind",
             "ship",
-            f"it rolls and keeps its height: {rolls} (from {ROLLING_DEG:g}), the height by {traits.heights:.2g} m "
-            f"(below {LEVEL_M:g})",
+            f"it rolls, keeps its height and moves ahead: {rolls} (from {ROLLING_DEG:g}), the height by {traits.heights:.2g} m "
+            f"(below {LEVEL_M:g}); {heads} (from {AHEAD:g})",
         )
     return Finding("vehicle_kind", None, f"{felt}; {moves}; {rolls}: no kind of vehicle has all of this", "open")
 
