@@ -227,7 +227,8 @@ def _skew(v: Array) -> Array:
 class Pairs:
     """Changes of velocity in windows: rows (w, p) of begin and end as places on the grid of a window, valid (w, p), and y
     (w, p, 3) m/s, the change less that by gravity; speed (w, p, 3) m/s in the middle; part (w,): place of the window in the
-    log, -1 to 1; width: of the mean over which a velocity is taken, in steps; 0: a point."""
+    log, -1 to 1; width: half of the time over which a velocity is the mean, and blur: time over which the positions at its ends
+    are means, in steps; 0: a point."""
 
     first: Array
     last: Array
@@ -236,6 +237,7 @@ class Pairs:
     speed: Array
     part: Array
     width: float = 0.0
+    blur: float = 0.0
 
 
 def pairs_of(windows: Windows, track: Track, delay: float = 0.0, drift: float = 0.0) -> Pairs:
@@ -254,7 +256,10 @@ def pairs_of(windows: Windows, track: Track, delay: float = 0.0, drift: float = 
     earth = OMEGA_IE * np.array([cos, 0.0, -sin])
     y = velocity[last] - velocity[first] - took * (np.array([0.0, 0.0, track.gravity]) - 2.0 * np.cross(earth, middle))
     half = 0.0 if track.velocity is not None else 0.5 * lag * interval
-    rows = [np.flatnonzero((time[first] - half >= at) & (time[last] + half <= at + windows.length)) for at in windows.begin]
+    # the mean of n fixes has the variance in time of a mean over this
+    blur = np.sqrt(track.averaged**2 - 1.0) * track.interval
+    reach = half + 0.5 * blur
+    rows = [np.flatnonzero((time[first] - reach >= at) & (time[last] + reach <= at + windows.length)) for at in windows.begin]
     most = max([len(each) for each in rows] or [0])
     index, valid = np.zeros((len(rows), most), int), np.zeros((len(rows), most), bool)
     for place, each in enumerate(rows):
@@ -269,21 +274,32 @@ def pairs_of(windows: Windows, track: Track, delay: float = 0.0, drift: float = 
         middle[index],
         track.part(windows.begin + 0.5 * windows.length),
         half / windows.step,
+        blur / windows.step,
     )
 
 
 def changes(series: Array, pairs: Pairs) -> Array:
     """The change of a series (..., w, k + 1, c) over each pair, (..., w, p, c)."""
     if pairs.width:
-        sums = np.concatenate(
-            [np.zeros_like(series[..., :1, :]), np.cumsum(0.5 * (series[..., 1:, :] + series[..., :-1, :]), axis=-2)], axis=-2
-        )
+        sums = _integral(series)
+        ends = _integral(sums) if pairs.blur else sums
+        half = 0.5 * pairs.blur
+
+        def mean(place: Array) -> Array:
+            if not half:
+                return _at(ends, place)
+            return (_at(ends, place + half) - _at(ends, place - half)) / pairs.blur
+
         means = [
-            (_at(sums, place + pairs.width) - _at(sums, place - pairs.width)) / (2 * pairs.width)
-            for place in (pairs.first, pairs.last)
+            (mean(place + pairs.width) - mean(place - pairs.width)) / (2 * pairs.width) for place in (pairs.first, pairs.last)
         ]
         return np.asarray(np.where(pairs.valid[..., None], means[1] - means[0], 0.0))
     return np.asarray(np.where(pairs.valid[..., None], _at(series, pairs.last) - _at(series, pairs.first), 0.0))
+
+
+def _integral(series: Array) -> Array:
+    """The integral of (..., k + 1, c) over its steps, from 0."""
+    return _summed(0.5 * (series[..., 1:, :] + series[..., :-1, :]), -2)
 
 
 def _at(series: Array, place: Array) -> Array:

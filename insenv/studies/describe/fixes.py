@@ -18,7 +18,8 @@ from insenv.logs.text import repeats
 from insenv.logs.units import ANGLE_UNITS, Array
 from insenv.studies.describe.agreement import Track
 from insenv.studies.describe.finding import Finding, UnclearError, listed
-from insenv.studies.describe.text_tables import LogTable
+from insenv.studies.describe.inertial import named_triads
+from insenv.studies.describe.tables import LogTable
 
 HIGHEST_M = 20_000.0
 """Height that a vehicle does not exceed: beyond it the column is not in metres."""
@@ -132,8 +133,8 @@ def positions(table: LogTable) -> list[tuple[int, int, str]]:
     latitude = [c for c in columns if _LATITUDE.search(table.names[c])]
     longitude = [c for c in columns if _LONGITUDE.search(table.names[c])]
     pairs = [(a, b) for a in latitude for b in longitude if a != b]
-    if not pairs and not table.named:
-        angles = [c for c in columns if angle_units(table, c)]
+    if not pairs:
+        angles = [c for c in columns if table.numbered(c) and angle_units(table, c)]
         pairs = [(a, b) for a in angles for b in angles if abs(a - b) == 1]
     found = []
     for a, b in pairs:
@@ -166,8 +167,8 @@ def _with_height(table: LogTable, latitude: int, longitude: int, unit: str) -> F
         and not _SIGMA.search(table.names[c])
         and not re.search("vel|speed", table.names[c], re.IGNORECASE)
     ]
-    if not heights and not table.named:
-        heights = [c for c in (max(latitude, longitude) + 1,) if c in columns]
+    if not heights:
+        heights = [c for c in (max(latitude, longitude) + 1,) if c in columns and table.numbered(c)]
     if not heights:
         raise UnclearError(f"{table.file}: no column is the height; a description needs one (docs/logs.md)")
     ellipsoid = [c for c in heights if re.search(r"ell|hae", table.names[c], re.IGNORECASE)]
@@ -270,12 +271,14 @@ def _velocity(
         f"{slopes[0]:.3f}, "
         f"{slopes[1]:.3f}, correlations {picked[0][1]:.3f}, {picked[1][1]:.3f}"
     )
-    beside = [c for c in (max(north, east) + 1,) if c in rest and not table.named]
+    beside = [c for c in (max(north, east) + 1,) if c in rest and table.numbered(c)]
+    beside += [c for triad in named_triads(table, ()) if {north, east} < set(triad) for c in triad if c in rest]
     down = max(fitting, key=lambda c: abs(verticals[c][0]), default=None)
     if down is None:
         down = next(iter(named or beside), None)
     if down is None:
-        return None, "down", ()
+        return None, "down", (Finding("gnss.velocity", None, f"{evidence}; no column is the vertical one, so they are left out",
+                                      "open"),)  # fmt: skip
     follows, slope = verticals[down]
     if down not in fitting and abs(follows) > FOLLOWS:
         raise UnclearError(

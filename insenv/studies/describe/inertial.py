@@ -15,7 +15,7 @@ import numpy as np
 from insenv.logs.noise import REST_RATE
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array
 from insenv.studies.describe.agreement import Motion, Track
-from insenv.studies.describe.text_tables import LogTable
+from insenv.studies.describe.tables import LogTable
 
 GRAVITY = 9.80665
 NEAR = 0.12

@@ -36,7 +36,7 @@ from insenv.studies.describe.agreement import (
 )
 from insenv.studies.describe.finding import UnclearError
 from insenv.studies.describe.inertial import Choice
-from insenv.studies.describe.text_tables import LogTable
+from insenv.studies.describe.tables import LogTable
 
 SURE, ALIKE = 20.0, 5.0
 """Logarithm of the likelihood ratio from which one assumption is taken for right, and up to which two fit alike."""

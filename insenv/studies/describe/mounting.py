@@ -10,7 +10,7 @@ from insenv.logs.units import Array
 from insenv.studies.describe.finding import UnclearError
 from insenv.studies.describe.inertial import Choice
 from insenv.studies.describe.matching import Agreed
-from insenv.studies.describe.text_tables import LogTable
+from insenv.studies.describe.tables import LogTable
 
 MIN_SPEED = 2.0
 """Speed over the ground (m/s) from which a direction counts."""

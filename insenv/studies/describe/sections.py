@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from insenv.studies.describe.fixes import Fixes, scatter
 from insenv.studies.describe.inertial import ACCEL_NAMES, GYRO_NAMES, Choice
 from insenv.studies.describe.matching import OTHER_DELAYS, START_DELAYS, SURE, Agreed, agreed, check_sure, explained
 from insenv.studies.describe.mounting import Mounting, axes_text, lying, mounting, mounting_angles
-from insenv.studies.describe.text_tables import LogTable, stated_unit
+from insenv.studies.describe.tables import LogTable, stated_unit
 from insenv.studies.describe.vehicle import kind_of, traits_of
 
 WIDENED = 3.0
@@ -60,7 +61,7 @@ def with_fixes(
                 "a car moves where it points and is level on the mean: the unit is turned by these angles",
             )
         )
-    gnss = _file_keys(table)
+    gnss: dict[str, Any] = {"file": list(table.files) if len(table.files) > 1 else table.file, **table.layout}
     if not np.isfinite(table.values[:, [table.time, fixes.latitude, fixes.longitude, fixes.height]]).all():
         gnss["skip_empty"] = True
         findings.append(Finding("gnss.skip_empty", True, "rows without a fix have empty columns"))
@@ -85,7 +86,7 @@ def with_fixes(
                    f"it" if which else ""),
                 "open" if which else "measured")
     )  # fmt: skip
-    keys["gnss"] = gnss
+    keys["gnss"] = _unless_fixed(table, gnss)
     return keys, findings
 
 
@@ -142,10 +143,9 @@ def _apart(better: Agreed, worse: Agreed) -> float:
     return log_ratio(worse.left, better.left, better.independent)
 
 
-def _file_keys(table: LogTable) -> dict[str, Any]:
-    keys: dict[str, Any] = {"file": list(table.files) or table.file, "delimiter": table.delimiter}
-    keys |= {} if table.header_rows is None else {"header_rows": table.header_rows}
-    return keys | ({} if table.comment == "#" else {"comment": table.comment})
+def _unless_fixed(table: LogTable, keys: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys without those that the format of the file fixes."""
+    return {name: value for name, value in keys.items() if name not in table.fixed or table.fixed[name] != value}
 
 
 def _imu_keys(imu: LogTable, choice: Choice, C_bs: Array) -> dict[str, Any]:
@@ -154,7 +154,8 @@ def _imu_keys(imu: LogTable, choice: Choice, C_bs: Array) -> dict[str, Any]:
         gyro[0], gyro[1] = gyro[1], gyro[0]
         order = order[:, [1, 0, 2]]
     keys = {
-        **_file_keys(imu),
+        "file": list(imu.files) if len(imu.files) > 1 else imu.file,
+        **imu.layout,
         "time": imu.refs[imu.time],
         "time_unit": imu.time_unit,
         "gyro": [imu.refs[column] for column in gyro],
@@ -165,7 +166,7 @@ def _imu_keys(imu: LogTable, choice: Choice, C_bs: Array) -> dict[str, Any]:
         "accel_unit": choice.accel_unit,
         "axes": axes_text(C_bs @ order),
     }
-    return keys if choice.plain else {**keys, "accel_axes": axes_text(choice.sign * C_bs)}
+    return _unless_fixed(imu, keys if choice.plain else {**keys, "accel_axes": axes_text(choice.sign * C_bs)})
 
 
 def _inertial_findings(imu: LogTable, found: Agreed, mount: Mounting) -> list[Finding]:
@@ -321,3 +322,23 @@ def without_fixes(imu: LogTable, choices: Sequence[Choice]) -> tuple[dict[str, A
         Finding("gnss", None, "no file has latitude and longitude", "open"),
     ]  # fmt: skip
     return {"imu": _imu_keys(imu, choice, C_bs)}, findings
+
+
+def of_flight(file: str, keys: Mapping[str, Any], findings: Sequence[Finding]) -> tuple[dict[str, Any], list[Finding]]:
+    """The description of a flight log and its findings: what replay takes from the log itself is left to it.
+
+    Raises `UnclearError` if the axes of the unit are not those by which the log is read.
+    """
+    said = {finding.key: finding for finding in findings}
+    axes = said["imu.axes"]
+    if axes.confidence == "measured" and axes.value != "FRD":
+        raise UnclearError(
+            f"{file}: its unit is mounted with axes {axes.value}, and a flight log is read as FRD: insenv replay {file} "
+            "--out DIR --log writes it as text files, whose description has the key axes"
+        )
+    gnss = keys.get("gnss", {})
+    made = {"flight": file, **{name: keys[name] for name in ("vehicle_kind",) if name in keys}}
+    made |= {"lever_arm_m": gnss["lever_arm_m"]} if any(gnss.get("lever_arm_m", ())) else {}
+    made |= {"gnss_time_offset_s": gnss["time_offset_s"]} if "time_offset_s" in gnss else {}
+    moved = {"gnss.lever_arm_m": "lever_arm_m", "gnss.time_offset_s": "gnss_time_offset_s"}
+    return made, [replace(each, key=moved.get(each.key, each.key)) for each in findings]
