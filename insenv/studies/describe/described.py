@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from insenv.base.errors import InputError
-from insenv.base.output import atomic
+from insenv.base.output import atomic, cannot_write, check_output_file
 from insenv.report import Document, Report, run_document
 from insenv.report.document import Block, Line, Listing
 from insenv.studies.describe.describing import Described
@@ -17,8 +17,7 @@ NAME = "description"
 
 def write(described: Described, path: Path) -> None:
     """Write the description.  Raises `InputError` for another file of that name, which a user may have edited."""
-    if path.suffix != ".toml":
-        raise InputError(f"{str(path)!r}: the name of a description ends in .toml")
+    check_output_file(path, ".toml")
     text = described.text.encode()
     try:
         if path.exists() and path.read_bytes() != text:
@@ -26,7 +25,7 @@ def write(described: Described, path: Path) -> None:
         with atomic(path) as stream:
             stream.write(text)
     except OSError as error:
-        raise InputError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+        raise cannot_write(path, error) from None
 
 
 def document(described: Described, path: Path | None = None, report: Report | None = None) -> Document:

@@ -56,7 +56,7 @@ def describe(
         except InputError as error:
             if not in_folder:
                 raise
-            skipped.append(Finding(f"{path.name}", None, f"not a part of the log: {error}", "open"))
+            skipped.append(Finding(f"file {path.name}", None, f"not a part of the log: {error}", "open"))
             continue
         files.append(path)
     if not tables:

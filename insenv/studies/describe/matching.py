@@ -102,8 +102,8 @@ def agreed(table: LogTable, choices: Sequence[Choice], track: Track, delays: Seq
             windows = windows_of(replace(motion, rate=motion.rate - bias), track, length)
             if len(windows.begin) < 2:
                 raise UnclearError(
-                    f"{table.file}: it shares less than {2 * length:g} s of motion with the fixes: nothing shows how "
-                    f"its axes point"
+                    f"{table.file}: samples and fixes share less than {2 * length:g} s in which the fixes move: nothing shows "
+                    "units and axes; allowed is a log of a drive"
                 )
             screened.append(_screened(choice, windows, track))
         tried += min(screened, key=lambda each: min(one.mean for one in each))

@@ -72,6 +72,8 @@ def _separator(label: str, lines: Sequence[str]) -> tuple[str, int, float]:
         if fields >= 2 and (best is None or score > best[0] + 1e-9):
             best = score, name, fields, share
     if best is None or best[0] < NUMBERS_SHARE:
+        if all(len(line.split(character)) == 1 for line in lines for character in SEPARATORS.values()):
+            raise UnclearError(f"{label}: one column: a log has a time and what was measured then")
         sample = next(iter(lines), "")[:60]
         decimal = (
             ": its numbers have decimal commas, which are not read" if re.search(r"\d,\d+[;\t]", " ".join(lines[-5:])) else ""
