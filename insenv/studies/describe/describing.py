@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,7 +67,7 @@ def describe(
     if tables[0].flight:
         keys, findings = of_flight(tables[0].files[0], keys, findings)
     findings = [*findings, *_of_the_loaded({"title": name, **keys}, Path(folder)), *skipped]
-    text = description_text(name, f"insenv describe {' '.join(_relative(path, folder) for path in files)}", keys, findings)
+    text = description_text(name, "insenv describe " + shlex.join(_relative(path, folder) for path in files), keys, findings)
     return Described(name, keys, tuple(findings), text)
 
 

@@ -129,9 +129,9 @@ def _interval(table: LogTable, column: int) -> float:
 
 def positions(table: LogTable) -> list[tuple[int, int, str]]:
     """What may be latitude and longitude: their columns and unit, those that names state first."""
-    columns = [c for c in range(table.values.shape[1]) if c != table.time and not _SIGMA.search(table.names[c])]
-    latitude = [c for c in columns if _LATITUDE.search(table.names[c])]
-    longitude = [c for c in columns if _LONGITUDE.search(table.names[c])]
+    columns = [c for c in range(table.values.shape[1]) if c != table.time and not _SIGMA.search(table.spoken(c))]
+    latitude = [c for c in columns if _LATITUDE.search(table.spoken(c))]
+    longitude = [c for c in columns if _LONGITUDE.search(table.spoken(c))]
     pairs = [(a, b) for a in latitude for b in longitude if a != b]
     if not pairs:
         angles = [c for c in columns if table.numbered(c) and angle_units(table, c)]
@@ -163,15 +163,15 @@ def _with_height(table: LogTable, latitude: int, longitude: int, unit: str) -> F
     heights = [
         c
         for c in columns
-        if _HEIGHT.search(table.names[c])
-        and not _SIGMA.search(table.names[c])
-        and not re.search("vel|speed", table.names[c], re.IGNORECASE)
+        if _HEIGHT.search(table.spoken(c))
+        and not _SIGMA.search(table.spoken(c))
+        and not re.search("vel|speed", table.spoken(c), re.IGNORECASE)
     ]
     if not heights:
         heights = [c for c in (max(latitude, longitude) + 1,) if c in columns and table.numbered(c)]
     if not heights:
         raise UnclearError(f"{table.file}: no column is the height; a description needs one (docs/logs.md)")
-    ellipsoid = [c for c in heights if re.search(r"ell|hae", table.names[c], re.IGNORECASE)]
+    ellipsoid = [c for c in heights if re.search(r"ell|hae", table.spoken(c), re.IGNORECASE)]
     height = (ellipsoid or heights)[0]
     rows = np.isfinite(table.values[:, [table.time, latitude, longitude, height]]).all(axis=1)
     time = table.seconds[rows]
@@ -192,7 +192,7 @@ def _with_height(table: LogTable, latitude: int, longitude: int, unit: str) -> F
     track = Track(time, *place, spacing=SPACING_S)
     used = {table.time, latitude, longitude, height}
     free = [c for c in columns if c not in used and np.isfinite(data[:, c]).mean() > 0.95]
-    velocity, vertical, findings = _velocity(table, track, data, [c for c in free if not _SIGMA.search(table.names[c])])
+    velocity, vertical, findings = _velocity(table, track, data, [c for c in free if not _SIGMA.search(table.spoken(c))])
     if velocity is not None:
         signs = np.array([1.0, 1.0, 1.0 if vertical == "down" else -1.0])
         known = np.isfinite(data[:, velocity]).all(axis=1)
@@ -256,7 +256,7 @@ def _velocity(
         )
         return None, "down", (Finding("gnss.velocity", None, said, "open"),)
     north, east = picked[0][0], picked[1][0]
-    if _COMPONENT[1].search(table.names[north]) and _COMPONENT[0].search(table.names[east]):
+    if _COMPONENT[1].search(table.spoken(north)) and _COMPONENT[0].search(table.spoken(east)):
         raise UnclearError(
             f"{table.file}: column {table.label(north)} follows the latitude and column {table.label(east)} the "
             f"longitude: the names of "
@@ -265,7 +265,7 @@ def _velocity(
     rest = [c for c in free if c not in (north, east)]
     verticals = {c: _regression(by_column[:, free.index(c)], way[:, 2]) for c in rest}
     fitting = [c for c, (follows, slope) in verticals.items() if abs(follows) > VERTICAL_FOLLOWS and 0.6 < abs(slope) < 1.5]
-    named = [c for c in rest if _UP.search(table.names[c]) or _DOWN.search(table.names[c])]
+    named = [c for c in rest if _UP.search(table.spoken(c)) or _DOWN.search(table.spoken(c))]
     evidence = (
         f"the integrals of columns {table.label(north)}, {table.label(east)} are the way north and east: slopes "
         f"{slopes[0]:.3f}, "
@@ -289,11 +289,11 @@ def _velocity(
     if down in fitting:
         vertical = "down" if follows > 0 else "up"
         says = f"column {table.label(down)} is that {vertical}: slope {slope:.3f}, correlation {follows:.3f}"
-        stated = "up" if _UP.search(table.names[down]) else "down" if _DOWN.search(table.names[down]) else vertical
+        stated = "up" if _UP.search(table.spoken(down)) else "down" if _DOWN.search(table.spoken(down)) else vertical
         says += "" if stated == vertical else f"; its name says {stated}, which the height contradicts"
         sure = Finding(VERTICAL, vertical, says)
     else:
-        vertical = "up" if _UP.search(table.names[down]) else "down"
+        vertical = "up" if _UP.search(table.spoken(down)) else "down"
         says = f"column {table.label(down)} stands for the vertical; the height changes too little to show its sign"
         sure = Finding(VERTICAL, vertical, says, "named" if down in named else "assumed")
     columns = (north, east, down)
@@ -348,15 +348,17 @@ def _sigmas(
     positive = [c for c in free if np.all(data[:, c] > 0)]
     if table.named:
         named = [
-            c for c in positive if _SIGMA.search(table.names[c]) and not re.search("dop|cov|var", table.names[c], re.IGNORECASE)
+            c
+            for c in positive
+            if _SIGMA.search(table.spoken(c)) and not re.search("dop|cov|var", table.spoken(c), re.IGNORECASE)
         ]
         parts = (
-            [c for c in named if not _SPEED_SIGMA.search(table.names[c])],
-            [c for c in named if _SPEED_SIGMA.search(table.names[c])],
+            [c for c in named if not _SPEED_SIGMA.search(table.spoken(c))],
+            [c for c in named if _SPEED_SIGMA.search(table.spoken(c))],
         )
         found = []
         for part in parts:
-            picked = [next((c for c in part if _COMPONENT[axis].search(table.names[c])), None) for axis in range(3)]
+            picked = [next((c for c in part if _COMPONENT[axis].search(table.spoken(c))), None) for axis in range(3)]
             found.append(None if any(each is None for each in picked) else tuple(picked))
         return found[0], found[1] if velocity is not None else None  # type: ignore[return-value]
     after = [height + 1, (max(velocity) + 1) if velocity else -1]
