@@ -39,6 +39,8 @@ SPACING_S = 4.0
 VERTICAL = "gnss.velocity_vertical"
 
 _LATITUDE, _LONGITUDE = re.compile(r"lat(?!e)", re.IGNORECASE), re.compile(r"lon|lng", re.IGNORECASE)
+_ELLIPSOID, _SEA = re.compile(r"ell|hae", re.IGNORECASE), re.compile("msl|sea|geoid", re.IGNORECASE)
+_RATE = re.compile("vel|speed", re.IGNORECASE)
 _HEIGHT = re.compile(r"alt|height|hgt|elev|msl|(^|[^a-z])h([^a-z]|$)", re.IGNORECASE)
 _SIGMA = re.compile(
     r"std|(^|[^a-z])sd|sig|acc(uracy)?($|[^a-z])|unc|err"
@@ -160,19 +162,7 @@ def fixes_of(table: LogTable) -> list[Fixes]:
 
 def _with_height(table: LogTable, latitude: int, longitude: int, unit: str) -> Fixes:
     columns = [c for c in range(table.values.shape[1]) if c not in (table.time, latitude, longitude)]
-    heights = [
-        c
-        for c in columns
-        if _HEIGHT.search(table.spoken(c))
-        and not _SIGMA.search(table.spoken(c))
-        and not re.search("vel|speed", table.spoken(c), re.IGNORECASE)
-    ]
-    if not heights:
-        heights = [c for c in (max(latitude, longitude) + 1,) if c in columns and table.numbered(c)]
-    if not heights:
-        raise UnclearError(f"{table.file}: no column is the height; a description needs one (docs/logs.md)")
-    ellipsoid = [c for c in heights if re.search(r"ell|hae", table.spoken(c), re.IGNORECASE)]
-    height = (ellipsoid or heights)[0]
+    height = _height(table, columns, max(latitude, longitude) + 1)
     rows = np.isfinite(table.values[:, [table.time, latitude, longitude, height]]).all(axis=1)
     time = table.seconds[rows]
     data = table.values[rows]
@@ -207,13 +197,35 @@ def _with_height(table: LogTable, latitude: int, longitude: int, unit: str) -> F
     findings = (
         Finding("gnss.latitude", table.refs[latitude], where),
         Finding("gnss.longitude", table.refs[longitude], where),
-        Finding("gnss.height", table.refs[height], f"column {table.label(height)}, {np.median(data[:, height]):.5g} m "
-                                                   f"in the median; "
-                "whether it is above the ellipsoid or the sea is not seen in a log", "named" if table.named else "assumed"),
+        *_height_findings(table, height, float(np.median(data[:, height]))),
         Finding("gnss.position_unit", unit, where),
         *findings,
-    )  # fmt: skip
+    )
     return Fixes(latitude, longitude, height, unit, track, velocity, vertical, sigma, speed_sigma, findings)
+
+
+def _height(table: LogTable, columns: Sequence[int], beside: int) -> int:
+    """The column of the height: by its name, or the one `beside` the angles if it has none.  Raises `UnclearError`."""
+    heights = [
+        c
+        for c in columns
+        if _HEIGHT.search(table.spoken(c)) and not _SIGMA.search(table.spoken(c)) and not _RATE.search(table.spoken(c))
+    ]
+    heights = heights or [c for c in (beside,) if c in columns and table.numbered(c)]
+    if not heights:
+        raise UnclearError(f"{table.file}: no column is the height; a description needs one (docs/logs.md)")
+    return next((c for c in heights if _ELLIPSOID.search(table.spoken(c))), heights[0])
+
+
+def _height_findings(table: LogTable, column: int, usual: float) -> tuple[Finding, ...]:
+    """On the column of the height, which is `usual` (m), and on what it is above."""
+    said = f"column {table.label(column)}, {usual:.5g} m in the median"
+    found = Finding("gnss.height", table.refs[column], said, "assumed" if table.numbered(column) else "named")
+    if _ELLIPSOID.search(table.spoken(column)):
+        return (found,)
+    above = "its name says above the sea" if _SEA.search(table.spoken(column)) else "above the ellipsoid or the sea"
+    geoid = f"{above}; if it is the sea, height_offset_m is the height of the geoid there above the ellipsoid"
+    return found, Finding("gnss.height_offset_m", None, geoid, "open")
 
 
 def _ways(track: Track, lag: int) -> Array:

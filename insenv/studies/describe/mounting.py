@@ -14,8 +14,8 @@ from insenv.studies.describe.tables import LogTable
 
 MIN_SPEED = 2.0
 """Speed over the ground (m/s) from which a direction counts."""
-STEADY = 0.85
-"""Length of the mean of unit vectors from which they have one direction."""
+STEADY, LIKELY = 0.85, 0.5
+"""Length of the mean of unit vectors from which they have one direction, and from which it is the likelier one."""
 TURNING = 0.1
 """Rate (rad/s) above which a vehicle may bank, so that its attitude says less of what is down."""
 STRAIGHT, LEAST_STRAIGHT = 0.03, 5.0
@@ -65,7 +65,7 @@ def mounting(found: Agreed, table: LogTable) -> Mounting:
             f"from its nearest axis; "
             f"allowed are {np.degrees(OBLIQUE):g} deg; axes as a matrix and mounting_angles_deg describe it (docs/logs.md)"
         )
-    if not seen:
+    if steadiness < LIKELY:
         forward = next(each for each in np.eye(3) if abs(each @ axis) < 0.5)
     C_bs = np.stack([forward, np.cross(axis, forward), axis])
     # in a turn the antenna moves sideways by its lever arm, and a window in which little happens has no heading

@@ -14,7 +14,7 @@ from insenv.studies.describe.finding import Confidence, Finding, UnclearError, l
 from insenv.studies.describe.fixes import Fixes, scatter
 from insenv.studies.describe.inertial import ACCEL_NAMES, GYRO_NAMES, Choice
 from insenv.studies.describe.matching import OTHER_DELAYS, START_DELAYS, SURE, Agreed, agreed, check_sure, explained
-from insenv.studies.describe.mounting import Mounting, axes_text, lying, mounting, mounting_angles
+from insenv.studies.describe.mounting import LIKELY, Mounting, axes_text, lying, mounting, mounting_angles
 from insenv.studies.describe.tables import LogTable, stated_unit
 from insenv.studies.describe.vehicle import kind_of, traits_of
 
@@ -234,9 +234,10 @@ def _axes(found: Agreed, mount: Mounting, by_name: str) -> Finding:
     if mount.forward_seen:
         ahead = f"the vehicle moves {mount.forward_off:.2g} deg from the forward axis (steadiness {mount.steadiness:.2f})"
         return Finding("imu.axes", value, f"{down} and {ahead}; {order}")
+    taken = "the axis next to the mean of them" if mount.steadiness > LIKELY else "the first level axis of the sensor"
     unseen = (
         "which way is forward is not seen in this log, because the vehicle moves in all directions (steadiness "
-        f"{mount.steadiness:.2f}): the first level axis of the sensor is taken for it"
+        f"{mount.steadiness:.2f}): {taken} is taken for it"
     )
     return Finding("imu.axes", value, f"{down}; {order}; {unseen}", "assumed")
 
