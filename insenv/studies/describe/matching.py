@@ -161,19 +161,18 @@ class _Tried:
     mean: float
 
 
-def _screened(choice: Choice, windows: Windows, track: Track, delays: Sequence[float] = (0.0,)) -> list[_Tried]:
+def _screened(choice: Choice, windows: Windows, track: Track) -> list[_Tried]:
+    """All orders and signs of one choice of columns and units, with fixes at their stamps."""
     orders = signed_orders()
+    pairs = pairs_of(windows, track)
     tried = []
     for sign in (1.0, -1.0):
         signed = replace(windows, pushed=sign * windows.pushed)
-        done = turned(signed, orders)
-        for delay in delays:
-            pairs = pairs_of(signed, track, delay)
-            means = fitted(changes(done.integral, pairs), pairs, signed).mean
-            tried += [
-                _Tried(replace(choice, order=order, sign=sign), signed, float(mean))
-                for mean, order in zip(means, orders, strict=True)
-            ]
+        means = fitted(changes(turned(signed, orders).integral, pairs), pairs, signed).mean
+        tried += [
+            _Tried(replace(choice, order=order, sign=sign), signed, float(mean))
+            for mean, order in zip(means, orders, strict=True)
+        ]
     return tried
 
 

@@ -82,7 +82,7 @@ def _lever_arm(found: Agreed, C_bs: Array, gnss: dict[str, Any]) -> Finding:
     which = [axis for axis, s in zip(("forward", "right", "down"), sigma, strict=True) if s >= KNOWN_ARM_M]
     if not which:
         return Finding("gnss.lever_arm_m", gnss["lever_arm_m"], said)
-    said += f"; {' and '.join(which)} to less than {KNOWN_ARM_M:g} m is not seen in this log: measure it"
+    said += f"; {listed(which)} to less than {KNOWN_ARM_M:g} m is not seen in this log: measure it"
     return Finding("gnss.lever_arm_m", gnss["lever_arm_m"], said, "open")
 
 
