@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from insenv import geodesy
+from insenv import attitude, geodesy
 from insenv.geodesy import OMEGA_IE
 from insenv.logs.units import Array
 
@@ -182,7 +182,7 @@ def turned(windows: Windows, gyro: Array, errors: bool = False) -> Turned:
     w, k = windows.turned.shape[:2]
     angle = np.einsum("...ij,wkj->...wki", gyro, windows.turned)
     push = (windows.pushed + 0.5 * np.cross(angle, windows.pushed))[..., None]
-    rotation = _rotation(angle)
+    rotation = attitude.numeric.to_dcm(attitude.numeric.from_rotation_vector(angle))
     C = np.empty((*gyro.shape[:-2], w, k + 1, 3, 3))
     C[..., 0, :, :] = np.eye(3)
     for i in range(k):
@@ -194,8 +194,8 @@ def turned(windows: Windows, gyro: Array, errors: bool = False) -> Turned:
         return Turned(windows, C, integral)
     # a constant error of the accelerometers adds up as C does; one of the gyros turns C(t), by what it has added up to
     added = _summed(before * windows.step, -3)
-    by_gyro = _summed(-_skew(moved) @ added[..., :-1, :, :], -3)
-    of_rate = before @ _skew(angle / windows.step)
+    by_gyro = _summed(-attitude.numeric.skew(moved) @ added[..., :-1, :, :], -3)
+    of_rate = before @ attitude.numeric.skew(angle / windows.step)
     # of the rate in each step: at the edges the mean of two
     by_lever = np.concatenate([of_rate, of_rate[..., -1:, :, :]], axis=-3)
     by_lever[..., 1:-1, :, :] = 0.5 * (of_rate[..., 1:, :, :] + of_rate[..., :-1, :, :])
@@ -206,21 +206,6 @@ def _summed(steps: Array, axis: int) -> Array:
     """The sum of the steps up to each edge, beginning with 0."""
     sums = np.cumsum(steps, axis=axis)
     return np.concatenate([np.zeros_like(np.take(sums, [0], axis=axis)), sums], axis=axis)
-
-
-def _rotation(angle: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of small rotation vectors (..., 3), orthonormal to rounding."""
-    size = np.linalg.norm(angle, axis=-1)[..., None, None]
-    K = _skew(angle)
-    a = np.sinc(size / np.pi)
-    b = 0.5 * np.sinc(size / (2 * np.pi)) ** 2
-    return np.asarray(np.eye(3) + a * K + b * (K @ K))
-
-
-def _skew(v: Array) -> Array:
-    zero = np.zeros(v.shape[:-1])
-    rows = [zero, -v[..., 2], v[..., 1], v[..., 2], zero, -v[..., 0], -v[..., 1], v[..., 0], zero]
-    return np.stack(rows, axis=-1).reshape(*v.shape[:-1], 3, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,7 +367,7 @@ def refined(done: Turned, pairs: Pairs, rounds: int = 3) -> Fit:
         variance = float(fit.squares / max(3 * pairs.valid.sum(), 1)) + 1e-6
         # the attitude of each window absorbs what is a rotation of u: it is projected out
         A = np.einsum("wij,wpjk->wpik", fit.start, design)
-        K = -_skew(np.einsum("wij,wpj->wpi", fit.start, u + design @ errors)).reshape(w, -1, 3)
+        K = -attitude.numeric.skew(np.einsum("wij,wpj->wpi", fit.start, u + design @ errors)).reshape(w, -1, 3)
         r = (fit.residual + A @ errors).reshape(w, -1)
         A = A.reshape(w, -1, ERRORS)
         size = np.linalg.norm(fit.residual, axis=-1)

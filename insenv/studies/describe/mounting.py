@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from insenv import attitude
 from insenv.logs.units import Array
 from insenv.studies.describe.finding import UnclearError
 from insenv.studies.describe.inertial import Choice
@@ -105,12 +106,7 @@ def _median(values: Array, weights: Array) -> float:
 
 def mounting_angles(mount: Mounting) -> Array:
     """Roll, pitch and heading (3,) deg of the unit, by which the nominal axes are turned."""
-    turned_by = mount.exact @ mount.C_bs.T
-    return np.degrees([
-        np.arctan2(turned_by[2, 1], turned_by[2, 2]),
-        -np.arcsin(np.clip(turned_by[2, 0], -1, 1)),
-        np.arctan2(turned_by[1, 0], turned_by[0, 0]),
-    ])  # fmt: skip
+    return np.degrees(attitude.numeric.to_euler(attitude.numeric.from_dcm(mount.exact @ mount.C_bs.T)))
 
 
 MIN_HEADING_SIGMA = 0.05

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from insenv import attitude
 from insenv.logs.units import Array
 from insenv.studies.describe.agreement import ACCEL, GYRO, Track
 from insenv.studies.describe.finding import Finding
@@ -85,8 +86,7 @@ def traits_of(found: Agreed, mount: Mounting, track: Track) -> Traits:
     straight = fast & (np.abs(rate[:, 2]) < STRAIGHT) & (weight > 1.0 / (2.0 * MIN_HEADING_SIGMA**2))
     if np.count_nonzero(straight) >= 10:
         side = float(np.sqrt(np.sum(speed_b[straight, 1:] ** 2) / np.sum(speed[straight] ** 2)))
-    roll = np.arctan2(C_nb[:, 2, 1], C_nb[:, 2, 2])
-    pitch = -np.arcsin(np.clip(C_nb[:, 2, 0], -1, 1))
+    roll, pitch, _ = attitude.numeric.to_euler(attitude.numeric.from_dcm(C_nb))
     which = np.repeat(np.arange(len(valid)), valid.sum(axis=1))
     scatter = [
         np.hypot(np.std(np.diff(roll[which == w])), np.std(np.diff(pitch[which == w])))
