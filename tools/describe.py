@@ -379,7 +379,7 @@ def real_lines(logs: Iterable[tuple[str, list[Path], dict[str, Any]]]) -> Iterat
         sizes = [", ".join(f"{np.sqrt(np.mean(each**2)):.2g}" for each in values) for values in of_attitude]
         imu, gnss = keys["imu"], keys["gnss"]
         arm = ", ".join(f"{x:g} ± {s:g}" for x, s in zip(gnss["lever_arm_m"], gnss["lever_arm_sigma_m"], strict=True))
-        offset = -1e3 * gnss.get("time_offset_s", 0.0)
+        offset = 0.0 - 1e3 * gnss.get("time_offset_s", 0.0)
         cells = (
             name, keys.get("vehicle_kind", "open"), f"{imu['axes']}, {imu['gyro_unit']}, {imu['accel_unit']}",
             f"{offset:.0f} ± {1e3 * gnss['delay_sigma_s']:.0f}", arm, *sizes, result.health.verdict if result.health else "",
