@@ -10,7 +10,7 @@ from insenv.base.errors import InputError
 from insenv.base.output import atomic, cannot_write, check_output_file
 from insenv.report import Document, Report, run_document
 from insenv.report.document import Block, Line, Listing
-from insenv.studies.describe.describing import Described
+from insenv.studies.describe.finding import Described
 
 NAME = "description"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from insenv.logs.loading import load_data
 from insenv.logs.noise import densities_in_motion, in_motion
 from insenv.logs.units import Array
 from insenv.sensors.units import HOUR
-from insenv.studies.describe.finding import Finding, UnclearError
+from insenv.studies.describe.finding import Described, Finding, UnclearError
 from insenv.studies.describe.fixes import fixes_of
 from insenv.studies.describe.inertial import choices_of
 from insenv.studies.describe.roles import fix_table, inertial_table, no_unit
@@ -25,16 +24,6 @@ from insenv.studies.describe.sections import of_flight, with_fixes, without_fixe
 from insenv.studies.describe.sources import files_of, tables_of
 from insenv.studies.describe.tables import LogTable
 from insenv.studies.describe.written import description_text
-
-
-@dataclass(frozen=True, eq=False)
-class Described:
-    """A log and what was found in it: keys of the description by section, findings, text of the TOML file."""
-
-    title: str
-    keys: Mapping[str, Any]
-    findings: tuple[Finding, ...]
-    text: str
 
 
 def describe(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -33,6 +33,16 @@ class Finding:
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form (docs/json.md)."""
         return {"key": self.key, "value": self.value, "evidence": self.evidence, "confidence": self.confidence}
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """A log and what was found in it: keys of the description by section, findings, text of the TOML file."""
+
+    title: str
+    keys: Mapping[str, Any]
+    findings: tuple[Finding, ...]
+    text: str
 
 
 def listed(names: Iterable[object]) -> str:
