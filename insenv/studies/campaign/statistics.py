@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.remarks import Remark, as_json
-from insenv.evaluation.health import VERDICTS, AidHealth, Health
+from insenv.evaluation.health import CONTRADICTED, VERDICTS, AidHealth, Health
 from insenv.evaluation.limits import ratio_bounds
-from insenv.report.tables import runs_of
 from insenv.studies.campaign.plan import Plan
+from insenv.studies.campaign.run_remarks import Said, Share, shares
 from insenv.studies.campaign.sensitivity import Sensitivity, no_indices
 
 # Confidence intervals, 95 %, of the statistics of independent runs.
@@ -150,8 +150,6 @@ Array = NDArray[np.float64]
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
 FAR_OFF = 10.0
 """A run whose error is at least this many times that of the median run is listed as far off."""
-NAMED = 10
-"""Largest number of seeds that are printed; the files hold all."""
 BOUNDS = (0.025, 0.975)
 """Probabilities that bound the mean NEES of a consistent estimator."""
 
@@ -197,7 +195,7 @@ class Statistics:
     far: seeds of runs whose rms is `FAR_OFF` times the median.
     whole: runs (runs,) whose numbers are all finite.  sensitivity: of the rms of the runs to the varied keys.
     health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
-    held: of every run, what `insenv.run` would say of its end: sentence and ratio (`Estimator.held`).
+    said: of every run, what `insenv.run` says of it.
     """
 
     plan: Plan
@@ -215,7 +213,7 @@ class Statistics:
     far: tuple[int, ...]
     limit_notes: tuple[Remark, ...] = ()
     health: tuple[Health | None, ...] = ()
-    held: tuple[Mapping[Remark, float], ...] = ()
+    said: tuple[tuple[Said, ...], ...] = ()
     whole: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     sensitivity: tuple[Sensitivity, ...] = ()
     percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
@@ -223,16 +221,12 @@ class Statistics:
     @property
     def notes(self) -> tuple[Remark, ...]:
         """What must be said of the campaign."""
-        return (*self.plan.notes, *self._held_notes, *self.limit_notes, *no_indices(self.plan))
+        return (*self.plan.notes, *(one.remark for one in self.shares), *self.limit_notes, *no_indices(self.plan))
 
     @property
-    def _held_notes(self) -> Iterator[Remark]:
-        """Each sentence of `held`, with the largest ratio and the number of runs."""
-        for sentence in dict.fromkeys(sentence for one in self.held for sentence in one):
-            ratios = {int(seed): one[sentence] for seed, one in zip(self.seeds, self.held, strict=True) if sentence in one}
-            said = sentence.filled(ratio=f"up to {max(ratios.values()):.3g}")
-            which = "" if len(ratios) == len(self.held) else f" ({named(tuple(ratios))})"
-            yield Remark(sentence.code, f"in {len(ratios)} of {runs_of(len(self.held))}{which}: {said}")
+    def shares(self) -> tuple[Share, ...]:
+        """What `insenv.run` says of the runs, each sentence with those of which it holds."""
+        return shares([int(seed) for seed in self.seeds], self.said) if self.said else ()
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -315,6 +309,7 @@ class Statistics:
             "health": self.verdicts(),
             "diverged": list(self.diverged),
             "far": list(self.far),
+            "of_runs": [one.as_json() for one in self.shares],
             **as_json(self.notes),
         }
 
@@ -325,7 +320,7 @@ def _of_aid(healths: list[AidHealth]) -> dict[str, Any]:
 
 def _shares(verdicts: Sequence[str], measured: list[tuple[int, int, float]]) -> dict[str, Any]:
     """Share of the runs by verdict; mean NIS and share refused of the runs that measured (measurements, refused, NIS)."""
-    shares: dict[str, Any] = {verdict: verdicts.count(verdict) / len(verdicts) for verdict in VERDICTS}
+    shares: dict[str, Any] = {verdict: verdicts.count(verdict) / len(verdicts) for verdict in (*VERDICTS, CONTRADICTED)}
     count = sum(number for number, _, _ in measured)
     means = [nis for _, _, nis in measured if np.isfinite(nis)]  # a run that used none has none
     return {
@@ -339,11 +334,6 @@ def _shares(verdicts: Sequence[str], measured: list[tuple[int, int, float]]) -> 
 def rms_of(values: Array) -> Array:
     """Root mean square along the first axis."""
     return np.sqrt(np.mean(values**2, axis=0))
-
-
-def named(seeds: Sequence[int]) -> str:
-    """Some seeds, the first `NAMED` of them by number."""
-    return f"seed {', '.join(map(str, seeds[:NAMED]))}{', ...' if len(seeds) > NAMED else ''}"
 
 
 def _known_rms(values: Array) -> float | None:

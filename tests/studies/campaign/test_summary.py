@@ -8,13 +8,22 @@ from campaigns import car, slow_ship, small_plan
 from scipy.stats import chi2
 
 from insenv import run
-from insenv.base.remarks import Remark
+from insenv.base.remarks import Doubt
+from insenv.estimators import get
+from insenv.estimators.parts.finding import Finding
 from insenv.scenario import load
-from insenv.studies.campaign import Folder, make_plan, run_campaign, running
+from insenv.studies.campaign import Folder, make_plan, parse_variation, run_campaign, running
 from insenv.studies.campaign import block as block_module
 from insenv.studies.campaign import plan as plan_module
 from insenv.studies.campaign.block import run_block
-from insenv.studies.campaign.presentation import campaign_arrays, campaign_rows
+from insenv.studies.campaign.presentation import (
+    campaign_arrays,
+    campaign_page_notes,
+    campaign_rows,
+    consistency_lines,
+    run_columns,
+)
+from insenv.studies.campaign.run_remarks import Said
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
 
@@ -132,23 +141,70 @@ def test_health_of_every_run_and_its_shares():
     assert run_campaign(small_plan(2)).verdicts() is None
 
 
+def said_alone(scenario, estimator, seed, duration_s):
+    """What `insenv.run` says of the estimate, without what needs the outputs between records."""
+    (result,) = run(scenario, estimator, seed=seed, duration_s=duration_s).results
+    return result, [note for note in result.notes if note.code != "heading-found"]
+
+
 def test_what_runs_say_of_their_end_is_counted(tmp_path):
-    """By the findings of `insenv run`: 6 s at sea show the heading in some runs, not in all."""
+    """By the findings of `insenv.run`: 6 s at sea show the heading in some runs, not in all."""
     scenario = load("ship-at-sea").model_copy(update={"rate_hz": 10.0})
     plan = make_plan(scenario, "velocity-integration", 4, first_seed=3, duration_s=6.0)
     found = run_campaign(plan, store=Folder(tmp_path, plan))
-    for seed, held in zip(found.seeds, found.held, strict=True):
-        result = run(scenario, "velocity-integration", seed=int(seed), duration_s=6.0).results[0]
-        assert list(held) == [note for note in result.notes if "heading" in note and "heading found" not in note]
-    unknown = [int(seed) for seed, held in zip(found.seeds, found.held, strict=True) if held]
+    for seed, said in zip(found.seeds, found.said, strict=True):
+        _, alone = said_alone(scenario, "velocity-integration", int(seed), 6.0)
+        assert [one.remark for one in said] == alone
+    unknown = [int(seed) for seed, said in zip(found.seeds, found.said, strict=True) if said]
     assert 0 < len(unknown) < 4
     seeds = ", ".join(map(str, unknown))
     said = f"in {len(unknown)} of 4 runs (seed {seeds}): the heading is unknown at the end: turns"
-    assert said in " ".join(found.notes)
-    sentence = Remark("surprising", "the estimate of dvl_scale is {ratio} times its sigma")  # the largest ratio is told
-    found = replace(found, held=({sentence: 5.25}, {}, {sentence: 70.1}, {}))
+    assert said in " ".join(found.notes) and said in " ".join(campaign_page_notes(found))
+    (share,) = found.as_json()["of_runs"]
+    assert (share["code"], share["share"], share["seeds"]) == ("heading-unknown", len(unknown) / 4, unknown)
+    assert run_columns(found)["remarks"].tolist() == ["heading-unknown" if seed in unknown else "" for seed in range(3, 7)]
+    told = [
+        Said(Doubt("surprising", f"the estimate of dvl_scale is {ratio} times its sigma"), size=ratio) for ratio in (5.25, 70.1)
+    ]
+    found = replace(found, said=((told[0],), (), (told[1],), ()))
     (note,) = [note for note in found.notes if note.code == "surprising"]
-    assert note == "in 2 of 4 runs (seed 3, 5): the estimate of dvl_scale is up to 70.1 times its sigma"
+    expected = "in 2 of 4 runs (seed 3, 5), the largest with seed 5: the estimate of dvl_scale is 70.1 times its sigma"
+    assert note == expected and isinstance(note, Doubt)
+
+
+SURE = {"estimator": {"loosely-coupled": {"accel_bias_sigma_ug": 0.01, "vrw_ug_sqrt_hz": 0.1}}}
+
+
+@pytest.mark.parametrize(
+    ("estimator", "more", "varied", "codes"),
+    [
+        (
+            "loosely-coupled",
+            SURE,
+            "imu.grade=choice(navigation, consumer)",
+            {"motion-errors-as-noise", "aid-misfit", "too-sure"},
+        ),
+        ("fusion", {}, "gnss.outlier_probability=choice(0, 0.9)", {"fixes-diverged", "too-sure"}),
+    ],
+)
+def test_what_runs_say_of_measurements_errors_and_parameters_is_counted(estimator, more, varied, codes):
+    """The same sentences as of `insenv.run`, run by run; what holds of the parameters holds of some values alone."""
+    variations = [parse_variation(varied)]
+    plan = make_plan(car(duration_s=30.0, **more), estimator, 4, first_seed=6, duration_s=30.0, variations=variations)
+    found = run_campaign(plan)
+    for number, (seed, said) in enumerate(zip(found.seeds, found.said, strict=True)):
+        result, alone = said_alone(plan.values_of(number), estimator, int(seed), 30.0)
+        assert [one.remark for one in said] == alone
+        assert found.health[number].verdict == result.health.verdict
+    assert {share["code"] for share in found.as_json()["of_runs"]} == codes
+
+
+def test_a_run_that_is_doubted_is_not_called_consistent():
+    doubt = Finding("position_sigma", Doubt("doubted", "a sigma is {ratio} nm"), 1e-9)
+    doubting = replace(get("loosely-coupled"), findings=lambda parameters: (doubt,))
+    found = run_campaign(make_plan(car(), doubting, 2, first_seed=6, duration_s=4.0))
+    assert found.verdicts()["contradicted"] == 1.0 and found.verdicts()["consistent"] == 0.0
+    assert any("100 % contradicted" in line for line in consistency_lines(found))
 
 
 def test_runs_that_are_too_short_are_noted():
