@@ -18,6 +18,8 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
         assert 0.935 <= np.mean(inside) <= 0.99, percent
     found = percentile(np.arange(8.0), 97.5)
     assert np.isnan(found.high) and np.isfinite(found.low)
+    tenth, wide = percentile(np.arange(1.0, 11.0), 50.0), percentile(np.arange(1.0, 21.0), 50.0)  # tables of the sign test
+    assert (tenth.low, tenth.high, wide.low, wide.high) == (2.0, 9.0, 6.0, 15.0)
     assert np.isnan(percentile(np.zeros(0), 50.0).value) and np.isnan(root_mean_square(np.array([2.0])).low)
 
 
@@ -33,13 +35,9 @@ def test_intervals_of_skewed_squares_cover_as_often_as_they_say(n):
         assert max(np.mean(low > 1.0), np.mean(high < 1.0)) < 0.06, name
     found = root_mean_square(squares[0])
     assert (found.low**2, found.high**2) == pytest.approx((low[0], high[0]))
-
-
-def test_intervals_without_a_spread_have_no_width():
-    """Equal squares; a run whose error is exactly 0 fits no chi-square and has an interval all the same."""
-    assert root_mean_square(np.full(5, 4.0)) == Estimate(2.0, 2.0, 2.0)
-    found = root_mean_square(np.array([0.0, 1.0, 2.0, 5.0]))
+    found = root_mean_square(np.append(squares[0], 0.0))  # an error of exactly 0 fits no chi-square
     assert 0.0 < found.low < found.value < found.high < np.inf
+    assert root_mean_square(np.full(n, 4.0)) == Estimate(2.0, 2.0, 2.0)
 
 
 def test_cep_and_2drms_of_a_circular_gaussian():
