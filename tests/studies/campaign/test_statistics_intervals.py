@@ -3,23 +3,18 @@
 import numpy as np
 import pytest
 from campaigns import car, small_plan
-from scipy import stats
 
 from insenv.studies.campaign import make_plan, run_campaign
 from insenv.studies.campaign.statistics import Estimate, horizontal, mean_ends, percentile, root_mean_square
 
 
-def test_intervals_cover_the_truth_as_often_as_they_say():
-    """1000 ensembles of 64 Gaussian runs; of 8 runs some ends are unknown."""
-    drawn = np.random.default_rng(3).normal(size=(1000, 64))
-    true = {50.0: 0.0, 84.0: stats.norm.ppf(0.84)}
-    for percent, value in true.items():
-        inside = [e.low <= value <= e.high for e in (percentile(values, percent) for values in drawn)]
-        assert 0.935 <= np.mean(inside) <= 0.99, percent
+def test_intervals_of_percentiles_are_those_of_the_sign_test():
+    """Tables of the sign test for the median; of so few as 8 runs an end of the 97.5 % is unknown."""
+    for n, expected in ((10, (2.0, 9.0)), (20, (6.0, 15.0)), (64, (24.0, 41.0))):
+        found = percentile(np.arange(1.0, n + 1.0), 50.0)
+        assert (found.low, found.high) == expected
     found = percentile(np.arange(8.0), 97.5)
     assert np.isnan(found.high) and np.isfinite(found.low)
-    tenth, wide = percentile(np.arange(1.0, 11.0), 50.0), percentile(np.arange(1.0, 21.0), 50.0)  # tables of the sign test
-    assert (tenth.low, tenth.high, wide.low, wide.high) == (2.0, 9.0, 6.0, 15.0)
     assert np.isnan(percentile(np.zeros(0), 50.0).value) and np.isnan(root_mean_square(np.array([2.0])).low)
 
 
