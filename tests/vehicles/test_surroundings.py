@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 
 import insenv
 from insenv import attitude, geodesy
@@ -9,22 +10,20 @@ from insenv.core.runner import make_runner
 from insenv.scenario import build, load
 
 
-def steered(commands):
-    """A swaying ship whose sea obeys `commands`."""
-    values = load("ship-swaying").model_dump(mode="json", exclude_unset=True)
-    values |= {"commands": commands, "imu": {"grade": "perfect"}, "knowledge": {"draw_errors": False}}
-    values["vehicle"]["steered_sea"] = True
-    return values
+def steered(*commands):
+    """A swaying ship with a perfect unit whose sea obeys `commands`."""
+    known, vehicle = {"draw_errors": False}, {"steered_sea": True}
+    return changed("ship-swaying", commands=list(commands), imu={"grade": "perfect"}, knowledge=known, vehicle=vehicle)
 
 
 def test_the_motion_has_one_size_and_a_wave_lifts_and_heels_to_starboard():
     """Closed forms: three displacements and the roll of a sea that grows to twice its size; from 40 s on a wave of 2 m."""
-    plant = build(load(steered([{"at_s": 3.0, "sea": 2.0}, {"at_s": 40.0, "wave": 2.0}])), duration_s=60.0, driven=True)
-    shown = plant.model.outputs.unpack(
-        make_runner(plant.model, plant.parameters).run(plant.samples, plant.inputs(0, plant.samples))
-    )
-    ends = [(shown[name], plant.parameters[f"start_{name}"]) for name in ("latitude", "longitude", "height")]
-    moved = np.asarray(geodesy.numeric.ned_offset(*next(zip(*ends, strict=True)), *(start for _, start in ends)))
+    plant = build(steered({"at_s": 3.0, "sea": 2.0}, {"at_s": 40.0, "wave": 2.0}), duration_s=60.0, driven=True)
+    runner, inputs = make_runner(plant.model, plant.parameters), plant.inputs(0, plant.samples)
+    shown = plant.model.outputs.unpack(runner.run(plant.samples, inputs))
+    names = ("latitude", "longitude", "height")
+    start = [plant.parameters[f"start_{name}"] for name in names]
+    moved = np.asarray(geodesy.numeric.ned_offset(*(shown[name] for name in names), *start))
     time, periods = shown["time"], np.array([7.0, 6.0, 8.0])
     waves = np.array([0.5, 0.5, 1.0]) * np.sin(2 * np.pi * time[:, None] / periods)
     size = np.hypot(*moved.T[:2]) / np.hypot(*waves.T[:2])
@@ -39,8 +38,8 @@ def test_the_motion_has_one_size_and_a_wave_lifts_and_heels_to_starboard():
 
 def test_commands_move_the_ship_truly():
     """With a perfect unit free-inertial navigation follows a growing sea and a passing wave."""
-    commands = [{"at_s": 3.0, "sea": 2.0}, {"at_s": 8.0, "wave": 2.0}, {"at_s": 14.0, "wave": 0.0}]
-    report = insenv.run(steered(commands), "wander-sins", duration_s=25.0)
+    commands = {"at_s": 3.0, "sea": 2.0}, {"at_s": 8.0, "wave": 2.0}, {"at_s": 14.0, "wave": 0.0}
+    report = insenv.run(steered(*commands), "wander-sins", duration_s=25.0)
     for channel in ("north_m", "east_m", "down_m"):
         assert np.max(np.abs(report.results[0].errors[channel])) < 1e-5
     under_way = load("ship-underway").vehicle
