@@ -140,8 +140,8 @@ def test_one_noise_alone_gives_the_closed_form(N, V):
 
 
 FREE_S, WARM_S, MEMORY_S, G = 30.0, 200.0, 20.0, 9.8061978
-UP, NORTH = EARTH_RATE[2] * np.sin(np.pi / 4), EARTH_RATE[2] * np.cos(np.pi / 4)
 WARMED = 20.0 * (FREE_S - WARM_S * (1.0 - np.exp(-FREE_S / WARM_S)))
+TURN = EARTH_RATE[2] * np.sin(np.pi / 4)  # about down and about north
 
 
 def remembered(time):
@@ -155,16 +155,15 @@ GROWTH = {
     "flicker": np.sqrt(np.log(10.0) / (2.0 * np.log(2.0)) * sum(remembered(4.0 * 10.0**k) ** 2 for k in range(5))),
 }  # fmt: skip
 """What one sigma of an error of a rate adds to its integral."""
-MATRIX = {
-    "gyro_scale_factor": ("heading_deg", UP * FREE_S), "gyro_misalignment": ("heading_deg", NORTH * FREE_S),
-    "accel_scale_factor": ("vd_mps", G * FREE_S), "accel_misalignment": ("vn_mps", G * FREE_S),
-    "mounting_error": ("vn_mps", G * FREE_S),
-}  # fmt: skip
-SOURCES = MATRIX | {f"{name}_sigma": of for name, of in MATRIX.items()} | {
+SOURCES = {
     **{f"gyro_{name}": ("heading_deg", growth) for name, growth in GROWTH.items()},
     **{f"accel_{name}": ("vd_mps", growth) for name, growth in GROWTH.items()},
+    **{f"{name}{end}": of for end in ("", "_sigma") for name, of in {
+        "gyro_scale_factor": ("heading_deg", TURN * FREE_S), "gyro_misalignment": ("heading_deg", TURN * FREE_S),
+        "accel_scale_factor": ("vd_mps", G * FREE_S), "accel_misalignment": ("vn_mps", G * FREE_S),
+        "mounting_error": ("vn_mps", G * FREE_S)}.items()},
     "angle_random_walk": ("heading_deg", FREE_S**0.5), "velocity_random_walk": ("vd_mps", FREE_S**0.5),
-    "gyro_scale_factor_slope": ("heading_deg", UP * WARMED), "accel_scale_factor_slope": ("vd_mps", G * WARMED),
+    "gyro_scale_factor_slope": ("heading_deg", TURN * WARMED), "accel_scale_factor_slope": ("vd_mps", G * WARMED),
     "gyro_g_sensitivity": ("heading_deg", G * FREE_S), "gravity_disturbance_n": ("vd_mps", FREE_S),
 }  # fmt: skip
 

@@ -25,11 +25,11 @@ CAR = {
     "dvl": {"grade": "perfect", "noise_mps": 0.01, "water_track": True, "lever_arm_m": [1.0, 0.0, 0.5]},
     "heading": {"grade": "perfect", "noise_m": 0.002, "baseline_m": [0.8, -0.5, 0.2]},
 }  # fmt: skip
-THREE, SOFT = np.array([1.0, -2.0, 1.5]), 0.03 * np.array([[1.0, 1.0, -1.0], [-1.0, -2.0, 1.0], [1.0, -1.0, 1.5]])
+THREE, SOFT = np.array([1.0, -2.0, 1.5]), 0.01 * np.array([[1.0, 1.0, -1.0], [-1.0, -2.0, 1.0], [1.0, -1.0, 1.5]])
 ERRORS = {  # by state: the row of the plant, its value, and what is to be found if that is another
     "gnss_lever_arm": ("antenna_lever_arm_error", 0.2 * THREE), "gnss_delay": ("gnss_delay_error", 0.05),
     "barometer_bias": ("barometer_bias", -5.0), "barometer_scale": ("barometer_scale_factor", -0.05),
-    "hard_iron": ("magnetometer_hard_iron", 2e-6 * THREE), "magnetic_field_error": ("magnetic_anomaly_n", 1e-6 * THREE),
+    "hard_iron": ("magnetometer_hard_iron", 1e-6 * THREE), "magnetic_field_error": ("magnetic_anomaly_n", 5e-7 * THREE),
     "soft_iron": ("magnetometer_soft_iron", np.diag(np.diag(SOFT)), np.diag(SOFT)),
     "soft_iron_coupling": ("magnetometer_soft_iron", SOFT - np.diag(np.diag(SOFT)), SOFT[~np.eye(3, dtype=bool)]),
     "odometer_scale": ("odometer_scale_factor", -0.03), "odometer_slip": ("odometer_slip", -0.01),
@@ -40,9 +40,9 @@ ERRORS = {  # by state: the row of the plant, its value, and what is to be found
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("states", np.split(np.array([*ERRORS]), [4, 8]), ids=lambda states: states[0])
+@pytest.mark.parametrize("states", np.split(np.array([*ERRORS]), [4, 6, 8]), ids=lambda states: states[0])
 def test_each_error_alone_is_found_with_its_sign(states):
-    """Of each state of a filter the elements that the drive shows: to half of their size."""
+    """Of each state of a filter the elements that the drive shows: to 0.3 of their size."""
     plant = build(load(CAR), seed=1)
     filter = plant.adapted(fusion(states.tolist(), ["gnss", "barometer", "magnetometer", "odometer", "dvl", "heading"]))
     true = {state: np.ravel(ERRORS[state][-1]) for state in states}
@@ -56,4 +56,4 @@ def test_each_error_alone_is_found_with_its_sign(states):
         inputs = input_rows(filter.model, columns, plant.samples)
         shown = filter.model.outputs.unpack(make_runner(filter.model, parameters).run(plant.samples, inputs, plant.samples))
         share = (shown[state][-1] / true[state])[shown[f"{state}_estimate_sigma"][-1] < 0.3 * largest[state]]
-        assert share.size and np.all((share > 0.4) & (share < 1.6)), (state, share)
+        assert share.size and np.all((share > 0.7) & (share < 1.3)), (state, share)

@@ -12,17 +12,10 @@ from insenv.base.remarks import Doubt
 from insenv.estimators import get
 from insenv.estimators.parts.finding import Finding
 from insenv.scenario import load
-from insenv.studies.campaign import Folder, make_plan, parse_variation, run_campaign, running
+from insenv.studies.campaign import Folder, make_plan, parse_variation, presentation, run_campaign, running
 from insenv.studies.campaign import block as block_module
 from insenv.studies.campaign import plan as plan_module
 from insenv.studies.campaign.block import run_block
-from insenv.studies.campaign.presentation import (
-    campaign_arrays,
-    campaign_page_notes,
-    campaign_rows,
-    consistency_lines,
-    run_columns,
-)
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
 
@@ -145,44 +138,33 @@ def test_what_runs_say_of_their_end_is_counted(tmp_path):
     assert 0 < len(unknown) < 4
     seeds = ", ".join(map(str, unknown))
     said = f"in {len(unknown)} of 4 runs (seed {seeds}): the heading is unknown at the end: turns"
-    assert said in " ".join(found.notes) and said in " ".join(campaign_page_notes(found))
+    assert said in " ".join(found.notes) and said in " ".join(presentation.campaign_page_notes(found))
     (share,) = found.as_json()["of_runs"]
     assert (share["code"], share["share"], share["seeds"]) == ("heading-unknown", len(unknown) / 4, unknown)
-    assert run_columns(found)["remarks"].tolist() == ["heading-unknown" if seed in unknown else "" for seed in range(3, 7)]
+    assert presentation.run_columns(found)["remarks"].tolist() == [
+        "heading-unknown" if seed in unknown else "" for seed in range(3, 7)
+    ]
 
 
 SURE = {"estimator": {"loosely-coupled": {"accel_bias_sigma_ug": 0.01, "vrw_ug_sqrt_hz": 0.1}}}
 
 
-@pytest.mark.parametrize(
-    ("estimator", "more", "varied", "codes", "said"),
-    [
-        (
-            "loosely-coupled",
-            SURE,
-            "imu.grade=choice(navigation, consumer)",
-            "aid-misfit motion-errors-as-noise too-sure",
-            "of 4",
-        ),
-        (
-            "fusion",
-            {},
-            "gnss.outlier_probability=choice(0, 0.9)",
-            "fixes-diverged too-sure",
-            "(seed 6, 9), the largest with seed 9",
-        ),
-    ],
-)
-def test_what_runs_say_of_measurements_errors_and_parameters_is_counted(estimator, more, varied, codes, said):
+OUTLIERS = ({}, "gnss.outlier_probability=choice(0, 0.9)", "fixes-diverged too-sure", "(seed 6, 9), the largest with seed 9")
+GRADES = (SURE, "imu.grade=choice(navigation, consumer)", "aid-misfit motion-errors-as-noise too-sure", "in 1 of 4")
+
+
+@pytest.mark.parametrize(("estimator", "case"), [("loosely-coupled", GRADES), ("fusion", OUTLIERS)])
+def test_what_runs_say_of_measurements_errors_and_parameters_is_counted(estimator, case):
     """What holds of the parameters holds of some of the varied values alone."""
-    variations = [parse_variation(varied)]
-    plan = make_plan(car(duration_s=30.0, **more), estimator, 4, first_seed=6, duration_s=30.0, variations=variations)
+    more, varied, codes, said = case
+    variations, scenario = [parse_variation(varied)], car(duration_s=30.0, **more)
+    plan = make_plan(scenario, estimator, 4, first_seed=6, duration_s=30.0, variations=variations)
     found = run_campaign(plan)
     check_runs(found, plan.values_of)
     assert " ".join(sorted(share["code"] for share in found.as_json()["of_runs"])) == codes and said in " ".join(found.notes)
     shares = found.as_json()["health"]
     assert shares["nis"] == pytest.approx(np.mean([one.nis.mean for one in found.health]))
-    assert campaign_arrays(found)["runs/health/nis"].tolist() == [one.nis.mean for one in found.health]
+    assert presentation.campaign_arrays(found)["runs/health/nis"].tolist() == [one.nis.mean for one in found.health]
     assert shares["diverged"] == np.mean([one.verdict == "diverged" for one in found.health])
     assert run_campaign(small_plan(2)).verdicts() is None
 
@@ -192,10 +174,10 @@ def test_a_run_that_is_doubted_is_not_called_consistent():
     doubting = replace(get("loosely-coupled"), findings=lambda parameters: (doubt,))
     found = run_campaign(make_plan(car(), doubting, 2, first_seed=6, duration_s=4.0))
     assert found.verdicts()["contradicted"] == 1.0 and found.verdicts()["consistent"] == 0.0
-    assert any("100 % contradicted" in line for line in consistency_lines(found))
+    assert any("100 % contradicted" in line for line in presentation.consistency_lines(found))
 
 
 def test_runs_that_are_too_short_are_noted():
     found = run_campaign(make_plan(slow_ship(), "q-method", 2, first_seed=3, duration_s=2.0))
     assert any(note.startswith("too short: 2 s of data, q-method needs 100 s") for note in found.as_json()["notes"])
-    assert all(values[3] is None and values[2] is not None for _, values in campaign_rows(found))
+    assert all(values[3] is None and values[2] is not None for _, values in presentation.campaign_rows(found))
