@@ -211,15 +211,10 @@ class Result:
         pitch = np.abs(true_deg[self._late])
         return {"pitch": pitch.max()} if np.any(pitch > STEEP) else None
 
-    @remark("too-sure", "the errors are larger than this estimator states, rms over stated sigma: {ratios}")
-    def too_sure(self) -> dict[str, Any] | None:
+    def too_sure(self) -> tuple[Remark, ...]:
         """An rms error is more than `TOO_SURE` times its stated sigma; not said of a run that is too short."""
-        rms, unjudged = self.statistics()["rms"], self.unjudged
-        stated = {name: sigma for name, sigma in self.stated().items() if name not in unjudged}
-        worst = {name: rms[name] / sigma for name, sigma in stated.items() if 0.0 < sigma * TOO_SURE < rms[name]}
-        if not worst or not self.settled:
-            return None
-        return {"ratios": ", ".join(f"{name.rpartition('_')[0]} {ratio:.3g}" for name, ratio in worst.items())}
+        stated = {name: sigma for name, sigma in self.stated().items() if name not in self.unjudged}
+        return too_sure(self.statistics()["rms"], stated) if self.settled else ()
 
     @property
     def _late(self) -> Any:
@@ -232,6 +227,13 @@ class Result:
         if position := [self.errors[name][-1] for name in POSITION if name in self.errors]:
             final.append(f"position {np.linalg.norm(position):.3g} m")
         return f"{self.estimator}: final error {', '.join(final)}" if final else f"{self.estimator}: no reference"
+
+
+@remark("too-sure", "the errors are larger than this estimator states, rms over stated sigma: {ratios}")
+def too_sure(rms: Mapping[str, float], stated: Mapping[str, float]) -> dict[str, str] | None:
+    """Rms errors that are more than `TOO_SURE` times the stated sigma, by channel."""
+    worst = {name: rms[name] / sigma for name, sigma in stated.items() if 0.0 < sigma * TOO_SURE < rms[name]}
+    return {"ratios": ", ".join(f"{name.rpartition('_')[0]} {ratio:.3g}" for name, ratio in worst.items())} if worst else None
 
 
 def rms(channels: Mapping[str, Array], where: Any = ...) -> dict[str, float]:

@@ -30,6 +30,7 @@ Columns3 = Annotated[tuple[Column, Column, Column], BeforeValidator(check_three)
 Sigma3 = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(check_three)]
 Files = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
 AngleUnit = Literal["deg", "rad"]
+PositionUnit = Literal["deg", "rad", "1e-7 deg"]
 
 
 class FileSection(Section):

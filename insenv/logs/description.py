@@ -14,7 +14,7 @@ from insenv.base.remarks import clock
 from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
-from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, Sigma3
+from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, PositionUnit, Sigma3
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
 from insenv.sensors.grade_file import grade_of
@@ -196,7 +196,7 @@ class PositionSection(FileSection):
     latitude: Column | None = key(None, "column of the geodetic latitude (WGS-84)")
     longitude: Column | None = key(None, "column of the longitude, east positive")
     height: Column | None = key(None, "column of the height above the ellipsoid [m], up positive")
-    position_unit: AngleUnit | None = key(None, "unit of latitude and longitude")
+    position_unit: PositionUnit | None = key(None, "unit of latitude and longitude")
     height_offset_m: Number = key(
         0.0, "added to the height: the geoid undulation where the log has heights above mean sea level", "m"
     )
@@ -210,7 +210,7 @@ class GnssSection(PositionSection, MeasurementSection):
     latitude: Column = key(..., "column of the geodetic latitude (WGS-84)")
     longitude: Column = key(..., "column of the longitude, east positive")
     height: Column = key(..., "column of the height above the ellipsoid [m], up positive")
-    position_unit: AngleUnit = key(..., "unit of latitude and longitude")
+    position_unit: PositionUnit = key(..., "unit of latitude and longitude")
     position_sigma: Columns3 | None = key(None, "columns of the standard deviations north, east, down [m]")
     position_sigma_m: Sigma3 | None = key(
         None, "constant standard deviations N, E, D, where the log has none", "m", validate_default=True

@@ -34,8 +34,8 @@ class SectionFile:
 
     def names(self) -> tuple[Column, ...]:
         """The names of its columns; numbers, where it has no names.  Raises `InputError` if it cannot be read."""
-        if self._columns is not None:
-            return tuple(self._columns.columns)
+        if self.columns is not None:
+            return tuple(self.columns.columns)
         names = column_names(self.label, self.raw, **self.layout)
         if names or not self.form.keys:
             return names
@@ -61,8 +61,8 @@ class SectionFile:
 
         skip_empty, optional: see `read_table`.  Raises `InputError`: unreadable, no such column, columns of other lengths.
         """
-        if self._columns is not None:
-            return _table_of(self.label, self.raw, self._columns, columns, skip_empty, optional)
+        if self.columns is not None:
+            return _table_of(self.label, self.raw, self.columns, columns, skip_empty, optional)
         return read_table(
             self.label,
             self.raw,
@@ -74,7 +74,8 @@ class SectionFile:
         )
 
     @property
-    def _columns(self) -> FileColumns | None:
+    def columns(self) -> FileColumns | None:
+        """All its columns; None for a text table.  Raises `InputError` if it cannot be read."""
         return None if self.form.read_columns is None else _read(self.form.name, self.label, self.raw, self.section)
 
 

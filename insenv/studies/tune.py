@@ -34,7 +34,7 @@ from insenv.studies.campaign.block import in_pieces
 from insenv.studies.campaign.comparison import paired
 from insenv.studies.campaign.plan import Plan, make_plan
 from insenv.studies.campaign.running import cores
-from insenv.studies.campaign.statistics import Estimate
+from insenv.studies.campaign.statistics import Estimate, jackknifed
 from insenv.studies.tune_log import is_log, tune_log
 from insenv.studies.tune_result import Channel, Tuning
 from insenv.studies.tune_search import FAILED, Parameter, search, tuned_parameters
@@ -46,8 +46,6 @@ WEIGHT = 0.5
 MAX_RUNS = 100_000
 RUNS, HELD_OUT = 8, 32
 """Seeds of a scenario on which is sought and judged by default."""
-RESAMPLES = 1000
-"""Bootstrap samples of the interval of the objective's change."""
 
 
 @dataclass(frozen=True)
@@ -196,18 +194,15 @@ def _check(**counts: object) -> None:
 
 
 def _change(judging: Seeds, first: Measures, second: Measures) -> Estimate:
-    """Change of the objective over the runs in which neither diverged: bootstrap over the runs, paired."""
-    finite = np.asarray(np.isfinite(first.squares).all(axis=1) & np.isfinite(second.squares).all(axis=1))
-    value = judging.objective(second, first) - judging.objective(first, first)
-    if not finite.all():  # a run that diverges counts: there is no interval
-        return Estimate(value, float("nan"), float("nan"))
-    drawn = np.random.default_rng(judging.plan.first_seed).integers(0, len(finite), (RESAMPLES, len(finite)))
-    changes = []
-    for runs in drawn:
+    """Change of the objective over the runs; a run that diverges counts: there is no interval."""
+
+    def change(runs: NDArray[np.int64]) -> float:
         one, other = (Measures(m.squares[runs], None if m.nees is None else m.nees[runs]) for m in (first, second))
-        changes.append(judging.objective(other, one) - judging.objective(one, one))
-    low, high = np.percentile(changes, [2.5, 97.5])
-    return Estimate(value, float(low), float(high))
+        return judging.objective(other, one) - judging.objective(one, one)
+
+    runs = np.arange(len(first.squares))
+    value, finite = change(runs), np.isfinite(first.squares).all() and np.isfinite(second.squares).all()
+    return jackknifed(value, np.array([change(np.delete(runs, run)) if finite else np.nan for run in runs]))
 
 
 def _channels(names: tuple[str, ...], first: Measures, second: Measures, limit: dict[str, float]) -> tuple[Channel, ...]:

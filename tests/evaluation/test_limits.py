@@ -139,13 +139,55 @@ def test_one_noise_alone_gives_the_closed_form(N, V):
             assert found["pitch_deg"][place] == pytest.approx(expected[1], rel=0.03)
 
 
-def test_a_deflection_of_the_vertical_is_a_tilt():
-    """At rest: 60 arcsec to the north and 30 to the east. Perfect gyros would find the Earth's axis, and so the deflection."""
-    gravity = {"deflection_north_arcsec": 60.0, "deflection_east_arcsec": 30.0}
-    imu = {"grade": "perfect", "gyro_bias_sigma_deg_h": 30.0}
-    found = insenv.limit(changed("static-ecef", duration_s=60.0, imu=imu, gravity=gravity))
-    assert found.sigma["pitch_deg"][-1] == pytest.approx(60.0 / 3600, rel=0.02)
-    assert found.sigma["roll_deg"][-1] == pytest.approx(30.0 / 3600, rel=0.02)
+FREE_S, WARM_S, MEMORY_S, G = 30.0, 200.0, 20.0, 9.8061978
+WARMED = 20.0 * (FREE_S - WARM_S * (1.0 - np.exp(-FREE_S / WARM_S)))
+TURN = EARTH_RATE[2] * np.sin(np.pi / 4)  # about down and about north
+
+
+def remembered(time):
+    """What one sigma of a stationary Gauss-Markov rate adds to its integral."""
+    return np.sqrt(2.0 * time * (FREE_S - time * (1.0 - np.exp(-FREE_S / time))))
+
+
+GROWTH = {
+    "bias": FREE_S, "bias_sigma": FREE_S, "rate_random_walk": FREE_S**1.5 / np.sqrt(3.0), "temperature_slope": WARMED,
+    "instability_sigma": remembered(MEMORY_S),
+    "flicker": np.sqrt(np.log(10.0) / (2.0 * np.log(2.0)) * sum(remembered(4.0 * 10.0**k) ** 2 for k in range(5))),
+}  # fmt: skip
+"""What one sigma of an error of a rate adds to its integral."""
+SOURCES = {
+    **{f"gyro_{name}": ("heading_deg", growth) for name, growth in GROWTH.items()},
+    **{f"accel_{name}": ("vd_mps", growth) for name, growth in GROWTH.items()},
+    **{f"{name}{end}": of for end in ("", "_sigma") for name, of in {
+        "gyro_scale_factor": ("heading_deg", TURN * FREE_S), "gyro_misalignment": ("heading_deg", TURN * FREE_S),
+        "accel_scale_factor": ("vd_mps", G * FREE_S), "accel_misalignment": ("vn_mps", G * FREE_S),
+        "mounting_error": ("vn_mps", G * FREE_S)}.items()},
+    "angle_random_walk": ("heading_deg", FREE_S**0.5), "velocity_random_walk": ("vd_mps", FREE_S**0.5),
+    "gyro_scale_factor_slope": ("heading_deg", TURN * WARMED), "accel_scale_factor_slope": ("vd_mps", G * WARMED),
+    "gyro_g_sensitivity": ("heading_deg", G * FREE_S), "gravity_disturbance_n": ("vd_mps", FREE_S),
+}  # fmt: skip
+
+
+@cache
+def free_at_rest():
+    """Rows and steps of a perfect unit at rest, level and to the north, that warms up by 20 K."""
+    imu = {"grade": "perfect", "temperature_end_degc": 40.0, "warm_up_s": WARM_S}
+    plant = build(changed("static-ecef", duration_s=FREE_S, rate_hz=10.0, imu=imu), seed=1)
+    return rows_of(plant), list(steps_of(plant, rest=lambda count: np.full(count, False))[1])
+
+
+@pytest.mark.parametrize("row", SOURCES)
+def test_every_source_alone_adds_what_its_integral_is(row):
+    """Without measurements and with a known start, over 30 s, at two sizes; of a matrix the largest element counts."""
+    rows, blocks = free_at_rest()
+    channel, growth = SOURCES[row]
+    shape = np.shape(rows[row])
+    for size in (1e-3, 2e-3):
+        own = {**rows, "gyro_instability_time": MEMORY_S, "accel_instability_time": MEMORY_S, row: np.full(shape, size)}
+        nothing = Prior(np.full(3, 1e-12), np.full(3, 1e-12), np.full(3, 1e-9))
+        times, sigmas = zip(*recursion(iter(blocks), Layout(unit_of(own), (), None, None), nothing), strict=True)
+        found = limit_of(np.concatenate(times), np.concatenate(sigmas)).sigma[channel][-1]
+        assert (np.radians(found) if channel == "heading_deg" else found) == pytest.approx(size * growth, rel=0.01)
 
 
 def rotation(vector):
@@ -312,14 +354,6 @@ def test_an_optimal_filter_reaches_the_limit_and_does_not_beat_it(id, monkeypatc
 
 CITY = {"duration_s": 60.0, "rate_hz": 20.0, "vehicle": {"engine": []}}
 MORE = {
-    "imu": {
-        "gyro_bias_sigma_deg_h": 40.0, "gyro_bias_deg_h": 40.0, "gyro_arw_deg_sqrt_h": 1.5, "gyro_instability_deg_h": 50.0,
-        "gyro_rrw_deg_h_sqrt_h": 100.0, "gyro_flicker_deg_h": 20.0, "accel_flicker_ug": 5000.0,
-        "gyro_scale_factor_sigma_ppm": 5e4, "gyro_misalignment_sigma_urad": 5e4, "gyro_g_sensitivity_deg_h_g": 100.0,
-        "accel_bias_ug": 7500.0, "accel_vrw_m_s_sqrt_h": 0.6, "accel_instability_ug": 5000.0, "accel_rrw_ug_sqrt_h": 3e4,
-        "accel_scale_factor_sigma_ppm": 3e4, "accel_misalignment_sigma_urad": 3e4, "mounting_error_deg": [3.0] * 3,
-    },
-    "gravity": {"deflection_north_arcsec": 300.0},
     "gnss": {
         "position_noise_m": [10.0] * 3, "velocity_noise_mps": [1.0] * 3, "velocity": False, "wander_sigma_m": [20.0] * 3,
         "outages_s": [[20.0, 50.0]], "outlier_probability": 0.5, "interval_s": 5.0,

@@ -19,7 +19,7 @@ from insenv.logs.inertial import Gaps
 from insenv.sensors import IMU_GRADES
 from insenv.studies.allan import AXES, sensor_noise
 from insenv.studies.allan_result import grade_text
-from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, curve, fit, markov_variance
+from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, curve, fit, spectrum, total
 
 RATE = 20.0
 RATES = {"kind": "rate", "gyro_unit": "rad/s", "accel_unit": "m/s2"}
@@ -70,15 +70,15 @@ def test_deviation_by_its_definition():
         assert deviation == pytest.approx(np.sqrt(np.mean(second**2) / 2.0) / tau, rel=1e-9)
 
 
-def test_markov_variance_by_its_spectrum():
-    """Against the numerical integral of the spectrum of IEEE Std 952, eq. C.3, and where the closed form cancels."""
+def test_variances_are_the_integrals_of_the_spectra():
+    """By IEEE Std 952, eq. C.3, and the variance of a Gauss-Markov bias also where its closed form cancels."""
     frequency = np.geomspace(1e-7, 1e4, 400001)
-    for tau in (1.0, 30.0, 300.0, 3000.0):
-        power = 4.0 * 300.0 / (1.0 + (2.0 * np.pi * frequency * 300.0) ** 2)
+    for tau in (1.0, 30.0, 3000.0):
         window = 2.0 * np.sin(np.pi * frequency * tau) ** 4 / (np.pi * frequency * tau) ** 2
-        value = np.trapezoid(power * window * frequency, np.log(frequency))
-        assert float(markov_variance(np.array(tau), 300.0)) == pytest.approx(value, rel=2e-3)
-    small = markov_variance(np.array([0.2999, 0.3001]), 300.0)
+        for term in ({WHITE: 0.3}, {FLICKER: 0.2}, {WALK: 0.1}, {MARKOV: 0.5, TIME: 300.0}):
+            value = np.trapezoid(spectrum(term, frequency) * window * frequency, np.log(frequency))
+            assert float(total(term, np.array(tau))) == pytest.approx(value, rel=2e-3), term
+    small = total({MARKOV: 1.0, TIME: 300.0}, np.array([0.2999, 0.3001]))
     assert small[1] / small[0] == pytest.approx(0.3001 / 0.2999, rel=1e-5)
 
 

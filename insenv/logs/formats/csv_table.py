@@ -123,6 +123,29 @@ def column_names(
     return text.names(len(text.line(text.rows[0]).split(text.separator)))
 
 
+@dataclass(frozen=True)
+class AllColumns:
+    """All columns of a text table: names, () without a header; values (rows, columns), NaN where no number stands."""
+
+    names: tuple[str, ...]
+    values: Array
+
+
+def all_columns(
+    label: str, raw: bytes, delimiter: str = "auto", header_rows: int | None = None, comment: str = "#"
+) -> AllColumns:
+    """All columns of a text table, whatever they hold.  Arguments and errors: as of `read_table`."""
+    text = _Text(label, raw, delimiter, header_rows, comment)
+    fields = text.checked_fields(None)
+    lines = io.BytesIO(text.text[text.starts[text.rows[0]] :])
+    try:
+        values = np.loadtxt(lines, delimiter=text.separator, comments=comment or None, ndmin=2, encoding="latin1")
+    except ValueError:
+        rows = [text.fields_of(int(number)) for number in text.rows]
+        values = np.array([[float(part) if _is_number(part) else np.nan for part in row] for row in rows])
+    return AllColumns(text.names(fields), values)
+
+
 def check_finite(table: TextTable, optional: Sequence[Column] = ()) -> None:
     """Raise InputError if a value is NaN or infinite; the message names file, line and column of the first one.
 

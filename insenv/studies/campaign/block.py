@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
@@ -12,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Remark
 from insenv.core.batch import Batch, make_batch
-from insenv.core.tables import Table
+from insenv.evaluation.health import models_slow_errors
 from insenv.scenario import Plant
-from insenv.scenario.loop import PREFIX
 from insenv.studies.campaign.plan import Plan
+from insenv.studies.campaign.run_remarks import as_text, estimator_parameters, of_batch
 
 # Run a batch in pieces of about half a second, between which a caller looks at what has happened.
 
@@ -76,8 +74,9 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: A
     """Simulate and estimate the runs of block `number` and return their summaries, run by run.
 
     part: what an interruption left of the block: the result is the same, to the bit.
-    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `held` (runs,):
-    JSON of `Estimator.held` at the end (code, sentence, ratio). Raises `InputError` if the parts of the plant differ between
+    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `said` (runs,):
+    what the estimator says of the run (`insenv.studies.campaign.run_remarks`), `models_slow` (runs,): whether it models slow
+    errors of the fixes. Raises `InputError` if the parts of the plant differ between
     runs, `StoppedError` soon after `stopped` returns true.
     """
     runs = plan.blocks[number]
@@ -99,32 +98,9 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: A
         "seed": np.array([plan.seed_of(run) for run in runs], dtype=np.float64),
         "values": plan.numbers(runs),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
-        "held": np.array(
-            [json.dumps([(each.code, each, ratio) for each, ratio in one.values()]) for one in _held(plan, batch)]
-        ),
+        "said": np.array([as_text(said) for said in of_batch(plan.chosen, batch, plan.duration_s, bool(plan.variations))]),
+        "models_slow": np.array([models_slow_errors(p) for p in estimator_parameters(plan.chosen, batch)], dtype=np.float64),
     }
-
-
-def _held(plan: Plan, batch: Batch) -> list[dict[str, tuple[Remark, float]]]:
-    """The findings that hold at the end of each run (`Estimator.held`); of one that has diverged none."""
-    estimator = plan.chosen
-    if estimator.findings is None:
-        return [{}] * batch.rows
-    model = estimator.model
-    p = _of_estimator(model.parameters, batch.model.parameters, batch.p)
-    x = _of_estimator(model.state, batch.model.state, batch.x)
-    shown = np.array(model.kernels["output"].function(p.T, x.T)).T
-    return [
-        estimator.held(model.parameters.unpack(p[run]), model.outputs.unpack(shown[run : run + 1]))
-        if np.isfinite(shown[run]).all()
-        else {}
-        for run in range(batch.rows)
-    ]
-
-
-def _of_estimator(part: Table, table: Table, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The estimator's part (runs, own.size) of the model's parameters or state."""
-    return np.concatenate([values[:, table.slice(PREFIX + name)] for name in part.names], axis=1)
 
 
 def _part(batch: Batch, done: Begun) -> Arrays:

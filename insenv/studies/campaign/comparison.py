@@ -2,12 +2,9 @@
 
 Run i of every estimator has the same plant, to the bit.  What the runs have in common, a bias that was drawn large or an outage
 at a bad time, therefore drops out of a paired difference.  With the mean squares a_i and b_i of the errors of two estimators in
-run i, and their means A and B,
-
-    D = sqrt(B) - sqrt(A),    d_i = b_i / (2 sqrt(B)) - a_i / (2 sqrt(A)),
-
-and the standard deviation of D is that of d_i over sqrt(n) (the delta method, Casella and Berger 2002, section 5.5.4); the
-interval is Student's.  Ratios are treated alike in their logarithm.
+run i, and their means A and B, the difference is D = sqrt(B) - sqrt(A).  Its standard deviation is that of the jackknife, from
+the n differences that leave out one run each, and its interval is Student's.  Ratios are treated alike in their logarithm.  The
+linear formula (the delta method) misses the true ratio of 8 runs of a constant error each in 10 %, the jackknife in 6 to 7 %.
 """
 
 from __future__ import annotations
@@ -33,7 +30,7 @@ from insenv.studies.campaign.presentation import (
     course_sections,
     explained,
 )
-from insenv.studies.campaign.statistics import Array, Estimate, student
+from insenv.studies.campaign.statistics import Array, Estimate, jackknifed
 from insenv.studies.campaign.summary import Summary
 
 NAME = "comparison"
@@ -82,16 +79,11 @@ def paired(first: Array, second: Array) -> Paired:
     smaller = int(np.sum(second < first))
     if n < 2 or not (A > 0.0 and B > 0.0):
         return Paired(Estimate(difference, nothing, nothing), Estimate(nothing, nothing, nothing), smaller, n)
-    t = student(n - 1) / np.sqrt(n)
-    reach = float(t * np.std(second / (2.0 * np.sqrt(B)) - first / (2.0 * np.sqrt(A)), ddof=1))
-    factor = float(np.exp(t * np.std(second / B - first / A, ddof=1) / 2.0))
-    ratio = float(np.sqrt(B / A))
-    return Paired(
-        Estimate(difference, difference - reach, difference + reach),
-        Estimate(ratio, ratio / factor, ratio * factor),
-        smaller,
-        n,
-    )
+    left_a, left_b = ((squares.sum() - squares) / (n - 1) for squares in (first, second))
+    with np.errstate(divide="ignore", invalid="ignore"):  # a single run may have all of the error: no interval
+        logarithm = jackknifed(float(np.log(B / A)) / 2.0, np.log(left_b / left_a) / 2.0)
+    ratio = Estimate(*(float(np.exp(end)) for end in (logarithm.value, logarithm.low, logarithm.high)))
+    return Paired(jackknifed(difference, np.sqrt(left_b) - np.sqrt(left_a)), ratio, smaller, n)
 
 
 _TIMES_DIFFER = declared("times-differ", "rms {time} of {id}, {other} of {first}: their ratio compares different times")

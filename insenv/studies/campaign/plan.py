@@ -18,6 +18,7 @@ from insenv.base.remarks import Remark, declared
 from insenv.base.shipped import __version__
 from insenv.base.toml import validated
 from insenv.estimators import Estimator
+from insenv.runs.simulated import members
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, reseeded
 from insenv.scenario.build import seed_and_duration
 from insenv.scenario.chunks import recording_interval
@@ -145,6 +146,11 @@ class Plan:
             ) from None
 
     @functools.cached_property
+    def _family(self) -> Estimator:
+        """The estimator as it was named; `chosen` may be a member of it."""
+        return estimators.get(self.estimator)
+
+    @functools.cached_property
     def plant(self) -> Plant:
         """The plant of the first run; model, interval and number of samples are the same for all runs."""
         return self.plant_of(0)
@@ -208,11 +214,12 @@ class Plan:
 
     @property
     def notes(self) -> tuple[Remark, ...]:
-        """Notes on the scenario, on the estimator in that of the first run (`Estimator.notes`), and on its tuning in all."""
+        """Notes on the scenario, on the estimator where it is the same in all runs (`Estimator.notes`), and on its tuning."""
         lossy = float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0
         return (
             *self.plant.scenario.notes,
-            *self.chosen.notes(self._parameters, self.duration_s),
+            *members([self._family], [self.chosen]),
+            *(() if self.variations else self.chosen.notes(self._parameters, self.duration_s)),
             *self.chosen.without_effect(self.plant.tunings),
             *self._understated,
             *unbalanced(self.design, self.runs),
@@ -310,7 +317,8 @@ def make_plan(
     tried = plan.tried
     if duration_s is None and "duration_s" not in plan.scenario:
         plan = replace(plan, duration_s=_shortest(plan, scenario, [changed for _, _, changed in tried]))
-    vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, offline=False)  # an object that need not be registered
+    vars(plan)["_family"] = estimator  # an object that need not be registered
+    vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, offline=False)
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too
     plan.plant.parameters_of(estimator, offline=False)
     for variation, which, changed in tried:

@@ -15,15 +15,16 @@ from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.output import to_json
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
-from insenv.evaluation.health import LINES, VERDICTS
+from insenv.evaluation.health import CONTRADICTED, LINES, VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import data_frame
 from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture, unit_of
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
 from insenv.report.tables import error_label, label, number, runs_of, since, within
+from insenv.studies.campaign.run_remarks import named
 from insenv.studies.campaign.sensitivity import Sensitivity
-from insenv.studies.campaign.statistics import Statistics, named
+from insenv.studies.campaign.statistics import Statistics
 from insenv.studies.campaign.variation import Variation
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ FORMATS = ("csv", "parquet")
 
 
 def run_columns(campaign: Statistics) -> dict[str, NDArray[Any]]:
-    """By name: number and seed of the run, its varied keys, then final error, rms, limit and stated of each channel, health.
+    """By name: number and seed of the run, its varied keys, then final error, rms, limit and stated of each channel, health,
+    whether it diverged, the codes of what `insenv.run` says of it.
 
     Values of choices are the chosen ones.  Numbers that do not exist are NaN.
     """
@@ -51,6 +53,7 @@ def run_columns(campaign: Statistics) -> dict[str, NDArray[Any]]:
     if campaign.health:
         columns["health"] = np.array(["" if one is None else one.verdict for one in campaign.health])
     columns["diverged"] = ~campaign.whole
+    columns["remarks"] = np.array([" ".join(dict.fromkeys(one.remark.code for one in said)) for said in campaign.said])
     return columns
 
 
@@ -291,14 +294,15 @@ def campaign_arrays(campaign: Statistics) -> dict[str, NDArray[Any]]:
 
 
 def _health_of(shares: Mapping[str, Any], what: str) -> str:
-    """Shares by verdict; that of untested runs only if there are any."""
+    """Shares by verdict; those of untested and of contradicted runs only if there are any."""
     if shares["untested"] == 1.0:
         return LINES["untested"].format(count="the", what=what)
-    listed = [verdict for verdict in VERDICTS if verdict != "untested" or shares[verdict]]
-    verdicts = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in listed)
+    verdicts = (*VERDICTS, CONTRADICTED)
+    listed = [verdict for verdict in verdicts if verdict not in ("untested", CONTRADICTED) or shares[verdict]]
+    counted = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in listed)
     if shares["nis"] is None:
-        return verdicts
-    return f"{verdicts}; mean NIS {number(shares['nis'])}, {100 * shares['refused']:.2g} % of the {what} refused"
+        return counted
+    return f"{counted}; mean NIS {number(shares['nis'])}, {100 * shares['refused']:.2g} % of the {what} refused"
 
 
 # The page and the figure of a campaign: its tables, and the courses of its errors.

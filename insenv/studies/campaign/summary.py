@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.remarks import Remark
 from insenv.evaluation.chi_square import quantile
-from insenv.evaluation.errors import statistics_from
-from insenv.evaluation.health import Health, health, no_fix
+from insenv.evaluation.errors import STEEP_LIMIT, statistics_from
+from insenv.evaluation.health import Health, health
 from insenv.report import Document, FilesWritten, OutputFolder, Shown, write_document
 from insenv.report.notebook import data_frame
 from insenv.studies.campaign.limits import CampaignLimit
 from insenv.studies.campaign.model import Measured
 from insenv.studies.campaign.plan import Plan
 from insenv.studies.campaign.presentation import campaign_document, campaign_facts, campaign_frame, run_columns
+from insenv.studies.campaign.run_remarks import of_errors, of_health, of_text
 from insenv.studies.campaign.sensitivity import sensitivities
 from insenv.studies.campaign.statistics import BOUNDS, FAR_OFF, PERCENTILES, Course, NeesCourse, Statistics
 
@@ -92,11 +91,16 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
     far = whole & (rms > FAR_OFF * np.median(rms[whole], axis=0)).any(axis=1) if whole.any() else whole
     values = np.concatenate(columns("values"))
     healths = _health(columns, plan.chosen.health_rows.names) if plan.chosen.reports_health else ()
-    stored = [json.loads(str(text)) for text in np.concatenate(columns("held"))]
-    held = [{Remark(code, text): ratio for code, text, ratio in one} for one in stored]
-    for run, one in enumerate(healths) if plan.chosen.reports_fixes else ():
-        if whole[run]:
-            held[run] |= dict.fromkeys(no_fix(one), 0.0)
+    stated = np.sqrt(np.mean(variance[:, late], axis=1))
+    said = [of_text(str(text)) for text in np.concatenate(columns("said"))]
+    unjudged = ("roll_deg", "heading_deg") if STEEP_LIMIT in limit.notes else ()
+    judged = [] if plan.too_short else [(k, name) for k, name in enumerate(measured.channels) if name not in unjudged]
+    slow = np.concatenate(columns("models_slow"))
+    for run in np.flatnonzero(whole):
+        if plan.chosen.reports_health:
+            said[run] += of_health(plan.chosen, healths[run], bool(slow[run]))
+        known = {name: k for k, name in judged if name in measured.stated}
+        said[run] += of_errors(*({name: float(values[run, k]) for name, k in known.items()} for values in (rms, stated)))
     return Summary(
         plan=plan,
         time=time,
@@ -107,15 +111,17 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
         values=values,
         final=error[:, -1],
         rms=rms,
-        stated=np.sqrt(np.mean(variance[:, late], axis=1)),
+        stated=stated,
         limit=limit.of_runs(len(seeds), late),
         diverged=tuple(int(seed) for seed in seeds[~whole]),
         far=tuple(int(seed) for seed in seeds[far]),
         limit_notes=limit.notes,
         whole=whole,
         sensitivity=sensitivities(plan, measured.channels, values, rms, whole),
-        health=healths,
-        held=tuple(held),
+        health=tuple(one and one.doubted(said.remark for said in each) for one, each in zip(healths, said, strict=True))
+        if healths
+        else (),
+        said=tuple(map(tuple, said)),
     )
 
 

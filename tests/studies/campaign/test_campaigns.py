@@ -9,7 +9,7 @@ from command_line import call
 from insenv import run
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.scenario import build, load, reseeded
-from insenv.studies.campaign import make_plan, run_campaign
+from insenv.studies.campaign import make_plan
 from insenv.studies.campaign.block import run_block
 
 
@@ -35,18 +35,6 @@ def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
         if sigma is not None:
             assert np.allclose(arrays["sigma"][1, :, place], sigma[k - 1 :: k], rtol=1e-9)
             assert np.allclose(arrays["mean_variance"][1, :, place], means(sigma), rtol=1e-9)
-
-
-def test_rms_and_stated_of_a_campaign_are_those_of_its_run():
-    """Both are means over every evaluation; those at the records alone are others."""
-    scenario = load("ship-underway").model_copy(update={"rate_hz": 10.0})
-    found = run_campaign(make_plan(scenario, "loosely-coupled", 1, first_seed=4, duration_s=60.0))
-    result = run(scenario, "loosely-coupled", seed=4, duration_s=60.0).results[0]
-    for name, row in found.figures().items():
-        assert row["rms"] == pytest.approx(result.statistics()["rms"][name], rel=1e-6, abs=1e-9), name
-        assert row["stated"] == pytest.approx(result.stated()[name], rel=1e-9), name
-    records = result.sigma["vn_mps"][found.plan.evaluations - 1 :: found.plan.evaluations]
-    assert result.stated()["vn_mps"] != pytest.approx(np.sqrt(np.mean(records**2)), rel=0.01)
 
 
 def test_reseeded_plants_are_those_built_for_the_seeds():

@@ -27,7 +27,11 @@ def test_paired_intervals_cover_a_known_difference():
         inside += found.ratio.low <= truth <= found.ratio.high
         alone += paired(a**2, rng.permutation(b) ** 2).is_real
         assert found.is_real
-    assert 0.92 <= inside / 600 <= 0.98
+    assert 0.93 <= inside / 600 <= 0.97
+    drawn = rng.normal(size=(1500, 2, 8)) ** 2  # 8 runs of a constant error each
+    inside = sum(found.ratio.low <= 2.0 <= found.ratio.high for found in (paired(a, 4.0 * b) for a, b in drawn))
+    assert 0.92 <= inside / 1500 <= 0.96
+    assert np.isnan(paired(np.array([0.0, 0.0, 1.0]), np.ones(3)).ratio.low)  # one run has all of the error
     assert alone / 600 < 0.5  # unpaired, the same runs would mostly not tell
 
 

@@ -3,24 +3,36 @@
 import numpy as np
 import pytest
 from campaigns import car, small_plan
-from scipy import stats
 
 from insenv.studies.campaign import make_plan, run_campaign
-from insenv.studies.campaign.statistics import horizontal, percentile, root_mean_square
+from insenv.studies.campaign.statistics import Estimate, horizontal, mean_ends, percentile, root_mean_square
 
 
-def test_intervals_cover_the_truth_as_often_as_they_say():
-    """1000 ensembles of 64 Gaussian runs; of so few as 8, there is no end."""
-    drawn = np.random.default_rng(3).normal(size=(1000, 64))
-    true = {50.0: 0.0, 84.0: stats.norm.ppf(0.84)}
-    for percent, value in true.items():
-        inside = [e.low <= value <= e.high for e in (percentile(values, percent) for values in drawn)]
-        assert 0.935 <= np.mean(inside) <= 0.99, percent
-    inside = [e.low <= 1.0 <= e.high for e in (root_mean_square(values**2) for values in drawn)]
-    assert 0.92 <= np.mean(inside) <= 0.98
+def test_intervals_of_percentiles_are_those_of_the_sign_test():
+    """Tables of the sign test for the median; of so few as 8 runs an end of the 97.5 % is unknown."""
+    for n, expected in ((10, (2.0, 9.0)), (20, (6.0, 15.0)), (64, (24.0, 41.0))):
+        found = percentile(np.arange(1.0, n + 1.0), 50.0)
+        assert (found.low, found.high) == expected
     found = percentile(np.arange(8.0), 97.5)
     assert np.isnan(found.high) and np.isfinite(found.low)
     assert np.isnan(percentile(np.zeros(0), 50.0).value) and np.isnan(root_mean_square(np.array([2.0])).low)
+
+
+@pytest.mark.parametrize("n", [4, 8, 11, 16, 32, 64])
+def test_intervals_of_skewed_squares_cover_as_often_as_they_say(n):
+    """Gaussian errors of 1 to 20 independent values a run, and rms that scatter by a factor of 1.35 and 1.5."""
+    rng = np.random.default_rng(n)
+    families = {f"chi-square {k}": rng.chisquare(k, (8000, n)) / k for k in (1, 2, 6, 20)}
+    families |= {f"log-normal {s}": np.exp(s * rng.normal(size=(8000, n)) - s**2 / 2.0) for s in (0.3, 0.6, 0.8)}
+    for name, squares in families.items():
+        low, high = mean_ends(squares)
+        assert 0.93 <= np.mean((low <= 1.0) & (high >= 1.0)) <= 0.97, name
+        assert max(np.mean(low > 1.0), np.mean(high < 1.0)) < 0.06, name
+    found = root_mean_square(squares[0])
+    assert (found.low**2, found.high**2) == pytest.approx((low[0], high[0]))
+    found = root_mean_square(np.append(squares[0], 0.0))  # an error of exactly 0 fits no chi-square
+    assert 0.0 < found.low < found.value < found.high < np.inf
+    assert root_mean_square(np.full(n, 4.0)) == Estimate(2.0, 2.0, 2.0)
 
 
 def test_cep_and_2drms_of_a_circular_gaussian():

@@ -8,13 +8,14 @@ from campaigns import car, slow_ship, small_plan
 from scipy.stats import chi2
 
 from insenv import run
-from insenv.base.remarks import Remark
+from insenv.base.remarks import Doubt
+from insenv.estimators import get
+from insenv.estimators.parts.finding import Finding
 from insenv.scenario import load
-from insenv.studies.campaign import Folder, make_plan, run_campaign, running
+from insenv.studies.campaign import Folder, make_plan, parse_variation, presentation, run_campaign, running
 from insenv.studies.campaign import block as block_module
 from insenv.studies.campaign import plan as plan_module
 from insenv.studies.campaign.block import run_block
-from insenv.studies.campaign.presentation import campaign_arrays, campaign_rows
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
 
@@ -115,43 +116,68 @@ def test_diverged_runs_are_left_out_and_runs_far_from_the_median_listed(monkeypa
     assert found.as_json()["diverged"] == [13, 15]
 
 
-def test_health_of_every_run_and_its_shares():
-    """A run's health is that of `insenv run` with its seed; a gate of half a sigma refuses fixes until it opens."""
-    scenario = load("ship-underway").model_copy(update={"rate_hz": 10.0})
-    found = run_campaign(make_plan(scenario, "loosely-coupled", 3, first_seed=4, duration_s=60.0))
-    alone = run(scenario, "loosely-coupled", seed=5, duration_s=60.0).results[0].health
-    assert found.health[1].fixes == alone.fixes == 59
-    assert found.health[1].nis.mean == pytest.approx(alone.nis.mean, rel=1e-9)
-    shares = found.as_json()["health"]
-    assert shares["runs"] == 3 and shares["consistent"] == 1.0 and shares["overconfident"] == shares["diverged"] == 0.0
-    assert shares["nis"] == pytest.approx(np.mean([one.nis.mean for one in found.health]))
-    assert campaign_arrays(found)["runs/health/nis"].tolist() == [one.nis.mean for one in found.health]
-    wrong = load({**scenario.model_dump(exclude_unset=True), "estimator": {"loosely-coupled": {"innovation_gate": 0.5}}})
-    lost = run_campaign(make_plan(wrong, "loosely-coupled", 1, first_seed=4, duration_s=60.0))
-    assert lost.verdicts()["consistent"] == 0.0 and lost.verdicts()["refused"] > 0.1
-    assert run_campaign(small_plan(2)).verdicts() is None
+def check_runs(found, scenario_of):
+    """What is said of the runs, and their health, are those of `insenv.run`, without what needs outputs between records."""
+    plan = found.plan
+    for number, (seed, said) in enumerate(zip(found.seeds, found.said, strict=True)):
+        (alone,) = run(scenario_of(number), plan.estimator, seed=int(seed), duration_s=plan.duration_s).results
+        assert [one.remark for one in said] == [note for note in alone.notes if note.code != "heading-found"]
+        if alone.health is not None:
+            ours = found.health[number]
+            assert (ours.verdict, ours.fixes) == (alone.health.verdict, alone.health.fixes)
+            assert ours.nis.mean == pytest.approx(alone.health.nis.mean, rel=1e-9)
 
 
 def test_what_runs_say_of_their_end_is_counted(tmp_path):
-    """By the findings of `insenv run`: 6 s at sea show the heading in some runs, not in all."""
+    """By the findings of `insenv.run`: 6 s at sea show the heading in some runs, not in all."""
     scenario = load("ship-at-sea").model_copy(update={"rate_hz": 10.0})
     plan = make_plan(scenario, "velocity-integration", 4, first_seed=3, duration_s=6.0)
     found = run_campaign(plan, store=Folder(tmp_path, plan))
-    for seed, held in zip(found.seeds, found.held, strict=True):
-        result = run(scenario, "velocity-integration", seed=int(seed), duration_s=6.0).results[0]
-        assert list(held) == [note for note in result.notes if "heading" in note and "heading found" not in note]
-    unknown = [int(seed) for seed, held in zip(found.seeds, found.held, strict=True) if held]
+    check_runs(found, lambda number: scenario)
+    unknown = [int(seed) for seed, said in zip(found.seeds, found.said, strict=True) if said]
     assert 0 < len(unknown) < 4
     seeds = ", ".join(map(str, unknown))
     said = f"in {len(unknown)} of 4 runs (seed {seeds}): the heading is unknown at the end: turns"
-    assert said in " ".join(found.notes)
-    sentence = Remark("surprising", "the estimate of dvl_scale is {ratio} times its sigma")  # the largest ratio is told
-    found = replace(found, held=({sentence: 5.25}, {}, {sentence: 70.1}, {}))
-    (note,) = [note for note in found.notes if note.code == "surprising"]
-    assert note == "in 2 of 4 runs (seed 3, 5): the estimate of dvl_scale is up to 70.1 times its sigma"
+    assert said in " ".join(found.notes) and said in " ".join(presentation.campaign_page_notes(found))
+    (share,) = found.as_json()["of_runs"]
+    assert (share["code"], share["share"], share["seeds"]) == ("heading-unknown", len(unknown) / 4, unknown)
+    assert presentation.run_columns(found)["remarks"].tolist() == [
+        "heading-unknown" if seed in unknown else "" for seed in range(3, 7)
+    ]
+
+
+SURE = {"estimator": {"loosely-coupled": {"accel_bias_sigma_ug": 0.01, "vrw_ug_sqrt_hz": 0.1}}}
+
+
+OUTLIERS = ({}, "gnss.outlier_probability=choice(0, 0.9)", "fixes-diverged too-sure", "(seed 6, 9), the largest with seed 9")
+GRADES = (SURE, "imu.grade=choice(navigation, consumer)", "aid-misfit motion-errors-as-noise too-sure", "in 1 of 4")
+
+
+@pytest.mark.parametrize(("estimator", "case"), [("loosely-coupled", GRADES), ("fusion", OUTLIERS)])
+def test_what_runs_say_of_measurements_errors_and_parameters_is_counted(estimator, case):
+    """What holds of the parameters holds of some of the varied values alone."""
+    more, varied, codes, said = case
+    variations, scenario = [parse_variation(varied)], car(duration_s=30.0, **more)
+    plan = make_plan(scenario, estimator, 4, first_seed=6, duration_s=30.0, variations=variations)
+    found = run_campaign(plan)
+    check_runs(found, plan.values_of)
+    assert " ".join(sorted(share["code"] for share in found.as_json()["of_runs"])) == codes and said in " ".join(found.notes)
+    shares = found.as_json()["health"]
+    assert shares["nis"] == pytest.approx(np.mean([one.nis.mean for one in found.health]))
+    assert presentation.campaign_arrays(found)["runs/health/nis"].tolist() == [one.nis.mean for one in found.health]
+    assert shares["diverged"] == np.mean([one.verdict == "diverged" for one in found.health])
+    assert run_campaign(small_plan(2)).verdicts() is None
+
+
+def test_a_run_that_is_doubted_is_not_called_consistent():
+    doubt = Finding("position_sigma", Doubt("doubted", "a sigma is {ratio} nm"), 1e-9)
+    doubting = replace(get("loosely-coupled"), findings=lambda parameters: (doubt,))
+    found = run_campaign(make_plan(car(), doubting, 2, first_seed=6, duration_s=4.0))
+    assert found.verdicts()["contradicted"] == 1.0 and found.verdicts()["consistent"] == 0.0
+    assert any("100 % contradicted" in line for line in presentation.consistency_lines(found))
 
 
 def test_runs_that_are_too_short_are_noted():
     found = run_campaign(make_plan(slow_ship(), "q-method", 2, first_seed=3, duration_s=2.0))
     assert any(note.startswith("too short: 2 s of data, q-method needs 100 s") for note in found.as_json()["notes"])
-    assert all(values[3] is None and values[2] is not None for _, values in campaign_rows(found))
+    assert all(values[3] is None and values[2] is not None for _, values in presentation.campaign_rows(found))
