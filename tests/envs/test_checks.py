@@ -93,7 +93,7 @@ def test_both_interfaces_take_the_same_arguments_with_the_same_defaults(single, 
     ours = {name: (p.default, p.annotation) for name, p in inspect.signature(single.__init__).parameters.items()}
     assert ours == {name: (p.default, p.annotation) for name, p in parameters.items() if name not in own}
     for kind in (single, vector):
-        wrong = f"{kind.__name__}: unknown argument 'samples_per_stepp'; did you mean 'samples_per_step'? (allowed: "
+        wrong = f"{kind.__name__} got an unexpected keyword argument 'samples_per_stepp'; did you mean 'samples_per_step'? (allowed: "
         refuses(lambda kind=kind: kind(samples_per_stepp=3), wrong)
 
 

@@ -2,9 +2,12 @@
 
 import copy
 import pickle
+import subprocess
+import sys
 
 import gymnasium
 import numpy as np
+import peers
 import pytest
 from gymnasium.error import ResetNeeded
 
@@ -54,6 +57,39 @@ def test_import_registers_and_the_specification_knows_the_steps_of_an_episode():
     env = gymnasium.make("insenv:insenv/ShipAlignment-v0", **SHORT)
     assert env.spec.id == SHIP and env.spec.max_episode_steps == 8
     assert gymnasium.make_vec(SHIP, 2, **SHORT).spec.max_episode_steps == 8
+
+
+def test_an_argument_that_a_library_tries_is_a_type_error_in_the_words_of_python():
+    """TorchRL passes frameskip first and reads the message; Gymnasium makes an error of the same type with one argument."""
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'") as raised:
+        gymnasium.make(SHIP, frameskip=1, **SHORT)
+    assert isinstance(raised.value, InputError)
+
+
+TORCHRL = """
+import gymnasium, numpy as np, insenv
+from torchrl.envs.libs.gym import GymEnv, GymWrapper
+SHIP, SHORT = "insenv/ShipAlignment-v0", {"samples_per_step": 7, "duration_s": 0.3}
+batch = GymWrapper(gymnasium.make_vec(SHIP, 3, autoreset_mode="Disabled", **SHORT))
+for env, plain in ((GymEnv(SHIP, **SHORT), gymnasium.make(SHIP, **SHORT)), (batch, gymnasium.make_vec(SHIP, 3, **SHORT))):
+    env.set_seed(4)
+    plain.reset(seed=4)
+    found, expected = env.rollout(12, break_when_any_done=False), plain.reset()[0]
+    for k in range(12):
+        seen = found[..., k]
+        assert np.array_equal(seen["observation"].numpy(), expected), k
+        expected, _, terminated, truncated, _ = plain.step(seen["action"].numpy())
+        if np.any(terminated | truncated):
+            break
+    assert found["next", "done"].any(dim=-2).all()
+"""
+
+
+@pytest.mark.slow
+def test_torchrl_takes_an_environment_and_a_batch():
+    peers.package("torchrl", "pip install -e '.[rl]'")
+    done = subprocess.run([sys.executable, "-c", TORCHRL], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
 
 
 def test_step_before_reset_and_after_the_end():
