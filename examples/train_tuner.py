@@ -93,7 +93,8 @@ def train(steps, **options):
                 print(f"  {self.num_timesteps:6d} steps, reward of an episode {mean:.2f}", flush=True)
 
     torch.set_num_threads(1)
-    venv = VecNormalize(VecMonitor(BatchVecEnv(ID, ROWS, seed=TRAINING, **EPISODE, **options)), gamma=0.9, clip_obs=5.0)
+    rows = BatchVecEnv(ID, ROWS, seed=TRAINING, reward="dense", **EPISODE, **options)
+    venv = VecNormalize(VecMonitor(rows), gamma=0.9, clip_obs=5.0)
     episode = round(EPISODE["duration_s"] * 200.0 / EPISODE["samples_per_step"])
     model = PPO(
         "MlpPolicy", venv, n_steps=episode, batch_size=96, n_epochs=10, gamma=0.9, gae_lambda=0.9, learning_rate=1e-3,

@@ -20,7 +20,7 @@ class InputError(InsenvError, ValueError):
     """The call was wrong: a value, name or file that is not allowed (exit status 2 at the command line)."""
 
 
-class UnknownArgument(InputError, TypeError):
+class UnknownArgumentError(InputError, TypeError):
     """A keyword argument that a constructor does not take, in the words of Python's own error.
 
     Libraries try an argument and read the `TypeError` (TorchRL: ``frameskip``).

@@ -172,7 +172,8 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         observation, info = self.setup.seen(values[: self._observed]), self._info(values)
         if self.history is not None:
             self.history.append((observation, info))
-        return observation, values.item(self._reward), terminated, truncated, info
+        reward = values.item(self._reward) if self.setup.reward is None else self.setup.paid(info)
+        return observation, reward, terminated, truncated, info
 
     def _info(self, values: Array) -> dict[str, Any]:
         return dict(zip(self._names, map(values.__getitem__, self._info_places), strict=True))

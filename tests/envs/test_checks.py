@@ -60,7 +60,8 @@ OWN = [
     (NavigationEnv, {"scenario": "aircraft-free-inertial", "vehicle": "aircraft"}, "needs GNSS fixes: scenario 'aircraft-free"),
     (ManoeuvreEnv, {"start_speed_mps": 3.0}, "start_speed_mps = 3.0: allowed is a pair (low, high) of numbers from 0 to 340"),
     (ManoeuvreEnv, {"goal_deg": 0}, "goal_deg = 0 deg: allowed is a number above 0 up to 180 deg"),
-    (ManoeuvreEnv, {"reward": ["error"]}, "reward = ['error']: allowed is 'error' or 'uncertainty'"),
+    (ManoeuvreEnv, {"reward": ["dense"]}, "reward = ['dense']: allowed is 'final', 'dense', 'uncertainty' or a function"),
+    (TuningEnv, {"reward": "uncertainty"}, "reward = 'uncertainty': allowed is 'final', 'dense' or a function of the info"),
     (ManoeuvreEnv, {"estimator": "wander-sins"}, "loosely-coupled, aqe-ekf, aqe-sukf"),
     (ManoeuvreEnv, {"scenario": "ship-underway"}, "a vehicle that an agent steers (car, aircraft"),
     (TuningEnv, {"estimator": "nothing"}, "no estimator 'nothing'"),
@@ -93,8 +94,8 @@ def test_both_interfaces_take_the_same_arguments_with_the_same_defaults(single, 
     ours = {name: (p.default, p.annotation) for name, p in inspect.signature(single.__init__).parameters.items()}
     assert ours == {name: (p.default, p.annotation) for name, p in parameters.items() if name not in own}
     for kind in (single, vector):
-        wrong = f"{kind.__name__} got an unexpected keyword argument 'samples_per_stepp'; did you mean 'samples_per_step'? (allowed: "
-        refuses(lambda kind=kind: kind(samples_per_stepp=3), wrong)
+        wrong = "got an unexpected keyword argument 'samples_per_stepp'; did you mean 'samples_per_step'? (allowed: "
+        refuses(lambda kind=kind: kind(samples_per_stepp=3), f"{kind.__name__} {wrong}")
 
 
 @pytest.mark.filterwarnings("error")

@@ -40,7 +40,7 @@ def driven(env, pattern, seconds, seed):
 
 
 def test_a_turntable_and_another_reward_conform():
-    testing.check_id(ID, **SHORT, scenario=PARKED, reward="error", estimator="loosely-coupled")
+    testing.check_id(ID, **SHORT, scenario=PARKED, reward="dense", estimator="loosely-coupled")
 
 
 def test_manoeuvres_beat_driving_straight(car):
@@ -68,7 +68,7 @@ def test_the_reward_is_the_fall_of_the_stated_sigma(car):
 
 
 def test_the_reward_by_error_is_the_fall_of_the_true_error():
-    env = ManoeuvreEnv(reward="error", goal_deg=2.0, time_weight=0.5, duration_s=20.0, **SCENARIO)
+    env = ManoeuvreEnv(reward="dense", goal_deg=2.0, time_weight=0.5, duration_s=20.0, **SCENARIO)
     _, before = env.reset(seed=4)
     for _ in range(4):
         _, reward, terminated, _, info = env.step(np.array([1.0, 0.0]))
