@@ -86,16 +86,22 @@ class BatchVecEnv(VecEnv):
         )
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Raise `InputError`: the rows share one batch."""
-        raise InputError(f"set_attr({attr_name!r}): the rows of a batch have no attributes of their own")
+        """Change an argument that says what varies between episodes, for all rows (`set_ranges` of the environment)."""
+        self._check_all(f"set_attr({attr_name!r})", indices)
+        self.venv.unwrapped.set_ranges(**{attr_name: value})
 
     def env_method(self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any) -> list[Any]:
-        """Raise `InputError`: the rows share one batch."""
-        raise InputError(f"env_method({method_name!r}): the rows of a batch have no methods of their own")
+        """Call a method of the batch, such as `set_ranges`, once for all rows; return its result for each row."""
+        self._check_all(f"env_method({method_name!r})", indices)
+        return [getattr(self.venv.unwrapped, method_name)(*method_args, **method_kwargs)] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Indices = None) -> list[bool]:
         """Return False for each row."""
         return [False] * len(self._rows(indices))
+
+    def _check_all(self, what: str, indices: Indices) -> None:
+        if sorted(self._rows(indices)) != list(range(self.num_envs)):
+            raise InputError(f"{what} of rows {self._rows(indices)}: the rows share one batch; allowed is all of them")
 
     def _rows(self, indices: Indices) -> Sequence[int]:
         return list(self._get_indices(indices))

@@ -39,6 +39,7 @@ COMMON = [
     ({"samples_per_step": True}, "samples_per_step = True: allowed is a whole number from 1"),
     ({"imu": "gold"}, "gold"),
     ({"imu": "navigation", "imu_range": ("marine", "tactical")}, "('marine', 'tactical') with imu = 'navigation': "),
+    ({"imu_sheet": "middle"}, "imu_sheet = 'middle' with imu = None: a unit is drawn only with imu=\"random\"; allowed is 'drawn'"),
     ({"imu": "random", "imu_range": ("tactical", "marine")}, "imu_range = ('tactical', 'marine'): allowed is two grades"),
     ({"heading_deg": (10.0, 5.0)}, "heading_deg = (10.0, 5.0)"),
     ({"initial_error": (0.0, 5.0)}, "initial_error = (0.0, 5.0)"),
@@ -106,11 +107,15 @@ def test_what_methods_refuse():
         "options: unknown option 'heading'; did you mean 'heading_deg'? (allowed: imu": {"heading": 3.0},
         "gold": {"imu": "gold"},
         "sea_state = (11, 11)": {"sea_state": 11},
+        "heading_deg = [10, 20]: allowed is a number for all episodes of this reset, or a tuple": {"heading_deg": [10, 20]},
         "run_seed = -1": {"run_seed": -1},
     }
     for env in envs:
         for message, given in options.items():
             refuses(lambda env=env, given=given: env.reset(options=given), message)
+        refuses(lambda env=env: env.set_ranges(dtype="float32"), "set_ranges: 'dtype' is no argument that varies")
+        refuses(lambda env=env: env.set_ranges(imu="gold"), "gold")
+        assert env.imu is None
         refuses(lambda env=env: env.restore("x"), "snapshot = 'x': allowed is a Snapshot")
         env.reset(seed=1)
         action = np.zeros(env.action_space.shape).astype(complex)

@@ -35,8 +35,10 @@ def test_an_end_by_time_of_an_alignment_is_terminal():
                 assert [info["TimeLimit.truncated"] for info in infos] == [truncated] * 3
                 assert np.array_equal(infos[2]["terminal_observation"], expected[4]["final_obs"][2])
         assert venv.env_is_wrapped(gymnasium.Wrapper) == [False] * 3
-        with pytest.raises(InputError, match="the rows of a batch have no attributes of their own"):
-            venv.set_attr("x", 1)
+        with pytest.raises(InputError, match=r"set_attr\('sea_state'\) of rows \[1\]: the rows share one batch"):
+            venv.set_attr("sea_state", (1.0, 2.0), indices=1)
+        venv.set_attr("initial_error", (2.0, 5.0))  # a curriculum
+        assert venv.env_method("named", venv.reset())[2]["known_heading_sigma"].ravel() == pytest.approx(np.radians([5.0] * 3))
 
 
 def trained(example, figure, folder, *arguments):
