@@ -135,8 +135,9 @@ class AlignmentEnv(Alignment, InertialEnv):
     ## Arguments
     - `scenario`: name, path, mapping or `insenv.scenario.Scenario`. `vehicle`: required kind of vehicle; empty: any.
     - `duration_s`: length of an episode, s; None: that of the scenario. `samples_per_step`: inertial samples per step.
-    - `imu`: a grade of `insenv list`, or "random" for a draw between two grades at each reset: `imu_range`, the better
-      one first; None: marine to tactical.
+    - `imu`: a grade of `insenv list`, or "random" for a draw at each reset of one of 64 units between two grades, whose
+      figures are independent: `imu_range`, the better grade first; None: marine to tactical. `imu_sheet`: what the agent is
+      told of a random unit: "drawn", its own data sheet, or "middle", that of the unit halfway between the grades.
     - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway,
       engine and gusts. `initial_error`: standard deviations (tilt, heading) of the reported attitude, deg.
       `sway_phases`: whether the phases of sway, waves and engine are drawn. `mounting_deg`: roll and pitch of the mounted
@@ -148,8 +149,9 @@ class AlignmentEnv(Alignment, InertialEnv):
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
     `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, sway_phases, mounting_deg and gnss_outages_s for
-    one episode, and `run_seed`: the seed of the `insenv run` that produces the same samples; nothing is drawn then that
-    the other options do not name.
+    the episodes that it starts, and `run_seed`: the seed of the `insenv run` that produces the same samples; nothing is drawn
+    then that the other options do not name. `env.unwrapped.set_ranges(...)` changes these arguments for all episodes that
+    follow.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is bit-identical to the single environment reset

@@ -101,7 +101,7 @@ class Interface:
         vars(self).update(ranges)
         try:
             self.setup = replace(self.setup, starts=self.set_up().starts)
-        except InputError:
+        except Exception:
             vars(self).update(before)
             raise
         positional, keywords = self._made_with

@@ -178,7 +178,7 @@ class Starts:
             self._pool = units_between(*self._grades, self._plant.parameters)
         else:
             self._pool = self._base(ranges.imu)[None]
-        self._limits: dict[int, Array] = {}  # of the units of the pool that have been drawn
+        self._limits: Array | None = None  # of the units of the pool, NaN where none has been drawn yet
         self._sheets: Mapping[str, Array] | None = None
 
     def _base(self, grade: str | None) -> Array:
@@ -262,15 +262,18 @@ class Starts:
             scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=sigmas)})
         if self._sheets is None:
             told = self._pool
-            if self.ranges.imu_sheet == "middle":
+            if self.ranges.imu == "random" and self.ranges.imu_sheet == "middle":
                 told = np.tile(middle_unit(*self._grades, self._plant.parameters), (len(told), 1))
             self._sheets = data_sheets(self._plant.parameters.unpack(told, IMU_PARAMETERS.names), scenario.vehicle.in_place)
-        sheets = {name: values[units] for name, values in self._sheets.items()}
+        sheets = self._sheets if len(self._pool) == 1 else {name: values[units] for name, values in self._sheets.items()}
         p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, sheets)
         if "limit" in model.parameters:
-            for unit in set(units.tolist()) - set(self._limits):
+            place = model.parameters.slice("limit")
+            if self._limits is None:
+                self._limits = np.full((len(self._pool), place.stop - place.start), np.nan)
+            for unit in set(units[np.isnan(self._limits[units, 0])].tolist()):
                 self._limits[unit] = episode_limit(self.task, self._plant, scenario, self._pool[unit], self.duration)
-            p[:, model.parameters.slice("limit")] = [self._limits[unit] for unit in units.tolist()]
+            p[:, place] = self._limits[units]
         return p
 
 

@@ -39,7 +39,7 @@ COMMON = [
     ({"samples_per_step": True}, "samples_per_step = True: allowed is a whole number from 1"),
     ({"imu": "gold"}, "gold"),
     ({"imu": "navigation", "imu_range": ("marine", "tactical")}, "('marine', 'tactical') with imu = 'navigation': "),
-    ({"imu_sheet": "middle"}, "imu_sheet = 'middle' with imu = None: a unit is drawn only with imu=\"random\"; allowed is 'drawn'"),
+    ({"imu_sheet": "middle"}, "imu_sheet = 'middle' with imu = None: a unit is drawn only with imu="),
     ({"imu": "random", "imu_range": ("tactical", "marine")}, "imu_range = ('tactical', 'marine'): allowed is two grades"),
     ({"heading_deg": (10.0, 5.0)}, "heading_deg = (10.0, 5.0)"),
     ({"initial_error": (0.0, 5.0)}, "initial_error = (0.0, 5.0)"),

@@ -79,6 +79,9 @@ def test_the_data_sheet_of_a_random_unit_is_told_or_hidden(sheet):
     """Hidden, the filter of every episode has the sheet between the grades, whatever its unit is."""
     starts, p, x = _made(IDS[1], imu_sheet=sheet)
     told = starts.complete(p.copy(), x)[:, starts.task.model.parameters.slice("known_gyro_bias_sigma")]
+    graded = starts.with_options({"imu": "tactical"}), _made(IDS[1], imu="tactical")[0]  # a sheet that is always told
+    one, other = (each.complete(each.draw([np.random.default_rng(1)]), x[:1]) for each in graded)
+    assert np.array_equal(one, other)
     units = len(np.unique(p[:, starts.task.model.parameters.slice("gyro_bias_sigma")][:, 0]))
     assert units > 6 and len(np.unique(told)) == (1 if sheet == "middle" else units)
 
