@@ -3,6 +3,7 @@
 import inspect
 import re
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -97,6 +98,8 @@ def test_both_interfaces_take_the_same_arguments_with_the_same_defaults(single, 
     for kind in (single, vector):
         wrong = "got an unexpected keyword argument 'samples_per_stepp'; did you mean 'samples_per_step'? (allowed: "
         refuses(lambda kind=kind: kind(samples_per_stepp=3), f"{kind.__name__} {wrong}")
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'"):  # TorchRL tries it, and reads this
+        gymnasium.make("insenv/ShipAlignment-v0", frameskip=1)
 
 
 @pytest.mark.filterwarnings("error")

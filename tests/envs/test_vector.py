@@ -1,7 +1,5 @@
 """The vector interface: rows that end and start again, seeds of rows, starts that are drawn."""
 
-import copy
-
 import gymnasium
 import numpy as np
 import pytest
@@ -40,27 +38,19 @@ def test_rows_that_restart_in_the_same_step_are_those_of_sync_vector_env(id):
 
 
 def test_ranges_that_are_set_hold_for_all_episodes_that_follow():
-    """Over autoresets, in copies, and as in a single environment; the options of a reset hold for its own episodes."""
-    venv, env = gymnasium.make_vec(SHIP, 3, **SHORT), gymnasium.make(SHIP, **SHORT).unwrapped
-    venv.reset(seed=5, options={"initial_error": (1.0, 2.0)})
-    venv.set_ranges(initial_error=(3.0, 4.0), imu="random", imu_sheet="middle")
-    env.reset(seed=5)
-    env.set_ranges(initial_error=(3.0, 4.0), imu="random", imu_sheet="middle")
-    sigmas = []
-    for other in (venv, copy.deepcopy(venv)):
-        for _ in range(10):
-            observation, *_ = other.step(np.tile(LEVEL, (3, 1)))
-            sigmas.append(np.degrees(venv.named(observation)["known_heading_sigma"]).ravel())
-        assert np.array_equal(observation[0], _after(env, 10)), "row 0 is the single environment"
-    assert np.array(sigmas[:8]) == pytest.approx(2.0) and np.array([*sigmas[8:10], *sigmas[18:]]) == pytest.approx(4.0)
+    """Over autoresets, in all interfaces, and in copies."""
 
+    def changed(env):
+        env.unwrapped.set_ranges(initial_error=(3.0, 4.0), imu="random", imu_sheet="middle")
+        return env
 
-def _after(env, steps):
-    """The observation after steps of the first episode and the ones that follow it, as in a batch."""
-    env = copy.deepcopy(env)
-    for step in range(steps):
-        observation, *_ = env.reset() if step == 8 else env.step(LEVEL)
-    return observation
+    testing.check_rows(
+        lambda: changed(gymnasium.make(SHIP, **SHORT)), lambda n, **more: changed(gymnasium.make_vec(SHIP, n, **SHORT, **more))
+    )
+    testing.check_pickling(lambda: changed(gymnasium.make(SHIP, **SHORT)))
+    env = changed(gymnasium.make(SHIP, **SHORT)).unwrapped
+    for _ in range(2):
+        assert env.named(env.reset()[0])["known_heading_sigma"] == pytest.approx(np.radians(4.0))
 
 
 def test_max_episode_steps_acts_like_the_wrapper():
