@@ -17,7 +17,7 @@ from insenv.core.runner import make_runner
 from insenv.core.tables import Table
 from insenv.envs.checks import check_choice, check_keywords, check_type
 from insenv.envs.rendering import draw, write
-from insenv.envs.setup import Setup, checked_action
+from insenv.envs.setup import RewardOf, Setup, checked_action
 from insenv.envs.starts import RANGES
 
 Array = NDArray[np.float64]
@@ -49,6 +49,7 @@ class Interface:
     """
 
     setup: Setup
+    reward: str | RewardOf
     _made_with: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls: type[Made], *args: Any, **kwargs: Any) -> Made:
