@@ -18,20 +18,36 @@ from insenv.envs import agents
 ID = "insenv/ShipAlignment-v0"
 EPISODE = {"samples_per_step": 1000, "initial_error": (20.0, 180.0)}  # 60 steps of 5 s
 COMPACT = {"observation": "compact", "action": "correction", "dtype": "float32"}
-HELD_OUT, SEEDS, ROWS = 1_000_000, 64, 48
+HELD_OUT, CHOICE, SEEDS, ROWS = 1_000_000, 500_000, 64, 48
 
 
-def scores(policy, **options):
-    """Return the scores of the held-out seeds, -(m of the last estimate + share of the time used)."""
+def scores(policy, seed=HELD_OUT, **options):
+    """Return the scores of the seeds from `seed` on, -(m of the last estimate + share of the time used)."""
     venv = gymnasium.make_vec(ID, SEEDS, **EPISODE, **options)
-    observation, info = venv.reset(seed=HELD_OUT)
-    told, total, over = info["measure"], np.zeros(SEEDS), np.zeros(SEEDS, dtype=bool)
+    observation, _ = venv.reset(seed=seed)
+    total, over = np.zeros(SEEDS), np.zeros(SEEDS, dtype=bool)
     act = policy(venv)
     while not over.all():
-        observation, reward, terminated, truncated, info = venv.step(act(observation))
+        observation, reward, terminated, truncated, _ = venv.step(act(observation))
         total += np.where(over, 0.0, reward)
         over |= terminated | truncated
-    return total - told
+    return total
+
+
+def by_hand(venv):
+    """Turn by what gravity shows, and declare at 150 s: the gain of 1.1 and the time are the best on other seeds."""
+
+    def act(observation):
+        seen = venv.unwrapped.named(observation)
+        (north, east), slope = seen["vertical_level"].T, seen["slope_level"][:, 0]
+        return np.stack([-east, north, 1.1 * slope, 2.0 * (seen["time_share"] >= 0.5) - 1.0], axis=1).clip(-1.0, 1.0)
+
+    return act
+
+
+def q_method(declare_after_s=None):
+    """Return the policy of the q-method that declares after a time, or at the end."""
+    return lambda venv: agents.make("q-method", venv, declare_after_s=declare_after_s).act
 
 
 def train(minutes, seed):
@@ -44,7 +60,8 @@ def train(minutes, seed):
     from insenv.envs.sb3 import BatchVecEnv
 
     torch.set_num_threads(1)
-    batch = VecNormalize(BatchVecEnv(ID, ROWS, seed=0, **EPISODE, **COMPACT), gamma=0.95)
+    # dense rewards for training alone: the policy does not see them, and is scored by its returns without them
+    batch = VecNormalize(BatchVecEnv(ID, ROWS, seed=0, reward="dense", **EPISODE, **COMPACT), gamma=0.95)
     model = PPO(
         "MlpPolicy", batch, n_steps=60, batch_size=480, n_epochs=8, gamma=0.95, gae_lambda=0.95, learning_rate=1e-3,
         policy_kwargs={"net_arch": [64, 64], "log_std_init": -0.7}, seed=seed, device="cpu",
@@ -81,13 +98,16 @@ def main():
     from insenv.envs import sb3  # noqa: F401
 
     policy, curve = train(arguments.minutes, arguments.seed)
+    best = max(range(75, 166, 15), key=lambda time: scores(q_method(time), CHOICE).mean())
     found = {
         "analytic": scores(lambda venv: agents.make("analytic", venv).act),
         "PPO": scores(policy, **COMPACT),
-        "q-method": scores(lambda venv: agents.make("q-method", venv).act),
+        "by hand": scores(by_hand, **COMPACT),
+        "q-method": scores(q_method()),
+        f"q-method, {best} s": scores(q_method(best)),
     }
     for name, values in found.items():
-        print(f"{name:10} {values.mean():7.2f} +- {values.std() / np.sqrt(SEEDS):.2f}")
+        print(f"{name:15} {values.mean():7.2f} +- {values.std() / np.sqrt(SEEDS):.2f}")
     if arguments.out is not None:
         from insenv.base import style
 

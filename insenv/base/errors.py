@@ -20,6 +20,13 @@ class InputError(InsenvError, ValueError):
     """The call was wrong: a value, name or file that is not allowed (exit status 2 at the command line)."""
 
 
+class UnknownArgumentError(InputError, TypeError):
+    """A keyword argument that a constructor does not take, in the words of Python's own error.
+
+    Libraries try an argument and read the `TypeError` (TorchRL: ``frameskip``).
+    """
+
+
 MAX_NAMES, NEAREST_NAMES = 12, 6
 """Allowed names that a message lists; of more, the nearest ones."""
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.base.errors import InputError, nearest
+from insenv.base.errors import InputError, UnknownArgumentError, nearest
 
 Array = NDArray[np.float64]
 
@@ -79,11 +79,11 @@ def check_type(name: str, value: Any, types: type | tuple[type, ...], allowed: s
 
 
 def check_keywords(owner: str, call: Callable[..., Any], names: Iterable[str]) -> None:
-    """Raise `InputError` for the first keyword that `call` does not take; the message has the nearest that it takes."""
+    """Raise `UnknownArgumentError` for the first keyword that `call` does not take; the message has the nearest one."""
     parameters = inspect.signature(call).parameters
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
     allowed = [name for name in parameters if name != "self"]
     for name in names:
         if name not in allowed:
-            raise InputError(f"{owner}: unknown argument {name!r}{nearest(name, allowed)}")
+            raise UnknownArgumentError(f"{owner} got an unexpected keyword argument {name!r}{nearest(name, allowed)}")

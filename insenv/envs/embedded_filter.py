@@ -22,7 +22,7 @@ from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.envs.knowledge import KNOWN
-from insenv.envs.task import DECISION_LIMIT
+from insenv.envs.task import DECISION_LIMIT, DENSE
 from insenv.estimators import Estimator
 from insenv.evaluation.errors import nees
 from insenv.scenario.loop import PREFIX, loop_model
@@ -34,7 +34,7 @@ LOG_FLOOR = 1e-15
 SCALED = PREFIX + SCALE
 """State row of the factors on the filter's noises."""
 ERROR = Row("error", "Error of the filter in n: rotation vector (rad), velocity (m/s), position (m)", "1", (9,), "n")
-COMMON = KNOWN + Table((DECISION_LIMIT,))
+COMMON = KNOWN + Table((DECISION_LIMIT, DENSE))
 """Parameters of every task with a filter inside."""
 
 

@@ -110,14 +110,20 @@ class AlignmentEnv(Alignment, InertialEnv):
     ## Rewards
     Let e be the error (the rotation vector from truth to estimate, in n), s the limit (`info["limit"]`: the smallest
     standard deviation that any method can have at the end of the time, docs/limits.md), m = `ln(1 + sqrt(mean((e /
-    s)^2)))`, at most 20 (`info["measure"]`), T the number of steps and w = `time_weight`. Every step gives
+    s)^2)))`, at most 20 (`info["measure"]`), T the number of steps and w = `time_weight`. The score of an episode is
 
-        (m of the estimate before) - (m of this estimate) - w / T
+        -(m of the last estimate) - w * (share of the time used)
 
-    The first estimate before is the reported attitude. The rewards of an episode therefore add up to `m of the reported
-    attitude - m of the last estimate - w * (share of the time used)`, whenever it ends. Declaring the reported attitude
-    at the first step returns `-w / T`. An invalid estimate (a zero quaternion, or a number that is not finite) ends the
-    episode as if m were 20 and all the time were used.
+    - `reward="final"`, the default: the return is the score. A step pays `-w / T`, and the last one `-(m of the last
+      estimate)` too, so that no reward says anything about the error before the end.
+    - `reward="dense"`, for training: a step pays `(m of the estimate before) - (m of this estimate) - w / T`, where the
+      first estimate before is the reported attitude. The return is the score plus m of the reported attitude. These rewards
+      reveal the error: a policy that sees them can align without looking at a sample.
+    - A function `(info) -> float`: a step pays what it returns, and reveals what it uses.
+
+    An invalid estimate (a zero quaternion, or a number that is not finite) ends the episode as if m were 20 and all the
+    time were used. An episode that a wrapper cuts before its end, such as TimeLimit, lacks the last payment: `duration_s`
+    shortens an episode.
 
     ## Starting State
     That of the scenario, with a seed from the environment's generator. By default heading, phases of the sway, mounting
@@ -129,20 +135,23 @@ class AlignmentEnv(Alignment, InertialEnv):
     ## Arguments
     - `scenario`: name, path, mapping or `insenv.scenario.Scenario`. `vehicle`: required kind of vehicle; empty: any.
     - `duration_s`: length of an episode, s; None: that of the scenario. `samples_per_step`: inertial samples per step.
-    - `imu`: a grade of `insenv list`, or "random" for a draw between two grades at each reset: `imu_range`, the better
-      one first; None: marine to tactical.
+    - `imu`: a grade of `insenv list`, or "random" for a draw at each reset of one of 64 units between two grades, whose
+      figures are independent: `imu_range`, the better grade first; None: marine to tactical. `imu_sheet`: what the agent is
+      told of a random unit: "drawn", its own data sheet, or "middle", that of the unit halfway between the grades.
     - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway,
       engine and gusts. `initial_error`: standard deviations (tilt, heading) of the reported attitude, deg.
       `sway_phases`: whether the phases of sway, waves and engine are drawn. `mounting_deg`: roll and pitch of the mounted
       unit are drawn within plus and minus this angle, deg. None (False for the phases) keeps the scenario's value.
-    - `gnss_outages_s`: pairs (begin, end) of outages, s, instead of those of the scenario. `time_weight`: see Rewards.
+    - `gnss_outages_s`: pairs (begin, end) of outages, s, instead of those of the scenario. `reward`, `time_weight`: see
+      Rewards.
     - `observation`: "samples" or "compact". `action`: "attitude" or "correction".
     - `dtype`: "float64" or "float32", of observations and actions; the model computes with float64.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
     `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, sway_phases, mounting_deg and gnss_outages_s for
-    one episode, and `run_seed`: the seed of the `insenv run` that produces the same samples; nothing is drawn then that
-    the other options do not name.
+    the episodes that it starts, and `run_seed`: the seed of the `insenv run` that produces the same samples; nothing is drawn
+    then that the other options do not name. `env.unwrapped.set_ranges(...)` changes these arguments for all episodes that
+    follow.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is bit-identical to the single environment reset
@@ -176,10 +185,11 @@ class NavigationEnv(Navigation, InertialEnv):
     ## Rewards
     Let e be the error with its nine components, s the limit (`info["limit"]`: the smallest standard deviation that any
     method can have, docs/limits.md, as root mean square over the episode, up to 600 s), m = `ln(1 + sqrt(mean((e /
-    s)^2)))`, at most 20, and T the number of steps. Every step gives
-    `-m / T`. An invalid estimate (a zero quaternion, or a
-    number that is not finite) ends the episode with `-20 * (share of the time left)`. Velocity and position are clipped to
-    the space.
+    s)^2)))`, at most 20, and T the number of steps. The return of an episode is minus the mean of m over its steps. With
+    `reward="final"`, the default, the last step pays all of it; with `reward="dense"` every step pays `-m / T`, which reveals
+    the error of its estimate; a function of the info as for `AlignmentEnv`. An invalid estimate (a zero quaternion, or a
+    number that is not finite) ends the episode and costs `20 * (share of the time left)`. Velocity and position are clipped
+    to the space.
 
     ## Starting State
     That of the scenario, with a seed from the environment's generator; the arguments add further random draws.

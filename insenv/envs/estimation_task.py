@@ -7,9 +7,11 @@ run`.
 Error measure, with each of the k error components e (a rotation vector in n; for navigation also velocity and position)
 in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORST_MEASURE`.
 
-The score of an alignment is -(m of its last estimate + time_weight * share of the time used).  It is paid as the decrease of m
-in each step minus the cost of the step's time, so that the rewards of an episode add up to the score plus m of the reported
-attitude, whenever the episode ends.
+The score of an alignment is -(m of its last estimate + time_weight * share of the time used), that of a navigation minus the
+mean of m over the time.  By default an episode returns its score: a step pays no more than the cost of its time, and the last
+one the rest.  With the parameter `dense` each step of an alignment pays the decrease of m, and the return is the score plus m
+of the reported attitude; each step of a navigation pays its share of the score.  Dense rewards show the error to a policy that
+sees them.
 """
 
 from __future__ import annotations
@@ -32,7 +34,19 @@ from insenv.envs import gravity
 from insenv.envs.checks import as_numbers, refused
 from insenv.envs.gravity import CORRECTION
 from insenv.envs.knowledge import KNOWN
-from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TRUTH, Task, finite_action, from_reference, truth
+from insenv.envs.task import (
+    CLOCK,
+    DECISION_LIMIT,
+    DECISIONS,
+    DENSE,
+    NEVER,
+    RESULT,
+    TRUTH,
+    Task,
+    finite_action,
+    from_reference,
+    truth,
+)
 
 Array = NDArray[np.float64]
 
@@ -75,6 +89,7 @@ FLAGS = Table((
     Row("declared", "1 if the agent has declared itself aligned", lower=0.0, upper=1.0),
     Row("diverged", "1 if the estimate was invalid", lower=0.0, upper=1.0),
 ))  # fmt: skip
+OWED = Row("owed", "What the score has lost so far and the end takes off")
 MEASURE = Row("measure", "Measure of the latest estimate's error; before the first, of the reported attitude's")
 
 
@@ -158,15 +173,17 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
     last = decisions >= p.decision_limit
     share = 1.0 / p.decision_limit
     left = 1.0 - x.decisions * share  # share of the time left, this decision included
-    if navigates:
-        declared = ca.SX(0)
-        reward = -select(invalid, left * WORST_MEASURE, share * measure)
-    else:
-        declared = ca.logic_and(action.declare > threshold, ca.logic_not(invalid))
-        measure = select(invalid, WORST_MEASURE, measure)
-        reward = _measure_before(p, x) - measure - p.time_weight * select(invalid, left, share)
-        changed["measure"] = measure
+    declared = ca.SX(0) if navigates else ca.logic_and(action.declare > threshold, ca.logic_not(invalid))
     terminated = ca.logic_or(declared, invalid)
+    over = ca.logic_or(terminated, last)
+    if navigates:
+        lost = select(invalid, left * WORST_MEASURE, share * measure)
+        changed["owed"] = x.owed + lost
+        reward = -select(p.dense, lost, select(over, changed["owed"], 0.0))
+    else:
+        changed["measure"] = measure = select(invalid, WORST_MEASURE, measure)
+        gained = select(p.dense, _measure_before(p, x) - measure, select(over, -measure, 0.0))
+        reward = gained - p.time_weight * select(invalid, left, share)
     return {
         "reward": reward,
         "terminated": terminated,
@@ -212,8 +229,8 @@ def estimation_task(
     what = "navigation" if navigates else "alignment"
     weight = Row("time_weight", "Reward lost by using all the time before declaring", start=1.0, lower=0.0, upper=1e6)
     referee = Part(
-        parameters=KNOWN + Table((limit, DECISION_LIMIT, weight)),
-        state=RESULT + FLAGS + Table((DECISIONS, error, NEVER, *(() if navigates else (MEASURE,)))),
+        parameters=KNOWN + Table((limit, DECISION_LIMIT, DENSE, weight)),
+        state=RESULT + FLAGS + Table((DECISIONS, error, NEVER, OWED if navigates else MEASURE)),
         inputs=actions,
         steps={"judge": Step(lambda p, x, u: _judge(actions, p, x, u), when="never")},
     )

@@ -21,7 +21,7 @@ from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, select, wrap_angle
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.envs.checks import check_choice, check_number, check_type
+from insenv.envs.checks import check_number, check_type
 from insenv.envs.embedded_filter import (
     COMMON,
     ERROR,
@@ -62,6 +62,7 @@ _STATE = Table((
     DECISIONS,
     INVALID,
     Row("level_before", "Natural logarithm of the heading uncertainty at the last action"),
+    Row("level_start", "The same at the first action"),
 ))  # fmt: skip
 _ESTIMATES = Table((
     Row("roll_pitch", "Estimated roll and pitch", "rad", (2,), "n", lower=-4.0, upper=4.0),
@@ -98,31 +99,32 @@ def _by_error(inner: Inner, p: Any, x: Any) -> Any:
     return 0.5 * _log(error * error + p.goal * p.goal)
 
 
-REWARDS: dict[str, Callable[[Inner, Any, Any], Any]] = {"error": _by_error, "uncertainty": _by_uncertainty}
-"""Logarithm whose fall is the reward, by the name of the reward."""
+LEVELS: dict[str, Callable[[Inner, Any, Any], Any]] = {"error": _by_error, "uncertainty": _by_uncertainty}
+"""Logarithm whose fall is the reward."""
 
 
 @lru_cache(maxsize=16)
-def manoeuvre_task(plant: Model, actions: Actions, estimator: str, reward: str) -> Task:
+def manoeuvre_task(plant: Model, actions: Actions, estimator: str, level_of: str) -> Task:
     """Return the task of making the heading observable by moving.
 
-    actions: how the agent steers the vehicle.  estimator: id of the inner filter.  reward: a key of `REWARDS`.
+    actions: how the agent steers the vehicle.  estimator: id of the inner filter.  level_of: a key of `LEVELS`.
 
     Raises `InputError` for a filter that cannot run inside.
     """
-    inner, level = inner_loop(plant, estimator), REWARDS[reward]
+    inner, level = inner_loop(plant, estimator), LEVELS[level_of]
     command = Row("command", "The action in force", "1", (actions.rows.size,), lower=-1.0, upper=1.0)
     observation = Table((CLOCK,)) + _ESTIMATES + STATISTICS + Table((command,))
 
     def act(p: Any, x: Any, u: Any) -> dict[str, Any]:
         finite, values = finite_action(ca.vertcat(*(getattr(u, row.name) for row in actions.rows)))
-        action = clamp(values, -1.0, 1.0)
+        action, now = clamp(values, -1.0, 1.0), level(inner, p, x)
         return {
             **_taken(plant, p, x, u, actions.commands(x, actions.rows.symbols(action))),
             "invalid": ca.logic_not(finite),
             "command": action,
             "decisions": x.decisions + 1.0,
-            "level_before": level(inner, p, x),
+            "level_before": now,
+            "level_start": select(x.decisions > 0.0, x.level_start, now),
             **empty_window(),
         }
 
@@ -178,12 +180,14 @@ def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: An
     reached = ca.logic_and(sound, sigma < p.goal)
     each = 1.0 / p.decision_limit
     left = 1.0 - (x.decisions - 1.0) * each  # share of the time left, this decision included
-    fall = x.level_before - level(inner, p, x)
-    over = ca.logic_or(reached, ca.logic_not(sound))
+    over, last, now = ca.logic_or(reached, ca.logic_not(sound)), x.decisions >= p.decision_limit, level(inner, p, x)
+    whole = select(ca.logic_or(over, last), x.level_start - now, 0.0)
+    fall = select(p.dense, x.level_before - now, whole)
+    so_far = select(p.dense, 0.0, x.level_start - x.level_before)
     return {
-        "reward": select(sound, fall - each * p.time_weight, -(DIVERGENCE_COST + left * p.time_weight)),
+        "reward": select(sound, fall - each * p.time_weight, so_far - (DIVERGENCE_COST + left * p.time_weight)),
         "terminated": over,
-        "truncated": ca.logic_and(x.decisions >= p.decision_limit, ca.logic_not(over)),
+        "truncated": ca.logic_and(last, ca.logic_not(over)),
         **truth(p, x),
         "error": select(sound, error, 0.0),
         "heading_error": select(sound, _heading_error(inner, p, x), 0.0),
@@ -209,13 +213,13 @@ class Manoeuvre(Arguments):
 
     needs_gnss: ClassVar[bool] = True
     units: ClassVar[tuple[str, str]] = UNITS
+    rewards: ClassVar[tuple[str, ...]] = (*Arguments.rewards, "uncertainty")
     scenario: ScenarioLike = field(default="car-unknown-heading", kw_only=False)
     samples_per_step: int = 400
     imu: str | None = "random"
     heading_deg: Range | None = (0.0, 360.0)
     start_speed_mps: Range | None = None
     estimator: str = "aqe-ekf"
-    reward: str = "error"
     goal_deg: float = 0.1
     time_weight: float = 1.0
 
@@ -233,8 +237,8 @@ class Manoeuvre(Arguments):
 
     def _task(self, scenario: Scenario) -> Task:
         check_type("estimator", self.estimator, str, "the id of an estimator")
-        check_choice("reward", self.reward, tuple(REWARDS))
-        return manoeuvre_task(*_commanded(scenario), self.estimator, self.reward)
+        level_of = "uncertainty" if self.reward == "uncertainty" else "error"
+        return manoeuvre_task(*_commanded(scenario), self.estimator, level_of)
 
     def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:
         return InnerStarts(scenario, *rest, estimator=self.estimator)
@@ -311,11 +315,13 @@ class ManoeuvreEnv(Manoeuvre, InertialEnv):
     | 58 .. 57+A | the action in force | -1 | 1 | 1 |
 
     ## Rewards
-    Let k be `ln sqrt(error^2 + goal^2)` with the true error of the heading (`reward="error"`), or the logarithm of its
-    stated standard deviation (`reward="uncertainty"`, which also pays for overconfidence), and T the number of steps.
-    Every step gives `(k before - k after) - time_weight / T`. The sum over an episode is the total fall of k, minus
-    `time_weight` times the share of the time used. Divergence ends the episode with
-    `-10 - time_weight * (share of the time left)`.
+    Let k be `ln sqrt(error^2 + goal^2)` with the true error of the heading, and T the number of steps. The return of an
+    episode is the total fall of k, minus `time_weight` times the share of the time used. With `reward="final"`, the default,
+    a step pays `-time_weight / T`, and the last one the fall of k too; with `reward="dense"` every step pays
+    `(k before - k after) - time_weight / T`, which reveals the true error. With `reward="uncertainty"` k is the logarithm of
+    the stated standard deviation, which the observation contains: it reveals nothing, has less noise, and also pays for
+    overconfidence. A function of the info as for `AlignmentEnv`. Divergence ends the episode and costs
+    `10 + time_weight * (share of the time left)`.
 
     ## Starting State
     That of the scenario, with a seed from the environment's generator; inertial unit, heading and start speed are drawn,
@@ -332,7 +338,7 @@ class ManoeuvreEnv(Manoeuvre, InertialEnv):
       of `insenv.run`; for a turntable, `rotation_error = 0` in the scenario's [estimator.ID] fits better than the default.
     - `start_speed_mps`: range of the start speed, m/s. None: from 2 to 12 m/s for a car and from 70 to 110 m/s for an
       aircraft, if the vehicle of the scenario moves at the start.
-    - `reward`: "error" or "uncertainty". `goal_deg`: goal for the heading, deg. `time_weight`: see Rewards.
+    - `goal_deg`: goal for the heading, deg. `reward`, `time_weight`: see Rewards.
     - All others, and the options of `reset`: as for `AlignmentEnv`.
 
     ## Vectorized environment

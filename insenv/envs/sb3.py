@@ -4,8 +4,8 @@
     venv = BatchVecEnv("insenv/ShipAlignment-v0", 48, observation="compact", action="correction", dtype="float32")
     PPO("MlpPolicy", venv).learn(400_000)
 
-Ended rows restart within the step.  At the end of the time an alignment is over, and its score is complete: a learner
-should not add the value of what would have come next.  `time_is_terminal` says so.
+Ended rows restart within the step.  At the end of the time an alignment is over, and its score is complete, as is that of every
+episode with final rewards: a learner should not add the value of what would have come next.  `time_is_terminal` says so.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class BatchVecEnv(VecEnv):
     """The batch of an environment id for Stable-Baselines3.
 
     id: a registered id; further arguments are those of `gymnasium.make_vec`.  num_envs: number of rows.  time_is_terminal:
-    whether the end of the time counts as the end of the task (None: for alignments, whose score is then complete).  seed:
+    whether the end of the time counts as the end of the task (None: for alignments and with final rewards).  seed:
     of the first reset: row i has seed + i.
     """
 
@@ -41,8 +41,8 @@ class BatchVecEnv(VecEnv):
         self.venv: Any = gymnasium.make_vec(id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **kwargs)
         if not isinstance(self.venv.unwrapped, Interface):
             raise InputError(f"id = {id!r}: allowed is an environment of insenv")
-        info = self.venv.unwrapped.setup.task.info
-        self.time_is_terminal = "measure" in info and "declared" in info if time_is_terminal is None else time_is_terminal
+        complete = "declared" in self.venv.unwrapped.setup.task.info or self.venv.unwrapped.reward == "final"
+        self.time_is_terminal = complete if time_is_terminal is None else time_is_terminal
         self.render_mode = None
         super().__init__(num_envs, self.venv.single_observation_space, self.venv.single_action_space)
         self._actions = np.zeros((num_envs, self.venv.unwrapped.setup.task.actions.size))
@@ -86,16 +86,22 @@ class BatchVecEnv(VecEnv):
         )
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Raise `InputError`: the rows share one batch."""
-        raise InputError(f"set_attr({attr_name!r}): the rows of a batch have no attributes of their own")
+        """Change an argument that says what varies between episodes, for all rows (`set_ranges` of the environment)."""
+        self._check_all(f"set_attr({attr_name!r})", indices)
+        self.venv.unwrapped.set_ranges(**{attr_name: value})
 
     def env_method(self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any) -> list[Any]:
-        """Raise `InputError`: the rows share one batch."""
-        raise InputError(f"env_method({method_name!r}): the rows of a batch have no methods of their own")
+        """Call a method of the batch, such as `set_ranges`, once for all rows; return its result for each row."""
+        self._check_all(f"env_method({method_name!r})", indices)
+        return [getattr(self.venv.unwrapped, method_name)(*method_args, **method_kwargs)] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Indices = None) -> list[bool]:
         """Return False for each row."""
         return [False] * len(self._rows(indices))
+
+    def _check_all(self, what: str, indices: Indices) -> None:
+        if sorted(self._rows(indices)) != list(range(self.num_envs)):
+            raise InputError(f"{what} of rows {self._rows(indices)}: the rows share one batch; allowed is all of them")
 
     def _rows(self, indices: Indices) -> Sequence[int]:
         return list(self._get_indices(indices))

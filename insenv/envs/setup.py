@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, ClassVar
@@ -23,6 +23,7 @@ from insenv.scenario.poles import check_reach
 
 Array = NDArray[np.float64]
 FLOAT64 = np.dtype(np.float64)
+RewardOf = Callable[[Mapping[str, Any]], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +31,8 @@ class Setup:
     """Everything that defines an environment.
 
     samples: inertial samples per decision.  decisions: decisions per episode.  interval: time between inertial samples,
-    s.  dtype: of observations and actions; the model computes with float64.
+    s.  dtype: of observations and actions; the model computes with float64.  reward: of a step by its info, instead of the
+    task's.
     """
 
     scenario: Scenario
@@ -40,6 +42,7 @@ class Setup:
     decisions: int
     interval: float
     dtype: np.dtype[Any] = FLOAT64
+    reward: RewardOf | None = None
 
     @property
     def layout(self) -> Table:
@@ -57,6 +60,16 @@ class Setup:
         """Return observations, slices of a fresh float64 array, in `dtype`."""
         return observation if self.dtype == np.float64 else observation.astype(self.dtype)
 
+    def paid(self, info: Mapping[str, Any]) -> float:
+        """Return what `reward` makes of the info of a step.  Raises `InputError` unless it is a finite number."""
+        assert self.reward is not None
+        value = self.reward(info)
+        if isinstance(value, np.ndarray) and value.shape == ():
+            value = value.item()
+        if not is_number(value) or not isfinite(value):
+            raise refused("reward(info)", value, "a finite number")
+        return float(value)
+
     def time_of(self, observation: Any) -> float:
         """Return the time since the start of an observation, s."""
         rows = self.layout.unpack(observation)
@@ -72,17 +85,19 @@ class Arguments(Variation):
     A subclass says what its task is (`_task`: actions, observation, reward), which parameters of it are constant
     (`_constants`), and how an episode starts (`_starts`).  `AlignmentEnv` describes the arguments.
 
-    needs_vehicle_in_place, needs_gnss: what the scenario must have.
+    needs_vehicle_in_place, needs_gnss: what the scenario must have.  rewards: the names that `reward` takes.
     """
 
     needs_vehicle_in_place: ClassVar[bool] = False
     needs_gnss: ClassVar[bool] = False
+    rewards: ClassVar[tuple[str, ...]] = ("final", "dense")
 
     scenario: ScenarioLike = field(default="", kw_only=False)
     vehicle: str = ""
     samples_per_step: int = 100
     duration_s: float | None = None
     dtype: str = "float64"
+    reward: str | RewardOf = "final"
 
     def set_up(self) -> Setup:
         """Return the setup that the arguments define.  Raises `InputError` for an argument that is not allowed."""
@@ -90,6 +105,10 @@ class Arguments(Variation):
         ranges = self._ranges(scenario)
         samples = check_whole("samples_per_step", self.samples_per_step)
         check_choice("dtype", self.dtype, ("float64", "float32"))
+        own = self.reward if callable(self.reward) else None
+        if own is None and (not isinstance(self.reward, str) or self.reward not in self.rewards):
+            names = ", ".join(map(repr, self.rewards))
+            raise refused("reward", self.reward, f"{names} or a function of the info that returns a number")
         constants, task = self._constants(scenario), self._task(scenario)
         duration = scenario.duration_s if self.duration_s is None else self.duration_s
         step = samples / scenario.rate_hz
@@ -97,8 +116,9 @@ class Arguments(Variation):
         if decisions < 1:
             raise refused("duration_s", duration, f"a number from one step, {step:g} s, to {MAX_DURATION_S:g} s", "s")
         check_reach(scenario, task.model, decisions * step)
-        starts = self._starts(scenario, task, ranges, {"decision_limit": float(decisions), **constants}, decisions * step)
-        return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(self.dtype))
+        constants = {"decision_limit": float(decisions), "dense": float(own is None and self.reward != "final"), **constants}
+        starts = self._starts(scenario, task, ranges, constants, decisions * step)
+        return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(self.dtype), own)
 
     def _scenario(self) -> Scenario:
         """Return the scenario; a track stands for each kind of vehicle."""

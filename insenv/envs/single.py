@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import gymnasium
@@ -12,12 +12,13 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, nearest
 from insenv.core.runner import make_runner
 from insenv.core.tables import Table
 from insenv.envs.checks import check_choice, check_keywords, check_type
 from insenv.envs.rendering import draw, write
-from insenv.envs.setup import Setup, checked_action
+from insenv.envs.setup import RewardOf, Setup, checked_action
+from insenv.envs.starts import RANGES
 
 Array = NDArray[np.float64]
 Made = TypeVar("Made", bound="Interface")
@@ -48,6 +49,7 @@ class Interface:
     """
 
     setup: Setup
+    reward: str | RewardOf
     _made_with: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls: type[Made], *args: Any, **kwargs: Any) -> Made:
@@ -86,6 +88,25 @@ class Interface:
         A vector environment's rows have the environments along the first axis.
         """
         return self.layout.unpack(observation)
+
+    def set_ranges(self, **ranges: Any) -> None:
+        """Change arguments that say what varies, for all episodes that start from now on, those of an autoreset included.
+
+        Raises `InputError` for another argument, or for a value that is not allowed; nothing is changed then.
+        """
+        allowed = [name for name in RANGES if hasattr(self, name)]
+        for name in ranges:
+            if name not in allowed:
+                raise InputError(f"set_ranges: {name!r} is no argument that varies{nearest(name, allowed)}")
+        before = {name: getattr(self, name) for name in ranges}
+        vars(self).update(ranges)
+        try:
+            self.setup = replace(self.setup, starts=self.set_up().starts)
+        except Exception:
+            vars(self).update(before)
+            raise
+        positional, keywords = self._made_with
+        self._made_with = positional, {**keywords, **ranges}
 
     def snapshot(self) -> Snapshot:
         """Return the complete state."""
@@ -172,7 +193,8 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         observation, info = self.setup.seen(values[: self._observed]), self._info(values)
         if self.history is not None:
             self.history.append((observation, info))
-        return observation, values.item(self._reward), terminated, truncated, info
+        reward = values.item(self._reward) if self.setup.reward is None else self.setup.paid(info)
+        return observation, reward, terminated, truncated, info
 
     def _info(self, values: Array) -> dict[str, Any]:
         return dict(zip(self._names, map(values.__getitem__, self._info_places), strict=True))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from math import pi, radians
@@ -16,9 +16,10 @@ from insenv.base.errors import InputError, nearest
 from insenv.core.model import Model
 from insenv.core.noise import first_uniforms
 from insenv.core.tables import Table
-from insenv.envs.checks import as_numbers, check_number, check_range, check_type, is_number, refused
+from insenv.envs.checks import as_numbers, check_choice, check_number, check_range, check_type, is_number, refused
 from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
+from insenv.envs.units import middle_unit, units_between, units_of
 from insenv.evaluation.limits import Limit
 from insenv.scenario import Scenario, limit_along, plant_of, prior_of
 from insenv.scenario.build import build, check_speed_of_sinusoids
@@ -43,12 +44,13 @@ RANKED = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel
 class Variation:
     """What varies between the episodes of every environment, besides the seed; None keeps the scenario's value.
 
-    The draw between two grades is uniform in the logarithm of each figure; `initial_error` is both reported and used for
-    the draw.
+    A random unit is one of those of `insenv.envs.units`; `imu_sheet` is what is told of it.  `initial_error` is both reported
+    and used for the draw.
     """
 
     imu: str | None = None
     imu_range: tuple[str, str] | None = None
+    imu_sheet: str = "drawn"
     heading_deg: Range | None = None
     sea_state: Range | None = None
     initial_error: Range | None = None
@@ -78,6 +80,7 @@ class Ranges(Variation):
         between = self.grades
         if not isinstance(between, (tuple, list)) or len(between) != 2 or not all(isinstance(name, str) for name in between):
             raise refused("imu_range", between, "two grades of the catalogue")
+        check_choice("imu_sheet", self.imu_sheet, ("drawn", "middle"))
         for grade in (*between, *([] if self.imu in (None, "random") else [self.imu])):
             grade_of(grade)
         check_range("heading_deg", self.heading_deg, -360.0, 360.0, "deg")
@@ -105,6 +108,7 @@ class Ranges(Variation):
     def overridden(self, options: Mapping[str, Any]) -> Ranges:
         """Return the ranges with the options of a reset replaced; a number stands for a range of one value.
 
+        A list is refused where a tuple is a range: with one number per row it would be taken for one.
         The option run_seed asks for a run of the scenario: whatever the other options do not name is not drawn.
         """
         check_type("options", options, Mapping, "a mapping")
@@ -113,16 +117,22 @@ class Ranges(Variation):
                 raise InputError(f"options: unknown option {name!r}{nearest(str(name), OPTIONS)}")
         values = {name: value for name, value in options.items() if name != "run_seed"}
         for name in ("heading_deg", "sea_state", "start_speed_mps"):
-            if name in values and is_number(values[name]):
+            if is_number(values.get(name)):
                 values[name] = (values[name], values[name])
+            elif not isinstance(values.get(name), (tuple, type(None))):
+                raise refused(
+                    name, values[name], "a number for all episodes of this reset, or a tuple (low, high) to draw from"
+                )
         if "run_seed" not in options:
             return replace(self, **values)
         imu = None if self.imu == "random" else self.imu
-        undrawn = Ranges(imu=imu, imu_range=self.imu_range, gnss_outages_s=self.gnss_outages_s, units=self.units)
-        return replace(undrawn, **values)
+        kept = {name: getattr(self, name) for name in ("imu_range", "imu_sheet", "gnss_outages_s", "units")}
+        return Ranges(imu=imu, **{**kept, **values})
 
 
-OPTIONS = (*(field.name for field in fields(Ranges) if field.name not in ("imu_range", "units")), "run_seed")
+RANGES = tuple(field.name for field in fields(Ranges) if field.name != "units")
+"""Arguments of environments that say what varies."""
+OPTIONS = (*(name for name in RANGES if name not in ("imu_range", "imu_sheet")), "run_seed")
 """Options of a reset."""
 
 
@@ -160,12 +170,15 @@ class Starts:
         return starts
 
     def _vary(self, ranges: Ranges) -> None:
-        """Take the ranges, and with them the plant's parameter vector or the two vectors to draw between."""
+        """Take the ranges, and with them the plant's parameters with each unit that can be drawn."""
         self.ranges = ranges
-        grades: tuple[str | None, ...] = ranges.grades if ranges.imu == "random" else (ranges.imu,)
-        self._bases = tuple(self._base(grade) for grade in grades)
-        # of all episodes, unless each draws its unit
-        self._limits: Callable[[Array], Array] | None = None
+        if ranges.imu == "random":
+            better, worse = ranges.grades
+            self._grades = self._base(better), self._base(worse)
+            self._pool = units_between(*self._grades, self._plant.parameters)
+        else:
+            self._pool = self._base(ranges.imu)[None]
+        self._limits: Array | None = None  # of the units of the pool, NaN where none has been drawn yet
         self._sheets: Mapping[str, Array] | None = None
 
     def _base(self, grade: str | None) -> Array:
@@ -185,24 +198,25 @@ class Starts:
         """Raise `InputError` for a range that is never drawn from, and for one whose second unit is the better one."""
         ranges = self.ranges
         if ranges.imu != "random":
-            if ranges.imu_range is not None:
-                raise InputError(
-                    f"imu_range = {ranges.imu_range!r} with imu = {ranges.imu!r}: the range is drawn from only with "
-                    'imu="random"; allowed is None'
-                )
+            for name, neutral in (("imu_range", None), ("imu_sheet", "drawn")):
+                if getattr(ranges, name) != neutral:
+                    raise InputError(
+                        f"{name} = {getattr(ranges, name)!r} with imu = {ranges.imu!r}: a unit is drawn only with "
+                        f'imu="random"; allowed is {neutral!r}'
+                    )
             return
         in_place = self.scenario.vehicle.in_place
-        better, worse = (imu_data_sheet(self._plant.parameters.unpack(base), in_place) for base in self._bases)
+        better, worse = (imu_data_sheet(self._plant.parameters.unpack(grade), in_place) for grade in self._grades)
         if sum(np.log(getattr(worse, name) / getattr(better, name)) for name in RANKED) < 0.0:
             raise refused("imu_range", ranges.grades, "two grades of the catalogue, the better one first")
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Array:
         """Draw the parameters of one episode per generator, (k, parameters.size); `complete` adds the rest."""
-        ranges, bases = self.ranges, self._bases
+        ranges, pool = self.ranges, self._pool
         parameters, count = self._plant.parameters, len(generators)
-        seed, grade, heading, sea = _uniforms(generators, 4).T
+        seed, unit, heading, sea = _uniforms(generators, 4).T
         seeds = seed * MAX_SEED  # whole numbers: a uniform is a multiple of 2^-53
-        vectors = np.tile(bases[0], (count, 1)) if len(bases) == 1 else between(bases[0], bases[1], grade, parameters)
+        vectors = pool[(unit * len(pool)).astype(np.intp)]
         vectors[:, parameters.slice("seed").start] = seeds
         if ranges.heading_deg is not None:
             if self.scenario.vehicle.lasts_s is not None:
@@ -241,19 +255,25 @@ class Starts:
 
     def complete(self, p: Array, x: Array) -> Array:
         """Write the initial knowledge for start states x (k, state.size), and the limits, into p; return p."""
-        model, scenario, draws_unit = self.task.model, self.scenario, self.ranges.imu == "random"
+        model, scenario, units = self.task.model, self.scenario, units_of(self._pool, p)
         if self.ranges.initial_error is not None:
             tilt, heading = self.ranges.initial_error
             sigmas = {"tilt_sigma_deg": tilt, "heading_sigma_deg": heading}
             scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=sigmas)})
-        if self._sheets is None or draws_unit:
-            figures = model.parameters.unpack(p if draws_unit else p[:1], IMU_PARAMETERS.names)
-            self._sheets = data_sheets(figures, scenario.vehicle.in_place)
-        p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, self._sheets)
+        if self._sheets is None:
+            told = self._pool
+            if self.ranges.imu == "random" and self.ranges.imu_sheet == "middle":
+                told = np.tile(middle_unit(*self._grades, self._plant.parameters), (len(told), 1))
+            self._sheets = data_sheets(self._plant.parameters.unpack(told, IMU_PARAMETERS.names), scenario.vehicle.in_place)
+        sheets = self._sheets if len(self._pool) == 1 else {name: values[units] for name, values in self._sheets.items()}
+        p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, sheets)
         if "limit" in model.parameters:
+            place = model.parameters.slice("limit")
             if self._limits is None:
-                self._limits = episode_limits(self.task, self._plant, scenario, self._bases, self.duration)
-            p[:, model.parameters.slice("limit")] = self._limits(p[:, : self._plant.parameters.size])
+                self._limits = np.full((len(self._pool), place.stop - place.start), np.nan)
+            for unit in set(units[np.isnan(self._limits[units, 0])].tolist()):
+                self._limits[unit] = episode_limit(self.task, self._plant, scenario, self._pool[unit], self.duration)
+            p[:, place] = self._limits[units]
         return p
 
 
@@ -341,45 +361,20 @@ MAX_AVERAGED_S = 600.0
 """Longest time over which the limit of a navigation is averaged, s."""
 RECORD_INTERVAL = 1.0
 """Time between limits that are averaged, s."""
-NODES, EDGE = 11, 0.002
-"""Number of units, from the better to the worse grade, whose limits are computed, and how closely they lie at the ends, where
-an error that one grade does not have sets in.  The limits of those in between are interpolated: within 3 % between a marine
-and a tactical grade, within 10 % between a marine and an industrial one."""
 
 
-def episode_limits(
-    task: Task, plant: Model, scenario: Scenario, bases: tuple[Array, ...], duration: float
-) -> Callable[[Array], Array]:
-    """Return a function of the plant's parameters of k episodes (k, parameters) that returns the 1-sigma limits of their
-    error components, (k, components).
+def episode_limit(task: Task, plant: Model, scenario: Scenario, rows: Array, duration: float) -> Array:
+    """Return the 1-sigma limits (components,) of the error of an episode.
 
-    bases: the plant's parameters, or those of the two grades between which units are drawn.  duration: of an episode, s.
-    Alignment: attitude (rad, rotation about n) at the end.  Navigation: the root mean square over the episode of attitude
-    (rad), velocity (m/s) and position (m).
+    rows: the plant's parameters.  duration: of an episode, s.  Alignment: attitude (rad, rotation about n) at the end.
+    Navigation: the root mean square over the episode of attitude (rad), velocity (m/s) and position (m).
 
     The trajectory, its heading and the mounting are those of the scenario: the limits of an alignment hardly depend on them.
     """
     navigates = task.model.parameters["limit"].size > 3
     samples = round((min(duration, MAX_AVERAGED_S) if navigates else duration) * scenario.rate_hz)
-
-    def limit(rows: Array) -> Array:
-        limits = limit_along(plant, rows, prior_of(scenario.knowledge), samples, scenario.vehicle.in_place)
-        return _over_the_episode(limits) if navigates else limits.rotation[-1]
-
-    from scipy.interpolate import PchipInterpolator
-
-    if len(bases) == 1:
-        same = limit(bases[0])
-        return lambda vectors: np.tile(same, (len(vectors), 1))
-    low, high = bases
-    begin, end = _stretched(np.array([0.0, 1.0])).tolist()
-    nodes = np.linspace(begin, end, NODES)
-    odds = np.exp(nodes)
-    fractions = np.clip((odds * (1 + EDGE) - EDGE) / (1 + odds), 0.0, 1.0)
-    logarithms = np.log([limit(rows) for rows in between(low, high, fractions, plant.parameters)])
-    level = PchipInterpolator(nodes, logarithms)
-    fraction = _fraction_of(low, high, plant.parameters)
-    return lambda vectors: np.exp(np.asarray(level(_stretched(fraction(vectors)))))
+    limits = limit_along(plant, rows, prior_of(scenario.knowledge), samples, scenario.vehicle.in_place)
+    return _over_the_episode(limits) if navigates else limits.rotation[-1]
 
 
 def _over_the_episode(limits: Limit) -> Array:
@@ -389,40 +384,3 @@ def _over_the_episode(limits: Limit) -> Array:
     rotation = [np.sqrt(np.mean(np.interp(times, limits.time, axis**2))) for axis in limits.rotation.T]
     rms = limits.rms(times)
     return np.array([*rotation, *(rms[name] for name in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"))])
-
-
-def _stretched(fractions: Array) -> Array:
-    """Fractions of the way between two grades on a scale that is wide at both ends."""
-    return np.log((fractions + EDGE) / (1.0 - fractions + EDGE))
-
-
-def between(low: Array, high: Array, fractions: Array, parameters: Table) -> Array:
-    """Interpolate the inertial figures of two grades: in the logarithm where both are positive, else linearly.
-
-    low, high (parameters.size,): of the plant.  fractions (k,): of the way.  Returns (k, parameters.size), with all other
-    parameters as in `low`.
-    """
-    vectors, fractions = np.tile(low, (len(fractions), 1)), np.asarray(fractions)[:, None]
-    places = _figures(parameters)
-    a, b = low[places], high[places]
-    vectors[:, places] = a + (b - a) * fractions
-    positive = places[(a > 0.0) & (b > 0.0)]
-    vectors[:, positive] = low[positive] * (high[positive] / low[positive]) ** fractions
-    return vectors
-
-
-def _fraction_of(low: Array, high: Array, parameters: Table) -> Callable[[Array], Array]:
-    """The function of parameters (k, parameters.size) that returns the fractions (k,) from which `between` made them."""
-    places = _figures(parameters)
-    a, b = low[places], high[places]
-    telling = places[(a > 0.0) & (b > 0.0) & (a != b)]
-    if not len(telling):
-        return lambda vectors: np.zeros(len(vectors))
-    start, whole = low[telling[0]], np.log(high[telling[0]] / low[telling[0]])
-    return lambda vectors: np.log(vectors[:, telling[0]] / start) / whole
-
-
-def _figures(parameters: Table) -> NDArray[np.intp]:
-    """Places of the inertial figures in a plant's parameters."""
-    parts = [parameters.slice(name) for name in IMU_PARAMETERS.names if name in parameters]
-    return np.array([place for part in parts for place in range(part.start, part.stop)])

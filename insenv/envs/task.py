@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 CLOCK = Row("time", "Time since the start", "s", lower=0.0, upper=1e6)
 DECISION_LIMIT = Row("decision_limit", "Decisions in an episode", start=1.0, lower=1.0, upper=1e9)
 """Parameter row of every task.  A decision is one action of the agent, that is one call of an environment's `step`."""
+DENSE = Row("dense", "1 if each step pays what it gains, 0 if the end pays for all steps", start=0.0, lower=0.0, upper=1.0)
+"""Parameter row of every task."""
 DECISIONS = Row("decisions", "Decisions so far")
 INVALID = Row("invalid", "1 if the latest action was not finite", lower=0.0, upper=1.0)
 NEVER = Row("never", "Always 0: steps conditioned on it run only when called by name")

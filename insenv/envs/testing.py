@@ -6,6 +6,7 @@ registered id ``check_id("my/Env-v0")``.  Each check is independent; `check` run
 
 from __future__ import annotations
 
+import copy
 import pickle
 import warnings
 from collections.abc import Callable
@@ -14,8 +15,11 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from insenv.base.errors import InputError
 
 Make = Callable[..., Any]
 
@@ -33,12 +37,14 @@ def check_id(id: str, **kwargs: Any) -> None:
 def check(make: Make, make_vector: Make | None = None) -> None:
     """Run all checks on environments from `make()` and on batches from `make_vector(num_envs, autoreset_mode=...)`."""
     check_contract(make)
+    check_misuse(make)
     check_deterministic(make)
     check_snapshot(make)
     check_pickling(make)
     if make_vector is not None:
         check_rows(make, make_vector)
         check_disabled_autoreset(make_vector)
+        check_batch_copies(make_vector)
 
 
 def check_contract(make: Make) -> None:
@@ -63,6 +69,29 @@ def check_contract(make: Make) -> None:
         if terminated or truncated:
             env.reset()
     assert inside, "an observation lies outside its space"
+
+
+def check_misuse(make: Make) -> None:
+    """Check that steps outside an episode and actions of another shape are refused, and that these change nothing."""
+    env, other = make(), make()
+    _refused(env.unwrapped.step, env.action_space.sample(), ResetNeeded, "a step before the first reset")
+    for each in (env, other):
+        each.reset(seed=1)
+    _refused(env.step, np.zeros(env.action_space.shape[0] + 1), InputError, "an action of another shape")
+    action, over = _actions(env.action_space, 1)[0], False
+    assert_same([env.step(action)], [other.step(action)], "after a refused action")
+    while not over:
+        *_, terminated, truncated, _ = env.unwrapped.step(action)
+        over = terminated or truncated
+    _refused(env.unwrapped.step, action, ResetNeeded, "a step after the end")
+
+
+def _refused(step: Callable[[Any], Any], action: Any, error: type[Exception], what: str) -> None:
+    try:
+        step(action)
+    except error:
+        return
+    raise AssertionError(f"{what} raises no {error.__name__}")
 
 
 def check_deterministic(make: Make) -> None:
@@ -147,6 +176,19 @@ def check_disabled_autoreset(make_vector: Make, num_envs: int = 4) -> None:
     assert np.array_equal(before.state[~over], after.state[~over]), "reset_mask changed rows outside the mask"
     assert not np.array_equal(before.state[over], after.state[over]), "reset_mask left rows of the mask as they were"
     venv.step(action)
+
+
+def check_batch_copies(make_vector: Make, num_envs: int = 3, steps: int = 10) -> None:
+    """Check that a pickled, a copied and a restored batch continue bit-identically, over the ends of episodes."""
+    venv, restored = make_vector(num_envs), make_vector(num_envs)
+    venv.reset(seed=2)
+    actions = np.stack([_actions(venv.single_action_space, steps, seed) for seed in range(num_envs)], axis=1)
+    venv.step(actions[0])
+    restored.unwrapped.restore(venv.unwrapped.snapshot())
+    batches = [venv.unwrapped, pickle.loads(pickle.dumps(venv.unwrapped)), copy.deepcopy(venv.unwrapped), restored.unwrapped]
+    expected, *others = ([row_of(each.step(action), slice(num_envs)) for action in actions] for each in batches)
+    for other in others:
+        assert_same(expected, other, "a copy of a batch")
 
 
 def _actions(space: Any, count: int, seed: int = 0) -> Any:

@@ -68,6 +68,7 @@ _STATE = Table((
     Row("scores", "Evaluations since the last action"),
     Row("error_square", "Sum of their squared errors", "1", (9,), "n"),
     Row("nees_sum", "Sum of their normalised estimation errors squared"),
+    Row("owed", "What the steps before the last action have lost"),
 ))  # fmt: skip
 _GNSS_LEVEL = Row("gnss_level", "Decimal logarithm of the standard deviations that the receiver reports: position (m), velocity"
                   " (m/s)", "1", (6,), "n", lower=-16.0, upper=16.0)  # fmt: skip
@@ -100,7 +101,7 @@ def tuning_task(plant: Model, estimator: str) -> Task:
         steps={
             "score_count": Step(_count),
             "score": Step(lambda p, x, u: _evaluate(inner, p, x), when="score_due"),
-            "act": Step(_act, when="never"),
+            "act": Step(lambda p, x, u: _act(inner, p, x, u), when="never"),
         },
     )
 
@@ -122,7 +123,7 @@ def tuning_task(plant: Model, estimator: str) -> Task:
     return Task(model, Table((ACTION,)), Table(), observation, _INFO, judge="act")
 
 
-def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
+def _act(inner: Inner, p: Any, x: Any, u: Any) -> dict[str, Any]:
     finite, values = finite_action(u.log_scale)
     action = clamp(values, -1.0, 1.0)
     return {
@@ -134,6 +135,7 @@ def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "scores": 0.0,
         "error_square": ca.SX.zeros(9),
         "nees_sum": 0.0,
+        "owed": x.owed + select(x.decisions > 0.0, _window(inner, p, x).lost, 0.0),
         **empty_window(),
     }
 
@@ -153,16 +155,26 @@ def _evaluate(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
     }
 
 
-def _scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
-    """Return the values of `RESULT` and of the info."""
+@dataclass(frozen=True)
+class _Window:
+    """What the evaluations since the last action say, as expressions; lost: of the reward."""
+
+    sound: Any
+    square: Any
+    measure: Any
+    nees: Any
+    consistency: Any
+    lost: Any
+
+
+def _window(inner: Inner, p: Any, x: Any) -> _Window:
     evaluations = select(x.scores > 0.0, x.scores, 1.0)
     square = x.error_square / evaluations
     ratio = ca.sumsqr(ca.sqrt(square) / p.limit) / 9.0
     sound = ca.logic_and(ca.logic_not(x.invalid), ca.logic_and(ratio >= 0.0, ratio <= DIVERGED**2))  # false for NaN
     measure = log(1.0 + ca.sqrt(select(sound, ratio, DIVERGED**2)))
-    degrees = float(inner.nees(p, x)[1])
     nees = x.nees_sum / evaluations
-    share = nees / degrees
+    share = nees / float(inner.nees(p, x)[1])
     decent = ca.logic_and(share > 1e-12, share < 1e12)
     consistency = select(decent, minimum(ca.fabs(log(select(decent, share, 1.0))), WORST_CONSISTENCY), WORST_CONSISTENCY)
 
@@ -170,21 +182,27 @@ def _scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
     left = 1.0 - (x.decisions - 1.0) * each  # share of the time left, this decision included
     worst = log(1.0 + DIVERGED) + p.consistency_weight * WORST_CONSISTENCY
     paid = each * (measure + p.consistency_weight * consistency)
-    last = x.decisions >= p.decision_limit
-    error = inner.error(p, x)
+    return _Window(sound, square, measure, select(decent, nees, 0.0), consistency, select(sound, paid, left * worst))
+
+
+def _scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
+    """Return the values of `RESULT` and of the info."""
+    window, last = _window(inner, p, x), x.decisions >= p.decision_limit
+    sound, error = window.sound, inner.error(p, x)
     fine = ca.sumsqr(error) <= 1e30
+    over = ca.logic_or(last, ca.logic_not(sound))
     return {
-        "reward": -select(sound, paid, left * worst),
+        "reward": -select(p.dense, window.lost, select(over, x.owed + window.lost, 0.0)),
         "terminated": ca.logic_not(sound),
         "truncated": ca.logic_and(last, sound),
         **truth(p, x),
         "error": select(fine, error, 0.0),
-        "error_rms": select(sound, ca.sqrt(square), DIVERGED * p.limit),
+        "error_rms": select(sound, ca.sqrt(window.square), DIVERGED * p.limit),
         "limit": p.limit,
-        "measure": measure,
-        "nees": select(decent, nees, 0.0),
-        "degrees": degrees,
-        "consistency": consistency,
+        "measure": window.measure,
+        "nees": window.nees,
+        "degrees": float(inner.nees(p, x)[1]),
+        "consistency": window.consistency,
         "scale": getattr(x, SCALED),
         "diverged": ca.logic_not(sound),
     }
@@ -277,11 +295,15 @@ class TuningEnv(Tuning, InertialEnv):
 
         measure = ln(1 + sqrt(mean of (e / s)^2 over components and evaluations))
         consistency = |ln(mean NEES over evaluations / n)|, at most 10
-        reward = -(measure + consistency_weight * consistency) / T
+        gain = -(measure + consistency_weight * consistency) / T
+
+    With `reward="final"`, the default, the last step pays the gains of all steps, and the others pay nothing; with
+    `reward="dense"`, for training, every step pays its own, which reveals the filter's error and NEES; a function of the info
+    as for `AlignmentEnv`.
 
     The NEES of a consistent filter has a chi-square distribution with mean n. Its consistency measure over a window is
     not 0 because of the scatter of that distribution; it is about 0.4 where the evaluations of a window are fully
-    correlated. Divergence ends the episode with the lowest reward for the time left.
+    correlated. Divergence ends the episode with the lowest gain for the time left.
 
     ## Starting State
     That of the scenario, with a seed from the environment's generator; the arguments add further random draws.
@@ -291,11 +313,12 @@ class TuningEnv(Tuning, InertialEnv):
 
     ## Arguments
     - `scenario`: as for `AlignmentEnv`, with GNSS. `estimator`: "loosely-coupled", "aqe-ekf" or "aqe-sukf".
-    - `decades`: decimal logarithm of the factor for an action of 1. `consistency_weight`: see Rewards.
+    - `decades`: decimal logarithm of the factor for an action of 1. `consistency_weight`, `reward`: see
+      Rewards.
     - `mistuning_decades`: if above 0, as by default, the filter's noises are wrong by factors 10^u, with u drawn at each
       reset from a uniform distribution between plus and minus that value. With 0 an action of 0 is the data sheet, and there
       is little to learn.
-    - All others, and the options of `reset`: as for `AlignmentEnv`, without those of its reward, observation and action.
+    - All others, and the options of `reset`: as for `AlignmentEnv`, without `time_weight`, `observation` and `action`.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `TuningVectorEnv`, as for `AlignmentEnv`.

@@ -126,7 +126,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         if len(over):  # NEXT_STEP: the new episode has no score yet
             self._show_starts(over, values)
             values[over, self._reward : self._truncated + 1] = 0.0
-        reward, terminated, truncated = values[:, self._reward].copy(), values[:, self._terminated], values[:, self._truncated]
+        reward, terminated, truncated = self._rewards(values, over), values[:, self._terminated], values[:, self._truncated]
         # as the wrapper TimeLimit does for a single environment
         terminated, truncated = terminated != 0.0, (truncated != 0.0) | (self._elapsed >= self._most)
         self._over = terminated | truncated
@@ -136,6 +136,15 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             final = self._final(ended, values)
             self._show_starts(ended, values)
         return self.setup.seen(values[:, : self._observed]), reward, terminated, truncated, {**self._info(values), **final}
+
+    def _rewards(self, values: Array, restarted: NDArray[np.intp]) -> Array:
+        """Return the rewards of the rows: the task's, or those of the function that the environment was made with."""
+        if self.setup.reward is None:
+            return values[:, self._reward].copy()
+        infos, rewards = self._info(values), np.zeros(self.num_envs)
+        for row in np.setdiff1d(np.arange(self.num_envs), restarted):
+            rewards[row] = self.setup.paid({name: infos[name][row] for name, *_ in self._info_places})
+        return rewards
 
     def _show_starts(self, rows: NDArray[np.intp], values: Array) -> None:
         """Start rows again and write their first observations into `values`."""

@@ -3,6 +3,7 @@
 import inspect
 import re
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -39,6 +40,7 @@ COMMON = [
     ({"samples_per_step": True}, "samples_per_step = True: allowed is a whole number from 1"),
     ({"imu": "gold"}, "gold"),
     ({"imu": "navigation", "imu_range": ("marine", "tactical")}, "('marine', 'tactical') with imu = 'navigation': "),
+    ({"imu_sheet": "middle"}, "imu_sheet = 'middle' with imu = None: a unit is drawn only with imu="),
     ({"imu": "random", "imu_range": ("tactical", "marine")}, "imu_range = ('tactical', 'marine'): allowed is two grades"),
     ({"heading_deg": (10.0, 5.0)}, "heading_deg = (10.0, 5.0)"),
     ({"initial_error": (0.0, 5.0)}, "initial_error = (0.0, 5.0)"),
@@ -60,7 +62,8 @@ OWN = [
     (NavigationEnv, {"scenario": "aircraft-free-inertial", "vehicle": "aircraft"}, "needs GNSS fixes: scenario 'aircraft-free"),
     (ManoeuvreEnv, {"start_speed_mps": 3.0}, "start_speed_mps = 3.0: allowed is a pair (low, high) of numbers from 0 to 340"),
     (ManoeuvreEnv, {"goal_deg": 0}, "goal_deg = 0 deg: allowed is a number above 0 up to 180 deg"),
-    (ManoeuvreEnv, {"reward": ["error"]}, "reward = ['error']: allowed is 'error' or 'uncertainty'"),
+    (ManoeuvreEnv, {"reward": ["dense"]}, "reward = ['dense']: allowed is 'final', 'dense', 'uncertainty' or a function"),
+    (TuningEnv, {"reward": "uncertainty"}, "reward = 'uncertainty': allowed is 'final', 'dense' or a function of the info"),
     (ManoeuvreEnv, {"estimator": "wander-sins"}, "loosely-coupled, aqe-ekf, aqe-sukf"),
     (ManoeuvreEnv, {"scenario": "ship-underway"}, "a vehicle that an agent steers (car, aircraft"),
     (TuningEnv, {"estimator": "nothing"}, "no estimator 'nothing'"),
@@ -93,8 +96,10 @@ def test_both_interfaces_take_the_same_arguments_with_the_same_defaults(single, 
     ours = {name: (p.default, p.annotation) for name, p in inspect.signature(single.__init__).parameters.items()}
     assert ours == {name: (p.default, p.annotation) for name, p in parameters.items() if name not in own}
     for kind in (single, vector):
-        wrong = f"{kind.__name__}: unknown argument 'samples_per_stepp'; did you mean 'samples_per_step'? (allowed: "
-        refuses(lambda kind=kind: kind(samples_per_stepp=3), wrong)
+        wrong = "got an unexpected keyword argument 'samples_per_stepp'; did you mean 'samples_per_step'? (allowed: "
+        refuses(lambda kind=kind: kind(samples_per_stepp=3), f"{kind.__name__} {wrong}")
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'"):  # TorchRL tries it, and reads this
+        gymnasium.make("insenv/ShipAlignment-v0", frameskip=1)
 
 
 @pytest.mark.filterwarnings("error")
@@ -105,11 +110,15 @@ def test_what_methods_refuse():
         "options: unknown option 'heading'; did you mean 'heading_deg'? (allowed: imu": {"heading": 3.0},
         "gold": {"imu": "gold"},
         "sea_state = (11, 11)": {"sea_state": 11},
+        "heading_deg = [10, 20]: allowed is a number for all episodes of this reset, or a tuple": {"heading_deg": [10, 20]},
         "run_seed = -1": {"run_seed": -1},
     }
     for env in envs:
         for message, given in options.items():
             refuses(lambda env=env, given=given: env.reset(options=given), message)
+        refuses(lambda env=env: env.set_ranges(dtype="float32"), "set_ranges: 'dtype' is no argument that varies")
+        refuses(lambda env=env: env.set_ranges(imu="gold"), "gold")
+        assert env.imu is None
         refuses(lambda env=env: env.restore("x"), "snapshot = 'x': allowed is a Snapshot")
         env.reset(seed=1)
         action = np.zeros(env.action_space.shape).astype(complex)

@@ -18,12 +18,13 @@ SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 HOW = "pip install -e '.[rl]'"
 
 
-def test_an_end_by_time_of_an_alignment_is_terminal():
+def test_an_end_by_time_is_terminal_where_the_score_is_complete():
     peers.package("stable_baselines3", HOW)
     from insenv.envs.sb3 import BatchVecEnv
 
-    for id, truncated in ((SHIP, False), (TUNING, True)):
-        venv, plain = BatchVecEnv(id, 3, seed=4, **SHORT), gymnasium.make_vec(id, 3, autoreset_mode="SameStep", **SHORT)
+    for id, reward, truncated in ((SHIP, "dense", False), (TUNING, "final", False), (TUNING, "dense", True)):
+        more = {**SHORT, "reward": reward}
+        venv, plain = BatchVecEnv(id, 3, seed=4, **more), gymnasium.make_vec(id, 3, autoreset_mode="SameStep", **more)
         assert np.array_equal(venv.reset(), plain.reset(seed=4)[0])
         action = np.full(plain.action_space.shape, -0.5)
         for step in range(10):
@@ -35,8 +36,12 @@ def test_an_end_by_time_of_an_alignment_is_terminal():
                 assert [info["TimeLimit.truncated"] for info in infos] == [truncated] * 3
                 assert np.array_equal(infos[2]["terminal_observation"], expected[4]["final_obs"][2])
         assert venv.env_is_wrapped(gymnasium.Wrapper) == [False] * 3
-        with pytest.raises(InputError, match="the rows of a batch have no attributes of their own"):
-            venv.set_attr("x", 1)
+        with pytest.raises(InputError, match=r"set_attr\('sea_state'\) of rows \[1\]: the rows share one batch"):
+            venv.set_attr("sea_state", (1.0, 2.0), indices=1)
+        venv.set_attr("initial_error", (2.0, 5.0))  # a curriculum
+        venv.reset()
+        told, place = venv.env_method("snapshot")[2].parameters, venv.get_attr("setup")[0].task.model.parameters
+        assert told[:, place.slice("known_heading_sigma")] == pytest.approx(np.radians(5.0))
 
 
 def trained(example, figure, folder, *arguments):

@@ -5,13 +5,15 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
 import insenv
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.envs import ManoeuvreEnv, TuningEnv, knowledge_of
 from insenv.envs.knowledge import KNOWN
-from insenv.envs.starts import InnerStarts, between, episode_limits
+from insenv.envs.starts import InnerStarts, episode_limit
+from insenv.envs.units import UNITS
 from insenv.scenario import build, load, plant_of
 from insenv.sensors.data_sheet import data_sheets, imu_data_sheet
 from insenv.sensors.imu_tables import IMU_PARAMETERS
@@ -56,16 +58,37 @@ def test_options_hold_for_one_episode():
 def test_a_random_unit_is_drawn_between_the_given_grades(id, given, low, high):
     """The standard deviation of the turn-on bias, for the default range and a given one: uniform in its logarithm."""
     env = gymnasium.make(id, **SHORT, **given).unwrapped
-    place, generators = env.setup.task.model.parameters.slice("gyro_bias_sigma"), map(np.random.default_rng, range(64))
+    place, generators = env.setup.task.model.parameters.slice("gyro_bias_sigma"), map(np.random.default_rng, range(256))
     drawn = np.degrees(env.setup.starts.draw(list(generators))[:, place][:, 0]) * 3600.0
     assert low * 0.999 <= drawn.min() < low * (high / low) ** 0.1 and high * (low / high) ** 0.1 < drawn.max() <= high * 1.001
-    # half of the logarithmic draws lie below the geometric mean; 64 draws, 4 sigma
-    assert len(np.unique(drawn)) == 64 and abs(np.mean(drawn < np.sqrt(low * high)) - 0.5) < 4 * 0.5 / 8
+    # half of the logarithmic draws lie below the geometric mean; 256 draws, 4 sigma
+    assert 50 < len(np.unique(drawn)) <= UNITS and abs(np.mean(drawn < np.sqrt(low * high)) - 0.5) < 4 * 0.5 / 16
 
 
-def _made(id: str) -> tuple[InnerStarts, np.ndarray, np.ndarray]:
+def test_the_figures_of_random_units_are_independent():
+    starts = gymnasium.make(SHIP, **SHORT, imu="random").unwrapped.setup.starts
+    parameters = starts._plant.parameters
+    names = [row.name for row in IMU_PARAMETERS if np.ptp(starts._pool[:, parameters.slice(row.name)], axis=0).any()]
+    pool = np.array([starts._pool[:, parameters.slice(name)].max(axis=1) for name in names])
+    assert len(names) > 10 and all(len(np.unique(figure)) == UNITS for figure in pool)
+    assert np.abs(spearmanr(pool.T).statistic - np.eye(len(pool))).max() < 0.05
+
+
+@pytest.mark.parametrize("sheet", ["drawn", "middle"])
+def test_the_data_sheet_of_a_random_unit_is_told_or_hidden(sheet):
+    """Hidden, the filter of every episode has the sheet between the grades, whatever its unit is."""
+    starts, p, x = _made(IDS[1], imu_sheet=sheet)
+    told = starts.complete(p.copy(), x)[:, starts.task.model.parameters.slice("known_gyro_bias_sigma")]
+    graded = starts.with_options({"imu": "tactical"}), _made(IDS[1], imu="tactical")[0]  # a sheet that is always told
+    one, other = (each.complete(each.draw([np.random.default_rng(1)]), x[:1]) for each in graded)
+    assert np.array_equal(one, other)
+    units = len(np.unique(p[:, starts.task.model.parameters.slice("gyro_bias_sigma")][:, 0]))
+    assert units > 6 and len(np.unique(told)) == (1 if sheet == "middle" else units)
+
+
+def _made(id: str, **given) -> tuple[InnerStarts, np.ndarray, np.ndarray]:
     """The starts of an environment, and parameters and states of 12 episodes."""
-    starts = gymnasium.make(id).unwrapped.setup.starts
+    starts = gymnasium.make(id, **given).unwrapped.setup.starts
     p = starts.draw([np.random.default_rng(seed) for seed in range(12)])
     model = starts.task.model
     functions = model.kernels["start"].function
@@ -145,15 +168,12 @@ def test_the_limit_is_that_of_the_scenario_at_the_end_or_over_the_episode():
     assert info["limit"][0, 3:] == pytest.approx([found[name] for name in names], rel=1e-12)
 
 
-@pytest.mark.parametrize(("id", "name"), [(SHIP, "ship-swaying"), (DRIVE, "car-city-drive")])
-def test_the_limit_of_a_drawn_unit_is_interpolated_to_three_percent(id, name):
-    """Units between a marine and a tactical one, against the limit of the unit itself."""
-    scenario, task = load(name), gymnasium.make(id).unwrapped.setup.task
-    grades = [scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": g})}) for g in ("marine", "tactical")]
+def test_the_limit_of_a_random_unit_is_that_of_the_unit():
+    """Also with its data sheet hidden; nothing else is drawn here."""
+    plain = {"heading_deg": None, "sway_phases": False, "mounting_deg": None, "initial_error": None}
+    env = gymnasium.make_vec(SHIP, 4, samples_per_step=100, duration_s=10.0, imu="random", imu_sheet="middle", **plain)
+    info, task, scenario = env.reset(seed=4)[1], env.unwrapped.setup.task, load("ship-swaying")
     plant = plant_of(scenario)[0]
-    bases = tuple(plant.parameters.pack(plant_of(grade)[1]) for grade in grades)
-    drawn = between(*bases, np.array([0.003, 0.37, 0.9]), plant.parameters)
-    found = episode_limits(task, plant, scenario, bases, 15.0)(drawn)
-    for vector, limit in zip(drawn, found, strict=True):
-        exact = episode_limits(task, plant, scenario, (vector,), 15.0)(vector[None])[0]
-        assert limit == pytest.approx(exact, rel=0.03)
+    for row, limit in zip(env.unwrapped.snapshot().parameters[:, : plant.parameters.size], info["limit"], strict=True):
+        assert np.array_equal(limit, episode_limit(task, plant, scenario, row, 10.0))
+    assert len(np.unique(info["limit"][:, 2])) == 4

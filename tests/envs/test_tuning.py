@@ -97,7 +97,7 @@ def test_the_reward_counts_nine_components_and_consistency():
     """ln(1 + sqrt(mean((e / s)^2))): errors every second, over one evaluation and over two of the same drive."""
     found = {}
     for samples in (200, 400):
-        env, found[samples] = TuningEnv(samples_per_step=samples, duration_s=4.0, consistency_weight=0.7), []
+        env, found[samples] = TuningEnv(samples_per_step=samples, duration_s=4.0, consistency_weight=0.7, reward="dense"), []
         env.reset(seed=3)
         for _ in range(400 // samples):
             _, reward, terminated, _, info = env.step(np.full(6, 0.1))
@@ -128,7 +128,7 @@ def test_the_start_is_consistent_with_its_reported_sigmas():
 )
 def test_a_filter_that_diverges_or_an_action_that_is_not_finite_ends_the_episode(kind, size, lowest):
     """With the lowest reward for all of the time that is left, and finite numbers."""
-    env = kind(**SHORT)
+    env = kind(**SHORT, reward="dense")
     for wrong, action in ((np.nan, 0.0), (np.inf, 0.0), (1e9, 0.0), (None, np.nan), (None, np.inf)):
         env.reset(seed=1)
         env.step(np.zeros(size))
