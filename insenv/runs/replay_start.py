@@ -20,6 +20,7 @@ from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock, declared, remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
+from insenv.logs.declared_units import rest_by_other_unit
 from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
 from insenv.runs.heading_bank import attitude_by_motion, heading_of
 from insenv.runs.log_remarks import latitude_text
@@ -303,7 +304,9 @@ def _under_way(log: RecordedLog, first: int) -> Start:
     where, rest = f"the vehicle moves at {clock(begin)} s, where navigation starts", ""
     if log.rest is None:
         where = "the log does not begin at rest"
-        rest = "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
+        other = rest_by_other_unit(log)
+        rest = f"; it would, if the columns of the gyros were {other[0]}" if other is not None else ""
+        rest += "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
         "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, "
