@@ -28,7 +28,18 @@ from insenv.logs.description import ImuSection
 from insenv.logs.files import all_of
 from insenv.logs.noise import noise_at_rest
 from insenv.logs.recorded import NO_INFORMATION, Readings, RecordedLog
-from insenv.logs.rest import BLOCKS, RATE_SIGMAS, REST_SAMPLES, REST_TURN, STEADY_S, rest_of, rest_rows, rest_until, turn_ratio
+from insenv.logs.rest import (
+    BLOCKS,
+    RATE_SIGMAS,
+    REST_SAMPLES,
+    REST_TURN,
+    STEADY_S,
+    WRONG_RATIO,
+    rest_of,
+    rest_rows,
+    rest_until,
+    turn_ratio,
+)
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array
 from insenv.sensors import registry
 from insenv.sensors.instrument import Column
@@ -85,7 +96,12 @@ def _force(log: RecordedLog) -> None:
         parts = np.array_split(rows, BLOCKS)
         size = float(np.median([np.linalg.norm(log.delta_velocity[part].sum(axis=0)) / log.dt[part].sum() for part in parts]))
         allowed = SIGMAS * log.sensors(in_place=False).accel_bias_sigma
-        low, high, where, by = GRAVITY[0] - allowed, GRAVITY[1] + allowed, "at rest", ", by the grade of the unit"
+        low, high, where, by = (
+            GRAVITY[0] - allowed,
+            GRAVITY[1] + allowed,
+            "at rest",
+            f", by the {'grade of' if log.states_unit else 'class assumed of'} the unit",
+        )
         wrong = not low <= size <= high
     else:  # a turn, a climb and a catapult are more than gravity for a while, an aircraft that circles for a whole log
         sizes = np.linalg.norm(log.delta_velocity, axis=1) / log.dt
@@ -115,7 +131,7 @@ def _gyros(log: RecordedLog) -> None:
 def _turns(log: RecordedLog) -> None:
     section, interval = log.description.imu, float(np.median(log.dt))
     others = _others(GYRO_UNITS, "gyro", section, interval)
-    ratio, like, fits, differs = turn_ratio(log, log.gnss), "the course of the fixes", FITS, FITS
+    ratio, like, fits, differs = turn_ratio(log, log.gnss), "the course of the fixes", FITS, float(np.log(WRONG_RATIO))
     if ratio is None:
         ratio, like, fits, differs = swing_ratio(log), "the direction of the specific force", SWING_FITS, SWING_DIFFERS
     name = "" if ratio is None else _nearest(others, ratio, fits)
@@ -160,7 +176,8 @@ def rest_by_other_unit(log: RecordedLog) -> tuple[str, float, float] | None:
     """The unit of the gyros with which a log would begin at rest, its factor and the end of the rest (s); None if it begins so
     anyway, or with no unit."""
     section, interval = log.description.imu, float(np.median(log.dt))
-    others = {name: factor for name, factor in _others(GYRO_UNITS, "gyro", section, interval).items() if factor > 1.0}
+    others = _others(GYRO_UNITS, "gyro", section, interval)
+    others = {name: factor for name, factor in others.items() if np.log(factor) > SWING_DIFFERS}
     dt = log.dt[:, None]
     if log.rest is not None:
         return None
@@ -327,6 +344,10 @@ LEAST_SPEED, FIX_SIGMAS = 3.0, 10.0
 """Speed over ground (m/s), also in standard deviations of the fixes, from which a measured speed is compared."""
 LIKE, UNLIKE = 0.12, 0.25
 """Relative difference of a reading and its equation up to which a unit fits, and beyond which it does not."""
+WIDEST = 0.75
+"""Relative difference up to which a unit fits at most, however large the stated errors are."""
+READINGS = 500
+"""Readings that are compared, over the whole log."""
 NOTHING = 0.05
 """Part of what an instrument should read that no error leaves: iron that outweighs the Earth's field does not cancel it."""
 
@@ -346,10 +367,10 @@ def _columns_with_units(log: RecordedLog) -> Iterator[tuple[Readings, Column]]:
 def _reading(log: RecordedLog, readings: Readings, column: Column) -> None:
     """The size of a reading in another unit is that of the instrument's equation, and in the declared one it is not."""
     section = getattr(log.description, readings.id, None)
-    ground = _ground(log, readings.time)
-    if section is None or ground is None:
+    if section is None:
         return
-    velocity_n, least = ground
+    chosen = np.unique(np.linspace(0, len(readings.time) - 1, READINGS).astype(int))
+    velocity_n, least = _ground(log, readings.time[chosen])
     instrument, v = registry.instruments()[readings.id], ca.SX.sym("velocity_n", 3)
     course = ca.atan2(v[1], v[0] + 1e-9)
     C_nb = ca.vertcat(
@@ -359,7 +380,7 @@ def _reading(log: RecordedLog, readings: Readings, column: Column) -> None:
     value, errors, variances = equation_at(instrument, Level(C_nb, height, v), log.told, 1)
     outputs = [value, ca.jacobian(value, errors)]
     at = ca.Function("at", [v], [ca.densify(each) for each in ca.substitute(outputs, [errors], [ca.SX.zeros(errors.shape)])])
-    read = np.linalg.norm(readings.columns()[column.row].reshape(len(readings.time), -1), axis=1)
+    read = np.linalg.norm(readings.columns()[column.row][chosen].reshape(len(chosen), -1), axis=1)
     should = np.array([float(np.linalg.norm(np.asarray(at(each)[0]))) for each in velocity_n])
     standing = float(np.linalg.norm(np.asarray(at(np.zeros(3))[0])))
     speed = np.hypot(velocity_n[:, 0], velocity_n[:, 1])
@@ -377,26 +398,23 @@ def _reading(log: RecordedLog, readings: Readings, column: Column) -> None:
         return
     of_unit = {unit: column.units[declared] / si for unit, si in column.units.items() if unit != declared}
     unit = min(of_unit, key=lambda each: abs(ratio / of_unit[each] - 1.0))
-    if abs(ratio / of_unit[unit] - 1.0) <= LIKE + stated:
+    if abs(ratio / of_unit[unit] - 1.0) <= min(LIKE + stated, WIDEST):
         raise InputError(
             f"{readings.id}.{key} = {declared!r}: {instrument.called} reads {ratio:.3g} times what it should where the log is, "
             f"and its stated errors do not explain that; the column fits {key} = {unit!r}"
         )
 
 
-def _ground(log: RecordedLog, time: Array) -> tuple[Array, float] | None:
+def _ground(log: RecordedLog, time: Array) -> tuple[Array, float]:
     """Velocity (n, 3) m/s, n, at times (n,) s by the fixes or the reference, and the speed (m/s) from which it counts.
 
-    Zero where the log has none, which a field does not ask for; None without a place either.
+    Zero and no speed where the log has none, which an instrument that measures a field does not ask for.
     """
     gnss, reference = log.gnss, log.reference
     if gnss is not None and gnss.velocity_n is not None and gnss.velocity_sigma is not None:
         known = gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
-        of, velocity, sigma = (
-            gnss.time[known],
-            gnss.velocity_n[known],
-            float(np.max(gnss.velocity_sigma[known, :2], initial=0.0)),
-        )
+        of, velocity = gnss.time[known], gnss.velocity_n[known]
+        sigma = float(np.median(gnss.velocity_sigma[known, :2])) if known.any() else np.inf
     elif reference is not None and reference.velocity_n is not None:
         of, velocity, sigma = reference.time, reference.velocity_n, 0.0
     else:
