@@ -189,6 +189,12 @@ def rest_by_other_unit(log: RecordedLog) -> tuple[str, float, float] | None:
     return None
 
 
+def rest_hint(log: RecordedLog) -> str:
+    """End of a message that a log does not begin at rest: the unit of the gyros with which it would; empty if there is none."""
+    other = rest_by_other_unit(log)
+    return "" if other is None else f"; it would begin at rest if the columns of the gyros were {other[0]}"
+
+
 NOISE_FITS, NOISE_CONTRADICTS = 4.0, 10.0
 """Factors of the white noise of the grade within which a unit has it, and beyond which it has not."""
 KNOWN = 0.5

@@ -235,14 +235,14 @@ def total(values: Mapping[str, float], tau: Array) -> Array:
     return variance
 
 
-def spectrum(values: Mapping[str, float], frequency: Array) -> Array:
-    """One-sided power spectrum of the rate, in units of the white term's 2 N^2."""
+def spectrum(values: Mapping[str, float], interval: float, frequency: Array) -> Array:
+    """One-sided power spectrum of the rate in samples of `interval` (s), in units of the white term's 2 N^2."""
     omega = 2.0 * np.pi * frequency
     power = np.zeros(np.shape(frequency))
     for name, value in values.items():
         square = value**2
         if name == QUANTIZATION:
-            power = power + 2.0 * square * omega**2
+            power = power + 2.0 * square * interval * omega**2
         elif name == WHITE:
             power = power + 2.0 * square
         elif name == FLICKER:
@@ -262,7 +262,7 @@ def fit(curve: Curve, use: NDArray[np.bool_] | None = None) -> Terms:
     best = white | {FLICKER: float(np.sqrt(seen.min())) * 0.5}
     for _ in range(2):  # the statistics are those of the noise that is fitted
         now = dict(best)
-        statistics = spread(curve, tau, partial(total, now), partial(spectrum, now))
+        statistics = spread(curve, tau, partial(total, now), partial(spectrum, now, curve.interval))
         problem = _Problem(tau, np.log(seen) - statistics.mean, statistics, curve.samples * curve.interval)
         best = problem.chosen(white)
     exact = _Problem(tau, problem.seen, statistics, problem.duration, model_error=0.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock, declared
 from insenv.logs import RecordedLog
-from insenv.logs.declared_units import rest_by_other_unit
+from insenv.logs.declared_units import rest_hint
 from insenv.logs.inertial import at_instants
 from insenv.logs.rest import REST_WINDOW_S, rest_until
 
@@ -121,11 +121,10 @@ def _longest_rest(log: RecordedLog) -> tuple[float, float]:
             best = (begin, until)
         begin = REST_WINDOW_S + (begin if until is None else max(begin, until))
     if best[1] - best[0] < LEAST_S:
-        other = rest_by_other_unit(log)
         raise InputError(
             f"{_label(log)}: no {LEAST_S:g} s without motion: gyros and accelerometers then show the motion, not their noise;"
             " allowed is a log with the unit at rest, or a part that from_s and to_s (--from, --to) name"
-            + (f"; it would begin at rest if the columns of the gyros were {other[0]}" if other is not None else "")
+            f"{rest_hint(log)}"
         )
     return best
 
