@@ -119,6 +119,7 @@ FAULTS = {
     "degrees": ("car-odometer", {"place": np.radians(1.0)}, "gnss.position_unit = 'deg': it is rad"),
     "km/h": ("car-odometer", {"speed": 3.6}, "gnss.velocity: it is in km/h"),
     "swaying": ("ship-swaying", {"delta_angle": np.degrees(1.0)}, "as far as the direction of the specific force", "'deg/s'"),
+    "increments": ("car-parked", {"delta_velocity": 0.005}, "the columns fit accel_unit = 'm/s' with kind = 'increment'"),
     "parked": ("car-parked", {"delta_angle": np.radians(1.0)}, "at rest the gyros measure 0.2"),
 }
 
