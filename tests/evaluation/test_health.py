@@ -18,10 +18,7 @@ from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation.health import BLOCKS, course, health
 from insenv.runs.ensemble import ensemble
 
-GNSS = {
-    "file": "none", "time": 0, "latitude": 1, "longitude": 2, "height": 3, "position_unit": "rad",
-    "position_sigma_m": [2.1, 2.1, 4.3],
-}  # fmt: skip
+GNSS = {"file": "none", "time": 0, "latitude": 1, "longitude": 2, "height": 3, "position_unit": "rad", "wander_sigma_m": 1.5}
 
 
 def of_fixes(ratios, refused=None, velocity=True):
@@ -221,7 +218,7 @@ def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong,
 @pytest.mark.parametrize(
     ("told", "verdict"),
     [
-        ({"unit": "consumer", "grade": "navigation"}, "diverged"),
+        ({"unit": "industrial", "grade": "navigation"}, "diverged"),
         ({"scale_of_sigma": 0.4}, "overconfident"),
     ],
 )
@@ -264,7 +261,7 @@ def test_a_filter_that_states_more_than_one_fix_says_so():
     """Fixes of 2.1 m at 5 Hz without velocities, half of their variance slow: `fusion` estimates that half."""
     values = insenv.load("car-city-drive").model_dump(exclude_unset=True, mode="json") | {"rate_hz": 100.0}
     values["gnss"] |= {"interval_s": 0.2}
-    told = {**GNSS, "wander_sigma_m": 1.5, "lever_arm_m": [-1.2, 0.3, -1.0]}
+    told = {**GNSS, "position_sigma_m": [2.1, 2.1, 4.3], "lever_arm_m": [-1.2, 0.3, -1.0]}
     log = simulated_log(values, duration_s=60.0, grade="tactical", vehicle_kind="car", gnss=told)
     log = replace(log, gnss=replace(log.gnss, velocity_n=None, velocity_sigma=None))
     worse, better = insenv.replay(log, ["loosely-coupled", "fusion"], start="reference").results

@@ -16,17 +16,16 @@ from insenv.logs.declared_units import check_units
 from insenv.logs.instruments import description_class
 from insenv.logs.rest import rest_rate_notes, rest_until
 
-PLAIN = ROOT / "examples" / "logs"
 WITHOUT = "velocity"
 
 
 def loaded(folder, *changes):
     """The example log with a changed description; `WITHOUT`: without the velocities of its fixes."""
-    text = (PLAIN / "plain.toml").read_text().replace("plain-", f"{PLAIN.as_posix()}/plain-")
+    plain = ROOT / "examples" / "logs" / "plain"
+    text = plain.with_suffix(".toml").read_text().replace("plain-", f"{plain.as_posix()}-")
     if WITHOUT in changes:
         text = re.sub(r'^velocity(_sigma)? = \["(vn|std_vn)".*?\n', "", text, count=2, flags=re.MULTILINE)
     for old, new in (each for each in changes if each != WITHOUT):
-        assert old in text
         text = text.replace(old, new, 1)
     (folder / "log.toml").write_text(text)
     return load(folder / "log.toml")
@@ -36,19 +35,20 @@ WRONG = {
     "g as m/s2": ([('"g"', '"m/s2"')], "accel_unit = 'm/s2': at rest the specific force is 0.999", "fit accel_unit = 'g'"),
     "g as mg": ([('"g"', '"mg"')], "accel_unit = 'mg'", "0.000999 times that of gravity", "fit accel_unit = 'g'"),
     "scale": ([('accel_unit = "g"', 'accel_unit = "g"\naccel_scale = 1.03')], "is 10.09 m/s2", "9.64 to 9.96", "and grade"),
-    "rates as increments": (
-        [('kind = "rate"', 'kind = "increment"'), ('"deg/s"', '"deg"'), ('"g"', '"m/s"')],
-        "fit accel_unit = 'g' with kind = 'rate'", "fit gyro_unit = 'deg/s' with kind = 'rate'",
-    ),
+    "rates": ([('kind = "rate"', 'kind = "increment"'), ('"deg/s"', '"deg"'), ('"g"', '"m/s"')], "deg/s' with kind = 'rate'"),
     "deg/s as rad/s": ([('"deg/s"', '"rad/s"')], "gyro_unit = 'rad/s': the gyros turn 57 times", "fit gyro_unit = 'deg/s'"),
     "deg/s as rad/h": ([('"deg/s"', '"rad/h"')], "the gyros turn 0.0158 times", "fit gyro_unit = 'deg/s'"),
     "noise at rest": ([WITHOUT, ('"deg/s"', '"rad/s"')], "times the noise of their grade", "fit gyro_unit = 'deg/s'"),
-    "place": (
-        [("lat_deg", "x"), ("lon_deg", "lat_deg"), ('"x"', '"lon_deg"')], "gnss.latitude and longitude: they are the other's",
-        "4.69e+03 km from the place in [reference]",
-    ),
+    "place": ([("lat_deg", "x"), ("lon_deg", "lat_deg"), ('"x"', '"lon_deg"')], "they are the other's", "4.69e+03 km from"),
     "east first": ([('["vn", "ve", "vd"]', '["ve", "vn", "vd"]')], "gnss.velocity: its first two columns are east and north"),
 }  # fmt: skip
+
+
+def named(check, words):
+    """The message of the error of a check has all the words."""
+    with pytest.raises(InputError) as caught:
+        check()
+    assert not [word for word in words if word not in str(caught.value)], str(caught.value)
 
 
 def test_right_units_are_not_refused(tmp_path):
@@ -59,9 +59,7 @@ def test_right_units_are_not_refused(tmp_path):
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_unit_of_the_example_log_is_named(name, tmp_path):
     changes, *words = WRONG[name]
-    with pytest.raises(InputError) as caught:
-        loaded(tmp_path, *changes)
-    assert not [word for word in words if word not in str(caught.value)], str(caught.value)
+    named(lambda: loaded(tmp_path, *changes), words)
 
 
 def test_what_contradicts_a_unit_and_fits_no_other_is_a_note(tmp_path):
@@ -98,10 +96,11 @@ def simulated(scenario):
 def other(log, **scales):
     """The log with columns of other units, by factors."""
     gnss, scaled = log.gnss, {id: scales[id] for id in ("delta_angle", "delta_velocity") if id in scales}
-    if "place" in scales:
-        gnss = replace(gnss, latitude=gnss.latitude * scales["place"], longitude=gnss.longitude * scales["place"])
-    if "speed" in scales:
-        gnss = replace(gnss, velocity_n=gnss.velocity_n * scales["speed"])
+    if gnss is not None:
+        place, speed = scales.get("place", 1.0), scales.get("speed", 1.0)
+        gnss = replace(
+            gnss, latitude=gnss.latitude * place, longitude=gnss.longitude * place, velocity_n=gnss.velocity_n * speed
+        )
     readings = tuple(replace(each, values=each.values * scales.get(each.id, 1.0)) for each in log.instruments)
     log = replace(log, gnss=gnss, instruments=readings, **{name: getattr(log, name) * size for name, size in scaled.items()})
     return declared(log, log.description.imu.grade, **(DESCRIBED if readings else {}))
@@ -127,8 +126,5 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_unit_of_a_simulated_log_is_named(name):
     scenario, scales, *words = FAULTS[name]
-    log = simulated(scenario)
-    check_units(log)
-    with pytest.raises(InputError) as caught:
-        check_units(other(log, **scales))
-    assert not [word for word in words if word not in str(caught.value)], str(caught.value)
+    check_units(simulated(scenario))
+    named(lambda: check_units(other(simulated(scenario), **scales)), words)
