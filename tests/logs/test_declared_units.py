@@ -33,7 +33,6 @@ def loaded(folder, *changes):
 
 WRONG = {
     "g as m/s2": ([('"g"', '"m/s2"')], "accel_unit = 'm/s2': at rest the specific force is 0.999", "fit accel_unit = 'g'"),
-    "g as mg": ([('"g"', '"mg"')], "accel_unit = 'mg'", "0.000999 times that of gravity", "fit accel_unit = 'g'"),
     "scale": ([('accel_unit = "g"', 'accel_unit = "g"\naccel_scale = 1.03')], "is 10.09 m/s2", "9.64 to 9.96", "and grade"),
     "rates": ([('kind = "rate"', 'kind = "increment"'), ('"deg/s"', '"deg"'), ('"g"', '"m/s"')], "deg/s' with kind = 'rate'"),
     "deg/s as rad/s": ([('"deg/s"', '"rad/s"')], "gyro_unit = 'rad/s': the gyros turn 57 times", "fit gyro_unit = 'deg/s'"),
@@ -114,7 +113,6 @@ DESCRIBED = {"odometer": ODOMETER, "magnetometer": MAGNETOMETER, "gnss": GNSS}
 FAULTS = {
     "odometer": ("car-odometer", {"odometer": 3.6}, "odometer.speed_unit = 'm/s'", "speed_unit = 'km/h'"),
     "gauss": ("car-odometer", {"magnetometer": 1e-2}, "magnetometer.field_unit = 'uT'", "field_unit = 'G'"),
-    "nT": ("car-odometer", {"magnetometer": 1e3}, "reads 982 times what it should", "field_unit = 'nT'"),
     "degrees": ("car-odometer", {"place": np.radians(1.0)}, "gnss.position_unit = 'deg': it is rad"),
     "km/h": ("car-odometer", {"speed": 3.6}, "gnss.velocity: it is in km/h"),
     "swaying": ("ship-swaying", {"delta_angle": np.degrees(1.0)}, "as far as the direction of the specific force", "'deg/s'"),
