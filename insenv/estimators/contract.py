@@ -306,7 +306,7 @@ class Estimator:
             return f"{this} needs the velocity of GNSS: the fixes of {drive.where} have none"
         if self.motion == "in place" and drive.in_place is False and not follows:
             motion = f" ({drive.motion})" if drive.motion else ""
-            return f"{this} is for a vehicle that stays in place; that of {drive.where} moves{motion}"
+            return f"{this} is for a vehicle that stays in place, and the vehicle of {drive.where} moves{motion}"
         if self.motion == "moving" and drive.in_place:
             return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
         if self.smooths and not drive.offline:

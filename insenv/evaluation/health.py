@@ -255,6 +255,31 @@ def models_slow_errors(parameters: Mapping[str, Any]) -> bool:
     return bool(np.any(parameters.get("fix_wander_sigma", 0.0)))
 
 
+LARGER = 1.2
+"""Ratio of the stated sigma of a position to that of one fix from which it is said."""
+
+
+@remark(
+    "fixes-count-less",
+    "the stated sigma of the position, {stated:.2g} m in the median, is larger than that of one fix, {fix:.2g} m: this filter "
+    "lets fixes with a slow error count less the more often they come; `fusion` estimates that error",
+)
+def fixes_count_less(parameters: Mapping[str, Any], outputs: Mapping[str, Array], fix_sigma: Array) -> dict[str, float] | None:
+    """A filter that is told of slow errors of the fixes and does not estimate them is worse than one fix.
+
+    fix_sigma (k, 3): standard deviations of its fixes, m.  The records count that a fix came just before.
+    """
+    if not models_slow_errors(parameters) or not len(fix_sigma) or "gnss_wander" in outputs or "fix_count" not in outputs:
+        return None
+    recent = np.flatnonzero(np.diff(np.ravel(outputs["fix_count"])) > 0) + 1
+    if not len(recent):
+        return None
+    recent = recent[len(recent) // 2 :]
+    stated, fix = np.median(outputs["position_sigma"][recent], axis=0), np.median(fix_sigma, axis=0)
+    worst = int(np.argmax(stated / fix))
+    return {"stated": stated[worst], "fix": fix[worst]} if stated[worst] > LARGER * fix[worst] else None
+
+
 def health(outputs: Mapping[str, Array]) -> Health | None:
     """The health of a run from the recorded rows of `FIX_HEALTH` and of aids, (records, ...) by name.
 

@@ -136,7 +136,8 @@ def checked_position(name: str, section: PositionSection, table: TextTable, note
     for what, column, limit in (("latitude", section.latitude, 90.0), ("longitude", section.longitude, 360.0)):
         values, reach = table.column(column), math.radians(limit) / factor
         bad = np.abs(values * factor) > math.radians(limit) * (1 + 1e-12)
-        allowed = f"allowed {-reach:.6g} to {reach:.6g} {unit}; is position_unit = {unit!r} right?"
+        swap = " Or are latitude and longitude exchanged?" if what == "latitude" else ""
+        allowed = f"allowed {-reach:.6g} to {reach:.6g} {unit}; is position_unit = {unit!r} right?{swap}"
         table.refuse([column], bad, lambda row, _: f"{what} is {values[row]:.10g} {unit}, {allowed}")  # noqa: B023
         result.append(np.clip(values * factor, -math.radians(limit), math.radians(limit)))
     latitude, longitude = result

@@ -211,9 +211,11 @@ class GnssSection(PositionSection, MeasurementSection):
     longitude: Column = key(..., "column of the longitude, east positive")
     height: Column = key(..., "column of the height above the ellipsoid [m], up positive")
     position_unit: PositionUnit = key(..., "unit of latitude and longitude")
-    position_sigma: Columns3 | None = key(None, "columns of the standard deviations north, east, down [m]")
+    position_sigma: Columns3 | None = key(
+        None, "columns of the standard deviations north, east, down of the whole error of a fix, wander included [m]"
+    )
     position_sigma_m: Sigma3 | None = key(
-        None, "constant standard deviations N, E, D, where the log has none", "m", validate_default=True
+        None, "the same, constant, N, E, D, where the log has none", "m", validate_default=True
     )
     velocity_sigma: Columns3 | None = key(None, "columns of the velocity's standard deviations N, E, D [m/s]")
     velocity_sigma_mps: Sigma3 | None = key(None, "constant velocity standard deviations N, E, D", "m/s", validate_default=True)
@@ -240,7 +242,7 @@ class GnssSection(PositionSection, MeasurementSection):
         ge=0,
         le=3600,
     )
-    wander_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "part of the position error that changes slowly, 1 sigma, N, E, D", "m")
+    wander_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "part of position_sigma that changes slowly, 1 sigma, N, E, D", "m")
     wander_time_s: Positive = key(60.0, "correlation time of that part", "s", le=1e9)
 
     def stated_errors(self) -> dict[str, Any]:

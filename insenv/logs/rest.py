@@ -316,8 +316,16 @@ def rest_rate_notes(log: RecordedLog) -> list[Remark]:
 
 def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[Remark]:
     """A note if the turns that the gyros measure are proportional to those of the course, and not equal to them."""
-    if gnss is None or gnss.velocity_n is None or gnss.velocity_sigma is None:
+    ratio = turn_ratio(samples, gnss)
+    if ratio is None or 1.0 / WRONG_RATIO < ratio < WRONG_RATIO:
         return []
+    return [_TURNS_DIFFER.filled(ratio=ratio)]
+
+
+def turn_ratio(samples: InertialSamples, gnss: GnssFixes | None) -> float | None:
+    """How many times as far the gyros turn as the course of the fixes; None where both are not proportional, or not shown."""
+    if gnss is None or gnss.velocity_n is None or gnss.velocity_sigma is None:
+        return None
     moving = np.hypot(gnss.velocity_n[:, 0], gnss.velocity_n[:, 1]) > MIN_COURSE_SPEED
     moving &= gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
     moving &= (gnss.time >= samples.imu_time[0]) & (gnss.time <= samples.imu_time[-1])
@@ -326,10 +334,10 @@ def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[Remark]
     time, velocity = time[first], velocity[first]
     near = np.diff(time) <= MAX_TURN_S
     if np.count_nonzero(near) < MIN_PAIRS:
-        return []
+        return None
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     if np.ptp(course) < MIN_TURN:
-        return []
+        return None
     down = -np.median(samples.delta_velocity / samples.dt[:, None], axis=0)
     turned = np.cumsum(samples.delta_angle @ down) / max(float(np.linalg.norm(down)), 1e-9)
     by_course = np.diff(course)[near]
@@ -337,8 +345,5 @@ def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[Remark]
     by_course, by_gyro = by_course - by_course.mean(), by_gyro - by_gyro.mean()
     both, alone = float(by_gyro @ by_course), float(by_course @ by_course)
     if both <= MIN_CORRELATION * np.sqrt(float(by_gyro @ by_gyro) * alone):
-        return []
-    ratio = both / alone
-    if 1.0 / WRONG_RATIO < ratio < WRONG_RATIO:
-        return []
-    return [_TURNS_DIFFER.filled(ratio=ratio)]
+        return None
+    return both / alone

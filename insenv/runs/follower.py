@@ -14,7 +14,7 @@ from insenv.base.errors import InsenvError
 from insenv.base.remarks import Remark, clock
 from insenv.core.runner import Runner, make_runner
 from insenv.estimators import Estimator
-from insenv.evaluation.health import Health, health, models_slow_errors, no_fix
+from insenv.evaluation.health import Health, fixes_count_less, health, models_slow_errors, no_fix
 from insenv.scenario.chunks import input_rows
 
 Array = NDArray[np.float64]
@@ -31,13 +31,15 @@ def diverged(what: str, columns: Mapping[str, Array], sample: int) -> InsenvErro
 
 @dataclass
 class Follower:
-    """One estimator in a run: its runner, its outputs so far, and the processor time it has used (s)."""
+    """One estimator in a run: its runner, its outputs so far, the processor time it has used (s), and the standard deviations
+    (k, 3) m of the fixes so far."""
 
     estimator: Estimator
     runner: Runner
     every: int
     outputs: list[Array] = field(default_factory=list)
     seconds: float = 0.0
+    fix_sigmas: list[Array] = field(default_factory=list)
 
     @property
     def first(self) -> int:
@@ -54,6 +56,8 @@ class Follower:
         length.
         """
         rows = input_rows(self.estimator.model, columns, count)
+        if self.estimator.reports_fixes and "gnss_position_sigma" in columns:
+            self.fix_sigmas.append(columns["gnss_position_sigma"][columns["gnss_valid"] > 0])
         begin = time.process_time()
         outputs = self.runner.run(count, rows, self.every)
         self.seconds += time.process_time() - begin
@@ -97,4 +101,5 @@ class Follower:
             *estimator.shown(parameters, time, outputs),
             *of_fixes,
             *of_health,
+            *fixes_count_less(parameters, outputs, np.concatenate([np.zeros((0, 3)), *self.fix_sigmas])),
         )

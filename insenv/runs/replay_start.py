@@ -20,6 +20,7 @@ from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock, declared, remark
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
+from insenv.logs.declared_units import rest_hint
 from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
 from insenv.runs.heading_bank import attitude_by_motion, heading_of
 from insenv.runs.log_remarks import latitude_text
@@ -302,8 +303,8 @@ def _under_way(log: RecordedLog, first: int) -> Start:
     stated, gnss, begin = _stated(log), log.gnss, _begin(log, first)
     where, rest = f"the vehicle moves at {clock(begin)} s, where navigation starts", ""
     if log.rest is None:
-        where = "the log does not begin at rest"
-        rest = "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
+        where, rest = "the log does not begin at rest", rest_hint(log)
+        rest += "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
         "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, "
@@ -361,7 +362,6 @@ def _from_log(log: RecordedLog, first: int) -> Start:
     rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
     latitude, longitude, height, position_sigma, far = _rest_position(log, rows)
     roll, pitch = (stated.get(name, measured) for name, measured in zip(("roll", "pitch"), rest.level, strict=True))
-    levelled = "roll" not in stated and "pitch" not in stated
     if "roll" not in stated and rest.force[2] > ON_ITS_BACK * np.linalg.norm(rest.force):
         raise InputError(
             f"start 'coarse': at rest the specific force points down ({rest.force[2]:+.3g} m/s2 on the down axis; upright it "
@@ -371,7 +371,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         stated,
         position_sigma=position_sigma,
         velocity_sigma=np.full(3, REST_VELOCITY_SIGMA),
-        tilt_sigma=rest.tilt_sigma(sensors) if levelled else LEVEL_SIGMA,
+        tilt_sigma=LEVEL_SIGMA if stated.keys() & {"roll", "pitch"} else rest.tilt_sigma(sensors),
         heading_sigma=HEADING_SIGMA,
     )
     if far:

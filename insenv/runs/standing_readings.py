@@ -23,12 +23,11 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.attitude import skew
 from insenv.base.remarks import Remark, declared
-from insenv.core.model import Values
-from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import RecordedLog
 from insenv.logs.recorded import Readings
 from insenv.sensors import registry
-from insenv.sensors.instrument import Instrument, Term, errors_of
+from insenv.sensors.instrument import Instrument
+from insenv.sensors.level_equation import Level, equation_at
 
 Array = NDArray[np.float64]
 
@@ -45,26 +44,6 @@ class Heading:
     heading: float
     sigma: float
     called: str
-
-
-class _Standing:
-    """The motion of a vehicle that stands (`insenv.sensors.instrument.Motion`), at an attitude C_nb."""
-
-    climbed = speed_squared = velocity_down = 0.0
-
-    def __init__(self, C_nb: Any, height: float) -> None:
-        self._C_nb, self.height = C_nb, height
-        self.specific_force_b = C_nb.T @ ca.vertcat(0, 0, -STANDARD_GRAVITY)
-        self.displacement_n = ca.SX.zeros(3)
-
-    def to_body(self, vector_n: Any) -> Any:
-        return self._C_nb.T @ vector_n
-
-    def to_navigation(self, vector_b: Any) -> Any:
-        return self._C_nb @ vector_b
-
-    def body_velocity(self, arm_b: Any, flow_n: Any = None) -> Any:
-        return ca.SX.zeros(3) if flow_n is None else -self.to_body(flow_n)
 
 
 def heading_at_rest(log: RecordedLog, level: tuple[float, float], tilt_sigma: float, height: float) -> Heading | None:
@@ -107,7 +86,7 @@ def _heading(
     C_nb = attitude.to_dcm(attitude.from_euler(level[0], level[1], 0.0))
     turn = ca.vertcat(ca.horzcat(ca.cos(psi), -ca.sin(psi), 0), ca.horzcat(ca.sin(psi), ca.cos(psi), 0), ca.SX([[0, 0, 1]]))
     tilted = (ca.SX.eye(3) + skew(ca.vertcat(tilt, 0))) @ C_nb
-    value, errors, variances = _equation(instrument, _Standing(turn @ tilted, height), stated, len(read))
+    value, errors, variances = equation_at(instrument, Level(turn @ tilted, height), stated, len(read))
     outputs = [value, ca.jacobian(value, psi), ca.jacobian(value, ca.vertcat(errors, tilt))]
     at_zero = ca.substitute(outputs, [errors, tilt], [ca.SX.zeros(errors.shape), ca.SX.zeros(2)])
     equation = ca.Function("equation", [psi], [ca.densify(part) for part in at_zero])
@@ -131,33 +110,6 @@ def _heading(
     if not np.isfinite(cost) or cost > CONTRADICTED**2 or sigma > 1.0:
         return None
     return Heading(float(np.angle(np.exp(1j * heading))), sigma, instrument.called)
-
-
-def _equation(instrument: Instrument, motion: Any, stated: Mapping[str, Any], count: int) -> tuple[Any, Any, Array]:
-    """The value (k) that filters compare, its errors (n) as symbols, and their variances (n) in a mean of `count` readings."""
-    table = instrument.all_parameters
-    p = Values(**{**{row.name: row.flat_start().reshape(row.shape) for row in table}, **stated})
-    values: dict[str, Any] = {}
-    symbols: list[Any] = []
-    variances: list[Array] = []
-    for term in instrument.terms:
-        variance = _variance(term, stated) / (count if term.kind == "white" else 1)
-        if variance.any():
-            rows, columns = (term.shape + (1, 1))[:2]
-            error = ca.SX.sym(term.name, term.size)
-            values[term.name] = error if columns == 1 else ca.reshape(error, columns, rows).T  # by rows
-            symbols.append(error)
-            variances.append(variance)
-    value = ca.SX(instrument.measure(motion, errors_of(instrument, values), p)[instrument.compared.name])
-    return value, ca.vertcat(*symbols), np.concatenate([np.zeros(0), *variances])
-
-
-def _variance(term: Term, stated: Mapping[str, Any]) -> Array:
-    """Variances of the elements of a term, by rows of a matrix, as they are stated."""
-    variance = np.zeros(term.size)
-    for row, (_, elements) in zip([each for each in term.stated if each is not term.time], term.parts, strict=False):
-        variance[list(elements)] = np.asarray(stated.get(row.name, 0.0), dtype=float) ** 2
-    return variance
 
 
 # The datum of heights.
@@ -191,7 +143,7 @@ def _datum(instrument: Instrument, readings: Readings, log: RecordedLog) -> tupl
     if not use.any():
         return None
     at = np.interp(readings.time[use], gnss.time, gnss.height)
-    value, errors, variances = _equation(instrument, _Standing(ca.SX.eye(3), 0.0), log.told, 1)
+    value, errors, variances = equation_at(instrument, Level(ca.SX.eye(3), 0.0), log.told, 1)
     constants = [term for term in instrument.terms if term.kind == "constant" and term.states and not term.shape]
     if value.numel() != 1 or not constants:
         return None

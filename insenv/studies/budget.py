@@ -1,8 +1,8 @@
 """The error budget: what each source of error contributes to the errors of an estimator.
 
-The runs of every seed are repeated with no source of error, with each source alone, with all but it, and with all.  Plant,
-estimator and statistics are one compiled model, and each of these variants is a row of its batch: sources are switched off by
-parameter values.  Random numbers are those of the seed in every variant, and the estimator keeps its tuning.  Errors can
+The runs of every seed are repeated with no source of error, with each source alone, with all sources except one, and with all.
+Plant, estimator and statistics are one compiled model, and each of these variants is a row of its batch: sources are switched
+off by parameter values.  Random numbers are those of the seed in every variant, and the estimator keeps its tuning.  Errors can
 therefore be compared run by run:
 
     e = m + sum of c_i + x,    c_i = e_i - m
@@ -116,7 +116,7 @@ def budget(
     settings: Settings | None = None,
     progress: Progress | None = None,
 ) -> Budget:
-    """Which source of error dominates: the errors of an estimator with each source alone, and with all but it.
+    """Which source of error dominates: the errors of an estimator with each source alone, and with all sources except one.
 
     Parameters
     ----------

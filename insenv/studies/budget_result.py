@@ -174,7 +174,7 @@ def sentences(budget: Budget) -> tuple[str, ...]:
     low, high = ratio_bounds(count)
     return (
         f"rms {since(budget.from_s)}: change by a source alone; w/o: error without it",
-        "method: no source at all; interaction: all sources less their sum, run by run",
+        "method: no source at all; interaction: all sources minus all contributions",
         f"rms of {runs_of(count)} over that of many runs: {low:.2f} to {high:.2f} (95 %)",
     )
 

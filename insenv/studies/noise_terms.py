@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import digamma, polygamma
+from scipy.stats import chi2
 
 from insenv.base.installing import need
 
@@ -44,6 +45,8 @@ LONGEST_PART = 4
 _EXPONENTS = (2, 1, 0, -1, -2)
 """Exponents of f in the spectrum of the rate; the slope of the Allan variance is -2, -2, -1, 0, 1."""
 _FREQUENCIES = 20000
+FEW = 64
+"""Averaging times in a log below which its ends count."""
 
 
 def allantools() -> ModuleType:
@@ -116,17 +119,28 @@ class Spread:
 def spread(curve: Curve, tau: Array, variance: Callable[[Array], Array], spectrum: Callable[[Array], Array]) -> Spread:
     """The statistics of the estimates at `tau` for noise of this Allan variance (function of tau, s) and spectrum (of f, Hz).
 
-    The degrees of freedom are those of Greenhall and Riley, "Uncertainty of stability variances based on finite
-    differences", PTTI 2003, as allantools has them, for the local slope of the curve.
+    An overlapping estimate is the mean of n - 2 m + 1 squares, whose degrees of freedom follow from the same spectrum:
+    (integral)^2 over the integral of the square, times their number over the Nyquist frequency.  Where the log has few
+    averaging times, the ends count: there they are those of Greenhall and Riley, "Uncertainty of stability variances based on
+    finite differences", PTTI 2003, as allantools has them, for the local slope of the curve.  At one sample of white noise
+    these are 20 % too many.
     """
     slope = np.log(variance(tau * 1.1) / variance(tau / 1.1)) / np.log(1.21)
     sizes = np.rint(tau / curve.interval).astype(int)
-    freedom = curve.axes * np.array([_freedom(s, int(m), curve.samples) for s, m in zip(slope, sizes, strict=True)])
-    frequency = np.geomspace(0.02 / tau[-1], 0.5 / curve.interval, _FREQUENCIES)
-    phase = np.pi * frequency * tau[:, None]
-    power = 2.0 * np.sin(phase) ** 4 / phase**2 * spectrum(frequency) * np.sqrt(frequency)  # df = f dlog(f), for each half
+    nyquist = 0.5 / curve.interval
+    frequency = np.geomspace(0.02 / tau[-1], nyquist, _FREQUENCIES)
+    of_samples = np.sin(np.pi * frequency * curve.interval) / (np.pi * curve.interval)  # of a difference of samples
+    window = 2.0 * np.sin(np.pi * frequency * tau[:, None]) ** 4 / (np.pi * of_samples * tau[:, None]) ** 2
+    power = window * spectrum(of_samples) * np.sqrt(frequency)  # df = f dlog(f), for each half
     product = power @ power.T
     size = np.sqrt(np.diag(product))
+    width = float(np.log(frequency[1] / frequency[0]))
+    of_spectrum = (curve.samples - 2 * sizes + 1) * width * (power @ np.sqrt(frequency)) ** 2 / size**2 / nyquist
+    of_slope = [
+        edf if size * FEW <= curve.samples else _freedom(local, size, curve.samples)
+        for local, size, edf in zip(slope, sizes.tolist(), of_spectrum.tolist(), strict=True)
+    ]
+    freedom = curve.axes * np.array(of_slope)
     sigma = np.sqrt(polygamma(1, 0.5 * freedom))
     correlation = product / np.outer(size, size)
     return Spread(digamma(0.5 * freedom) - np.log(0.5 * freedom), correlation * np.outer(sigma, sigma), freedom)
@@ -153,7 +167,10 @@ CHI_SQUARE = 3.841
 STEPS = 80
 """Steps of a descent, at most."""
 MODEL_ERROR = 0.02
-"""Error of the logarithm of the variance that the model itself is granted: 1 % of a deviation."""
+"""Error of the logarithm of the variance that the model itself is granted, 1 % of a deviation, where the terms do not explain
+the curve as well as its statistics are known."""
+EXPLAINED = 0.99
+"""Share of the curves of such terms that differ less from their fit than one that they explain."""
 _SLOW: tuple[tuple[str, ...], ...] = ((), (FLICKER,), (WALK,), (MARKOV,), (FLICKER, WALK))
 _POWERS = {QUANTIZATION: (3.0, -2), WHITE: (1.0, -1), FLICKER: (1.0, 0), WALK: (1.0 / 3.0, 1)}
 
@@ -218,14 +235,14 @@ def total(values: Mapping[str, float], tau: Array) -> Array:
     return variance
 
 
-def spectrum(values: Mapping[str, float], frequency: Array) -> Array:
-    """One-sided power spectrum of the rate, in units of the white term's 2 N^2."""
+def spectrum(values: Mapping[str, float], interval: float, frequency: Array) -> Array:
+    """One-sided power spectrum of the rate in samples of `interval` (s), in units of the white term's 2 N^2."""
     omega = 2.0 * np.pi * frequency
     power = np.zeros(np.shape(frequency))
     for name, value in values.items():
         square = value**2
         if name == QUANTIZATION:
-            power = power + 2.0 * square * omega**2
+            power = power + 2.0 * square * interval * omega**2
         elif name == WHITE:
             power = power + 2.0 * square
         elif name == FLICKER:
@@ -245,9 +262,13 @@ def fit(curve: Curve, use: NDArray[np.bool_] | None = None) -> Terms:
     best = white | {FLICKER: float(np.sqrt(seen.min())) * 0.5}
     for _ in range(2):  # the statistics are those of the noise that is fitted
         now = dict(best)
-        statistics = spread(curve, tau, partial(total, now), partial(spectrum, now))
+        statistics = spread(curve, tau, partial(total, now), partial(spectrum, now, curve.interval))
         problem = _Problem(tau, np.log(seen) - statistics.mean, statistics, curve.samples * curve.interval)
         best = problem.chosen(white)
+    exact = _Problem(tau, problem.seen, statistics, problem.duration, model_error=0.0)
+    cost, closer = exact.best(best)
+    if cost <= chi2.ppf(EXPLAINED, len(tau) - len(best)):
+        problem, best = exact, closer
     figures = {name: problem.bounded(best, name) for name in best}
     upper = {name: problem.upper(best, name) for name in (QUANTIZATION, FLICKER, WALK) if name not in best}
     if figures[WHITE].low == 0.0:  # of every fit, and so the only term whose bounds can hold 0: it was not seen
@@ -295,9 +316,9 @@ def _descended(
 class _Problem:
     """The weighted least squares of one curve."""
 
-    def __init__(self, tau: Array, seen: Array, statistics: Spread, duration: float) -> None:
+    def __init__(self, tau: Array, seen: Array, statistics: Spread, duration: float, model_error: float = MODEL_ERROR) -> None:
         self.tau, self.seen, self.duration = tau, seen, duration
-        self.covariance = statistics.covariance + MODEL_ERROR**2 * np.eye(len(tau))
+        self.covariance = statistics.covariance + model_error**2 * np.eye(len(tau))
 
     @property
     def longest(self) -> float:
@@ -383,21 +404,34 @@ class _Problem:
     def bounded(self, best: Mapping[str, float], name: str) -> Figure:
         """A figure with its bounds."""
         least, value = self.cost(best), best[name]
+        alone = name == WALK and FLICKER not in best
 
         def excess(log: float) -> float:
-            return self.best(best, {name: float(np.exp(log))})[0] - least - CHI_SQUARE
+            fixed = float(np.exp(log))
+            cost = self.best(best, {name: fixed})[0]
+            return min(cost, self._as_markov(best, fixed) if alone else np.inf) - least - CHI_SQUARE
 
         low, high = (self._crossing(excess, np.log(value), sign) for sign in (-1.0, 1.0))
         if high is not None and self.best(best, {name: float(np.exp(high))})[1].get(TIME, 0.0) > 0.99 * self.longest:
             high = None  # a walk without end, which is worse only because the fit ends its times there
         return Figure(value, 0.0 if low is None else float(np.exp(low)), np.inf if high is None else float(np.exp(high)))
 
+    def _as_markov(self, best: Mapping[str, float], walk: float) -> float:
+        """The least cost with a bias that begins as this walk and ends it at any time: a log does not tell them apart."""
+        others = {name: value for name, value in best.items() if name != WALK}
+        return min(
+            self.best(others, {MARKOV: walk * float(np.sqrt(time / 2.0)), TIME: time})[0]
+            for time in np.geomspace(10.0 * self.tau[0], 10.0 * self.duration, 12).tolist()
+        )
+
     def upper(self, best: Mapping[str, float], name: str) -> float:
-        """Upper bound of the figure of a term that the fit has not."""
+        """Upper bound of the figure of a term that the fit has not, beside the slow terms that it has or in place of them."""
         start = self._starts({WHITE: best[WHITE]})[name] * 1e-3
+        instead = {each: value for each, value in best.items() if name == QUANTIZATION or each in (WHITE, QUANTIZATION)}
 
         def excess(log: float) -> float:
-            return self.best({**best, name: 1.0}, {name: float(np.exp(log))})[0] - self.cost(best) - CHI_SQUARE
+            fixed = {name: float(np.exp(log))}
+            return min(self.best(one, fixed)[0] for one in (best, instead)) - self.cost(best) - CHI_SQUARE
 
         high = self._crossing(excess, np.log(start), 1.0)
         return np.inf if high is None else float(np.exp(high))

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock, declared
 from insenv.logs import RecordedLog
+from insenv.logs.declared_units import rest_hint
+from insenv.logs.inertial import at_instants
 from insenv.logs.rest import REST_WINDOW_S, rest_until
 
 Array = NDArray[np.float64]
@@ -76,6 +78,8 @@ def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = 
     interval = lasts / count
     length = log.dt[samples, None] if log.description.imu.kind == "rate" else interval
     rates = np.hstack([log.delta_angle[samples] / length, log.delta_velocity[samples] / length])
+    if log.description.imu.stamp == "instant":
+        rates = at_instants(rates)
     warnings = _faults(log, samples, rates, interval)
     end_s, moves = float(end[last - 1]), False
     if from_s is None and to_s is None:
@@ -120,6 +124,7 @@ def _longest_rest(log: RecordedLog) -> tuple[float, float]:
         raise InputError(
             f"{_label(log)}: no {LEAST_S:g} s without motion: gyros and accelerometers then show the motion, not their noise;"
             " allowed is a log with the unit at rest, or a part that from_s and to_s (--from, --to) name"
+            f"{rest_hint(log)}"
         )
     return best
 
@@ -131,6 +136,8 @@ def _is_rest(log: RecordedLog, begin: float, end: float) -> bool:
 
 REPEATED, BRIDGED, IRREGULAR = 0.01, 0.001, 0.1
 """Shares of repeated and missing samples, and of the interval by which its length varies, that are worth a warning."""
+ROUNDING = 1e-12
+"""Part of the largest rate by which samples that repeat may differ: means by the trapezoidal rule are rounded."""
 
 
 def _faults(log: RecordedLog, samples: slice, rates: Array, interval: float) -> list[Remark]:
@@ -139,8 +146,9 @@ def _faults(log: RecordedLog, samples: slice, rates: Array, interval: float) -> 
     missing = float(np.mean(log.bridged[samples]))
     if missing > BRIDGED:
         faults.append(_MISSING.filled(share=100 * missing, time=log.gaps.longest_s + interval))
-    repeated = float(np.mean(np.all(rates[1:] == rates[:-1], axis=1)))
-    if repeated > REPEATED and not np.all(rates == rates[0]):
+    rounding = ROUNDING * np.abs(rates).max(axis=0)
+    repeated = float(np.mean(np.all(np.abs(np.diff(rates, axis=0)) <= rounding, axis=1)))
+    if repeated > REPEATED and np.any(np.abs(rates - rates[0]) > rounding):
         faults.append(_REPEAT.filled(share=100 * repeated))
     uneven = float(np.std(log.dt[samples])) / interval
     if uneven > IRREGULAR:

@@ -1,4 +1,4 @@
-"""Tuning of a filter on a scenario: noises and gates by CMA-ES, judged on held-out seeds.
+"""Tuning of a filter on a scenario: noises and gates by CMA-ES, evaluated on held-out seeds.
 
 The objective of factors is
 

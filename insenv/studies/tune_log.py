@@ -8,7 +8,7 @@ logarithm of that predictive density,
 
 a proper score (Gneiting and Raftery 2007): only the right variances minimise it on average, so that neither overconfidence nor
 pessimism pays.  Components are taken one by one, and the lever arm's part in S is left out.  A fix far off counts as one at
-LARGEST.  Factors are sought on the first half of the log and judged on the second.
+LARGEST.  Factors are fitted to the first half of the log and evaluated on the second.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command_line import call
 from scipy.signal import lfilter
+from simulated_log import simulated_log
 from written_logs import written_log
 
 import insenv
@@ -16,6 +17,8 @@ from insenv.core.tables import Table
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation.health import BLOCKS, course, health
 from insenv.runs.ensemble import ensemble
+
+GNSS = {"file": "none", "time": 0, "latitude": 1, "longitude": 2, "height": 3, "position_unit": "rad", "wander_sigma_m": 1.5}
 
 
 def of_fixes(ratios, refused=None, velocity=True):
@@ -215,7 +218,7 @@ def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong,
 @pytest.mark.parametrize(
     ("told", "verdict"),
     [
-        ({"unit": "consumer", "grade": "navigation"}, "diverged"),
+        ({"unit": "industrial", "grade": "navigation"}, "diverged"),
         ({"scale_of_sigma": 0.4}, "overconfident"),
     ],
 )
@@ -252,6 +255,19 @@ def test_a_wrong_barometer_and_a_wrong_odometer_of_a_log_are_named(tmp_path, mon
     assert found["health"]["aids"]["odometer"]["verdict"] == found["health"]["verdict"] == "diverged"
     assert found["health"]["aids"]["barometer"]["refused"] == 0
     assert any("above the fixes at the start" in note for note in report["notes"])
+
+
+def test_a_filter_that_states_more_than_one_fix_says_so():
+    """Fixes of 2.1 m at 5 Hz without velocities, half of their variance slow: `fusion` estimates that half."""
+    values = insenv.load("car-city-drive").model_dump(exclude_unset=True, mode="json") | {"rate_hz": 100.0}
+    values["gnss"] |= {"interval_s": 0.2}
+    told = {**GNSS, "position_sigma_m": [2.1, 2.1, 4.3], "lever_arm_m": [-1.2, 0.3, -1.0]}
+    log = simulated_log(values, duration_s=60.0, grade="tactical", vehicle_kind="car", gnss=told)
+    log = replace(log, gnss=replace(log.gnss, velocity_n=None, velocity_sigma=None))
+    worse, better = insenv.replay(log, ["loosely-coupled", "fusion"], start="reference").results
+    (said,) = (note for note in worse.notes if note.code == "fixes-count-less")
+    assert "than that of one fix, 2.1 m" in said and "`fusion`" in said
+    assert not [note for note in better.notes if note.code == "fixes-count-less"]
 
 
 @pytest.mark.parametrize("id", ["q-method", "qakf", "qakf-improved", "inertial-fir", "gyrocompass"])

@@ -12,6 +12,7 @@ import pytest
         ("[gnss]", '[reference]\nfile = "r.csv"\ntime = "t"\n[gnss]', "give the columns of position, velocity or attitude"),
         ("[gnss]", '[gnss]\nspeed = "speed"\nspeed_sigma_mps = 0.1', "speed and course go together"),
         ("[gnss]", "[gnss]\ntime_offset_s = 100.0", "do not overlap"),
+        ("[gnss]", "[gnss]\nwander_sigma_m = 5.0", "wander_sigma_m = 5 m north: allowed is up to position_sigma, 0.5 m"),
         ("[imu]", "[imu]\nrate_hz = 100.0", "imu.rate_hz = 100 Hz, but the median step"),
         ("[imu]", '[imu]\ntime_unit = "ms"', "50000 Hz: allowed is up to 10000 Hz"),
         ('position_unit = "deg"', 'position_unit = "rad"', "is position_unit = 'rad' right?"),

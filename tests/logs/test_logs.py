@@ -80,6 +80,8 @@ def test_notes_on_a_sensor_upside_down_and_on_wrong_units(folder):
     folder.change(('axes = "FRD"', 'axes = "FLU"'))
     assert "points down" in folder.load().notes[0]
     folder.change(('axes = "FLU"', 'axes = "FLU"\naccel_axes = "BRD"'), ('accel_unit = "g"', 'accel_unit = "m/s2"'))
+    folder.error("imu.accel_unit = 'm/s2': in the median the specific force is 1.0", "fit accel_unit = 'g'")
+    folder.change(('accel_unit = "m/s2"', 'accel_unit = "m/s2"\naccel_scale = 5.0'))
     assert "expected about 9.8" in folder.load().notes[0]
 
 

@@ -19,7 +19,20 @@ from insenv.logs.inertial import Gaps
 from insenv.sensors import IMU_GRADES
 from insenv.studies.allan import AXES, sensor_noise
 from insenv.studies.allan_result import grade_text
-from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, curve, fit, spectrum, total
+from insenv.studies.noise_terms import (
+    FLICKER,
+    MARKOV,
+    QUANTIZATION,
+    TIME,
+    WALK,
+    WHITE,
+    curve,
+    fit,
+    markov_variance,
+    spectrum,
+    total,
+)
+from insenv.studies.rest import part_of
 
 RATE = 20.0
 RATES = {"kind": "rate", "gyro_unit": "rad/s", "accel_unit": "m/s2"}
@@ -114,6 +127,27 @@ def test_terms_of_known_noise(case):
     for name in names:
         held = [each.figures[name].low <= true[name] <= each.figures[name].high for each in found if name in each.figures]
         assert np.mean(held) >= 0.6, name  # 0.95 are expected: fewer than 4 of 6 by chance in 0.1 % of the cases
+
+
+def test_samples_at_instants_have_the_noise_of_the_unit():
+    """Means by the trapezoidal rule, as a log with stamp = "instant" has them, give the samples back."""
+    samples = unit_rates(np.random.default_rng(3), 20001)
+    log = log_of(0.5 * (samples[1:] + samples[:-1]), stamp="instant")
+    part = part_of(log)
+    assert np.all(np.abs(part.rates - samples[1:]).max(axis=0) < 4.0 * samples.std(axis=0) / 20000**0.5)
+    assert insenv.allan(log).triads[0].terms.figures[WHITE].value == pytest.approx(1e-4, rel=0.01)
+    doubled = np.repeat(samples[:10001], 2, axis=0)
+    assert any("repeat" in each for each in part_of(log_of(0.5 * (doubled[1:] + doubled[:-1]), stamp="instant")).warnings)
+
+
+@pytest.mark.slow
+def test_bounds_hold_in_as_many_logs_as_they_say():
+    """48 logs of half an hour; figures of 200 are on the page."""
+    true, held = {WHITE: 1.0, MARKOV: 0.37, TIME: 100.0}, []
+    for seed in range(48):
+        found = fit(curve(noise_of(true, np.random.default_rng(90000 + seed), 36000), 1.0 / RATE)).figures
+        held += [found[name].low <= true[name] <= found[name].high for name in true if name in found]
+    assert 0.9 < np.mean(held) < 0.995  # 0.95 of about 110, within 2.5 standard deviations
 
 
 def test_a_slow_bias_that_a_log_cannot_tell_from_a_walk_has_no_upper_bound():
