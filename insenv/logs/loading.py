@@ -62,9 +62,19 @@ def load(path: str | Path, changes: Changes | None = None) -> RecordedLog:
     data: dict[str, Any] = {"flight": path.name} if is_flight_log(path) else read_toml(path, _HINTS)
     if is_scenario(data) and not is_log(data):
         raise InputError(f"{path}: a scenario, not the description of a recorded log: `insenv run {path}` simulates it")
-    faults, label = Faults(), f"{path} with --set" if changes else str(path)
+    label = f"{path} with --set" if changes else str(path)
     data = changed(data, changes or {})
-    data = beside(data, path.parent) if "flight" in data else beside(data, path.parent, "imu")
+    log = described(beside(data, path.parent, *(() if "flight" in data else ("imu",))), folder, label)
+    return replace(log, notes=(*sentence(changes), *log.notes)) if changes else log
+
+
+def described(data: dict[str, Any], folder: Path, label: str) -> RecordedLog:
+    """The log that the values of a description describe.
+
+    folder: where its relative paths start.  label: what messages call the description.  Raises `InputError` with all faults
+    of the description, its files included.
+    """
+    faults = Faults()
     if "flight" in data:
         flight = faults.attempt(lambda: validated(FlightDescription, data, label))
         _check_settings(data, label, faults)
@@ -78,7 +88,7 @@ def load(path: str | Path, changes: Changes | None = None) -> RecordedLog:
             _check_columns(data, folder, faults)
     faults.check()
     assert log is not None
-    return replace(log, notes=(*sentence(changes), *log.notes)) if changes else log
+    return log
 
 
 def _check_columns(data: Mapping[str, Any], folder: Path, faults: Faults) -> None:
