@@ -10,7 +10,7 @@ import typer
 from insenv.cli import fmu
 from insenv.cli.campaign import campaign
 from insenv.cli.lists import examples, list_all, new, schema
-from insenv.cli.measures import bench, reproduce
+from insenv.cli.measures import bench, prove, reproduce
 from insenv.cli.options import HELP, OnceCommand
 from insenv.cli.runs import page, replay, run
 from insenv.cli.stream import stream
@@ -23,7 +23,8 @@ app = typer.Typer(
     epilog="Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N (130: Ctrl-C).",
 )
 app.command("list", cls=OnceCommand)(list_all)
-for command in (run, replay, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema):
+studies = (campaign, budget, tune, reproduce, prove, train)
+for command in (run, replay, allan, page, examples, new, *studies, stream, bench, schema):
     app.command(cls=OnceCommand)(command)
 app.add_typer(fmu.app, name="fmu")
 
