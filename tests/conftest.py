@@ -30,7 +30,6 @@ COMPILED = pytest.StashKey[set[str]]()
 
 
 def cached_models() -> set[str]:
-    """The entries of the cache of compiled models."""
     folder = usable_folder()
     return set() if folder is None else {path.name for path in folder.iterdir() if (path / LIBRARY).exists()}
 

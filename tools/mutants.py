@@ -199,7 +199,7 @@ def all_tried(mutants: list[Mutant], workers: int, limit_s: float, file: Path | 
     """Try every fault, some at a time; prints each outcome as it comes, and adds it to `file`."""
     outcomes = killed_before(mutants, file)
     known = {outcome.mutant for outcome in outcomes}
-    likely = json.loads(FOUND_BY.read_text(encoding="utf-8")) if FOUND_BY.exists() else {}
+    likely = _likely()
     left = [mutant for mutant in mutants if mutant not in known]
     if not left:
         return outcomes
@@ -234,6 +234,12 @@ def all_tried(mutants: list[Mutant], workers: int, limit_s: float, file: Path | 
     return outcomes
 
 
+def _likely() -> dict[str, str]:
+    """The test that found each fault before, by the fault."""
+    found: dict[str, str] = json.loads(FOUND_BY.read_text(encoding="utf-8")) if FOUND_BY.exists() else {}
+    return found
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; 1 if fewer than `REQUIRED` of the faults are found, or `REQUIRED_FAST` by the tests of `make test`."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
@@ -243,7 +249,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--resume", type=Path, help="file of outcomes: what it says was killed is not tried again")
     parser.add_argument("--list", action="store_true", help="check the list and print it")
     parser.add_argument(
-        "--keep", action="store_true", help=f"write which test found each fault to {FOUND_BY.name}: it runs first"
+        "--keep", action="store_true", help=f"write which test found each of these faults to {FOUND_BY.name}: it runs first"
     )
     given = parser.parse_args(arguments)
     mutants = listed(given.files)
@@ -256,7 +262,9 @@ def main(arguments: list[str] | None = None) -> int:
     begun = time.monotonic()
     outcomes = all_tried(mutants, given.workers, given.limit, given.resume)
     if given.keep:
-        found_by = {str(each.mutant): each.found_by for each in outcomes if each.said == "killed"}
+        listed_now = {str(mutant) for mutant in listed([])}
+        found_by = {fault: test for fault, test in _likely().items() if fault in listed_now}
+        found_by |= {str(each.mutant): each.found_by for each in outcomes if each.said == "killed"}
         FOUND_BY.write_text(json.dumps(dict(sorted(found_by.items())), indent=0) + "\n", encoding="utf-8")
     left = [outcome for outcome in outcomes if outcome.said not in FOUND]
     fast = sum(outcome.said == "killed" for outcome in outcomes)

@@ -298,6 +298,8 @@ class Instrument:
     least_sigma: smallest standard deviation by row, of an instrument without errors.
     turned: whether a whole vector over the Earth, the velocity, is turned into the measurement: what linearisation leaves of
         it is counted by filters.
+    shows_heading: whether a vector of the place is turned into the measurement, so that one shows a heading that was not known:
+        filters then derive the equation again at the attitude found.
     lasting: ``(motion, p) -> (variance, correlation time)`` of what is no state of a filter and lasts; `reported` says that the
         standard deviation that a measurement states contains it.
     usable: ``(motion, p) -> 0 or 1``: whether a filter uses a measurement.
@@ -332,6 +334,7 @@ class Instrument:
     sigma: str = ""
     least_sigma: Mapping[str, float] = field(default_factory=dict)
     turned: bool = False
+    shows_heading: bool = False
     lasting: Callable[[Any, Values], tuple[Any, Any]] | None = None
     usable: Callable[[Any, Values], Any] | None = None
     columns: tuple[Column, ...] = ()

@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from changed_scenario import changed
 
 from insenv import attitude, estimators, geodesy, run
 from insenv.base.errors import InputError
@@ -89,9 +90,7 @@ def test_an_estimator_that_cannot_act(env_id, id, more, message):
 
 
 def test_lost_samples_are_bridged():
-    scenario = load("ship-swaying")
-    imu = scenario.imu.model_copy(update={"drop_probability": 0.02})
-    lossy = scenario.model_copy(update={"imu": imu, "rate_hz": 25.0})
+    lossy = changed("ship-swaying", imu={"drop_probability": 0.02}, rate_hz=25.0)
     env = gymnasium.make(SHIP, scenario=lossy, samples_per_step=50, duration_s=120.0)
     _, action, info = episode(env, agents.make("q-method", env), seed=2)
     heading = [np.degrees(attitude.numeric.to_euler(q)[2]) for q in (action[:4], info["q_nb"])]
@@ -100,8 +99,7 @@ def test_lost_samples_are_bridged():
 
 def test_an_estimator_in_an_environment_is_fed_and_told_of_instruments_as_in_a_run():
     """Measurements on their own samples, to the bit, and what is told of the instrument."""
-    values = load("car-city-drive").model_dump(exclude_unset=True)
-    scenario = {**values, "rate_hz": 100.0, "odometer": {}, "gnss": {"grade": "rtk"}, "duration_s": 3.5}
+    scenario = changed("car-city-drive", rate_hz=100.0, odometer={}, gnss={"grade": "rtk"}, duration_s=3.5)
     env = gymnasium.make(DRIVE, scenario=scenario, samples_per_step=7, duration_s=3.5)
     agent = agents.make("fusion", env)
     episode(env, agent, seed=0, options={"run_seed": 0})

@@ -6,7 +6,7 @@ import pytest
 from insenv import estimators
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
-from insenv.envs import TuningEnv, testing
+from insenv.envs import ManoeuvreEnv, TuningEnv, testing
 from insenv.envs.tuning import TUNED
 from insenv.scenario import build, load
 from insenv.scenario.chunks import input_rows
@@ -18,7 +18,6 @@ SECOND = {"samples_per_step": 200, "duration_s": 8.0}
 
 @pytest.fixture(scope="module")
 def second():
-    """An environment with steps of one second."""
     return TuningEnv(**SECOND)
 
 
@@ -29,21 +28,10 @@ def runner_of(seed):
     return make_runner(model, {**plant.parameters, **{f"estimator_{k}": v for k, v in rows.items()}}), rows, plant
 
 
-def test_an_action_of_zero_leaves_the_filter_of_a_run(second):
-    second.reset(seed=1, options={"run_seed": 12})
-    for _ in range(3):
-        second.step(np.zeros(6))
-    runner, _, _ = runner_of(12)
-    runner.run(600)
-    found = second.setup.task.model.state.unpack(second.snapshot().state)
-    assert found["gnss_epochs"] == 3
-    for name, value in runner.state.items():
-        assert np.array_equal(found[name], value), name
-
-
-def test_factors_act_like_scaled_parameters(second):
-    """Except for the driving noise of the biases, whose parameter is also their start sigma."""
-    action = np.array([0.3, -0.4, 0.0, 0.0, 0.5, -0.25])
+@pytest.mark.parametrize("action", [[0.0] * 6, [0.3, -0.4, 0.0, 0.0, 0.5, -0.25]])
+def test_factors_act_like_scaled_parameters(second, action):
+    """Except for the driving noise of the biases, whose parameter is also their start sigma; zeros change nothing."""
+    action = np.array(action)
     second.reset(seed=1, options={"run_seed": 12})
     for _ in range(3):
         *_, info = second.step(action)
@@ -134,19 +122,22 @@ def test_the_start_is_consistent_with_its_reported_sigmas():
     assert abs(np.mean(found) - 9.0) < 3.3 * np.sqrt(2 * 9.0 / seeds)
 
 
-def test_a_filter_that_diverges_or_an_action_that_is_not_finite_ends_the_episode():
+@pytest.mark.parametrize(
+    ("kind", "size", "lowest"),
+    [(TuningEnv, 6, -(np.log(1.0 + 1e4) + 0.5 * 10.0) * 7.0 / 8.0), (ManoeuvreEnv, 2, -(10.0 + 7.0 / 8.0))],
+)
+def test_a_filter_that_diverges_or_an_action_that_is_not_finite_ends_the_episode(kind, size, lowest):
     """With the lowest reward for all of the time that is left, and finite numbers."""
-    env = TuningEnv(**SHORT)
+    env = kind(**SHORT)
     for wrong, action in ((np.nan, 0.0), (np.inf, 0.0), (1e9, 0.0), (None, np.nan), (None, np.inf)):
         env.reset(seed=1)
-        env.step(np.zeros(6))
+        env.step(np.zeros(size))
         snapshot = env.snapshot()
         if wrong is not None:
             snapshot.state[env.setup.task.model.state.slice("estimator_height")] = wrong
         env.restore(snapshot)
-        observation, reward, terminated, truncated, info = env.step(np.full(6, action))
-        assert terminated and not truncated and info["diverged"] == 1.0
-        assert reward == pytest.approx(-(np.log(1.0 + 1e4) + 0.5 * 10.0) * 7.0 / 8.0, rel=1e-6)
+        observation, reward, terminated, truncated, info = env.step(np.full(size, action))
+        assert terminated and not truncated and info["diverged"] == 1.0 and reward == pytest.approx(lowest, rel=1e-6)
         assert env.observation_space.contains(observation) and all(np.all(np.isfinite(value)) for value in info.values())
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from resting import ATTITUDES, at_rest, attitude_error, drawn
+from resting import ATTITUDES, at_rest, attitude_error, drawn, samples
 
 import insenv
 from insenv import attitude, geodesy
@@ -165,14 +165,12 @@ DAY, LATITUDE, HEADING = 86400, 0.6, 0.7
 def fixes(count, dt, every):
     """Columns of a vehicle at rest with noisy fixes every `every` samples."""
     rng = np.random.default_rng(1)
-    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(0.0, 0.0, HEADING))
-    rate = C_nb.T @ geodesy.numeric.earth_rate_n(LATITUDE)
-    force = C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(LATITUDE), 0.0))]
+    still = samples(attitude.numeric.from_euler(0.0, 0.0, HEADING), LATITUDE, count * dt, dt)
     due = np.arange(1, count + 1) % every == 0
     return {
-        "delta_angle": rate * dt + rng.normal(size=(count, 3)) * 1e-6 * np.sqrt(dt),
-        "delta_velocity": force * dt + rng.normal(size=(count, 3)) * 1e-4 * np.sqrt(dt),
-        "dt": np.full(count, dt),
+        "delta_angle": still["delta_angle"] + rng.normal(size=(count, 3)) * 1e-6 * np.sqrt(dt),
+        "delta_velocity": still["delta_velocity"] + rng.normal(size=(count, 3)) * 1e-4 * np.sqrt(dt),
+        "dt": still["dt"],
         "gnss_valid": due.astype(float),
         "gnss_latitude": LATITUDE + rng.normal(size=count) / geodesy.A,
         "gnss_longitude": rng.normal(size=count) / geodesy.A / np.cos(LATITUDE),

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from changed_scenario import changed
 from scipy.spatial.transform import Rotation
 
 from insenv import run
@@ -10,7 +11,6 @@ from insenv.core.numeric import vectorized
 from insenv.estimators import q_method
 from insenv.estimators.parts.inertial_vectors import largest_eigenvector
 from insenv.estimators.q_method import FILTER, SECTIONS, davenport
-from insenv.scenario import load
 
 eigenvector = vectorized(largest_eigenvector, (4, 4))
 CLOSE, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(4, 4)))
@@ -90,8 +90,7 @@ def test_the_weights_are_those_of_the_windows():
 
 def test_sway_alone_leaves_little():
     """A perfect unit on the swaying ship, weights of its marine unit: a twentieth of the error from its noise."""
-    scenario = load("ship-swaying")
-    scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": "perfect"})})
+    scenario = changed("ship-swaying", imu={"grade": "perfect"})
     (result,) = run(scenario, "q-method", seed=1, settings={"q-method": {"memory_time_s": 34.4}}).results
     heading = np.abs(result.errors["heading_deg"])
     assert heading[result.time >= 150].max() < 5e-3

@@ -1,7 +1,5 @@
 """Parameters of estimators from files, the command line and Python."""
 
-import sys
-
 import numpy as np
 import pytest
 from places import ROOT
@@ -9,14 +7,10 @@ from simulated_log import simulated_log
 
 from insenv import replay, run
 from insenv.base.errors import InputError
+from insenv.base.toml import read_toml
 from insenv.estimators import get
 from insenv.estimators.settings import parsed_changes, setting_rows, tuning
 from insenv.scenario import load
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 DEG = np.pi / 180.0
 SET = {"loosely-coupled": {"arw_deg_sqrt_h": 3.0, "fix_wander_sigma_m": [1.0, 2.0, 3.0]}}
@@ -29,7 +23,7 @@ def test_units_of_parameters():
     assert rows["velocity_random_walk"] == pytest.approx(0.1 / 60)
     assert rows["gyro_correlation_time"] == rows["accel_correlation_time"] == 3600
     np.testing.assert_array_equal(rows["position_sigma"], [1, 2, 3])
-    log = tomllib.loads((ROOT / "examples/n380-car.toml").read_text(encoding="utf-8"))
+    log = read_toml(ROOT / "examples/n380-car.toml")
     for id, table in log["estimator"].items():
         get(id).model.parameters.pack(tuning(id, table))
     for bad in ({"gyro_bias_ug": 1.0}, {"start_latitude": 1.0}, {"arw_deg_sqrt_h": 10**400}, {"position_sigma_m": [1.0, 2.0]},

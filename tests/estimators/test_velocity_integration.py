@@ -28,7 +28,6 @@ ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 
 
 def perfect(name, sensor, **keys):
-    """With an inertial unit and an instrument without errors."""
     return changed(name, imu={"grade": "perfect"}, **{sensor: {"grade": "perfect", **keys}})
 
 

@@ -57,12 +57,7 @@ def test_height_diverges_with_the_stated_time_constant():
 def test_the_plain_form_takes_the_mean_of_the_last_two_increments():
     """(7): a step of velocity in one sample arrives in two halves."""
     model, dt, latitude = get("wander-sins-plain").model, 0.01, 0.6
-    count, g = 6, float(geodesy.numeric.normal_gravity_paper(np.sin(latitude), 0.0))
-    columns = {
-        "delta_angle": np.tile(geodesy.numeric.earth_rate_n(latitude) * dt, (count, 1)),
-        "delta_velocity": np.tile([0.0, 0.0, -g * dt], (count, 1)),
-        "dt": np.full(count, dt),
-    }
+    columns, count = samples([1.0, 0, 0, 0], latitude, 6 * dt, dt), 6
     columns["delta_velocity"][3, 0] += 1.0
     runner = make_runner(model, {"start_latitude": latitude}, "interpreter")
     north = model.outputs.unpack(runner.run(count, input_rows(model, columns, count)))["velocity_n"][:, 0]

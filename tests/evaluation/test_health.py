@@ -181,7 +181,6 @@ def test_a_run_without_a_fix_says_so(monkeypatch):
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    """The path of a log of a drive, described truly."""
     return written_log(tmp_path_factory.mktemp("drive"), duration_s=240.0)
 
 

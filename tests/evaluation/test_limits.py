@@ -333,7 +333,6 @@ MORE = {
 
 @cache
 def of_city():
-    """The limit of the drive as it is."""
     return insenv.limit(changed("car-city-drive", **CITY)).at(np.arange(0.0, 60.0, 0.5))
 
 

@@ -124,7 +124,6 @@ def test_rerun_reads_its_recording(tmp_path, report):
 
 
 def column(batches, name):
-    """A column of record batches as a list."""
     return [value for batch in batches for value in batch.column(batch.schema.names.index(name)).to_pylist()]
 
 

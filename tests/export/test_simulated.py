@@ -1,9 +1,8 @@
 """A simulated drive as a log: CSV files and their description."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from standing_car import started
 
 import insenv
 from insenv.base.errors import InputError
@@ -29,7 +28,6 @@ EVERYTHING = {
 
 
 def written(folder, log):
-    """The log after it was written and read."""
     (description, *_) = insenv.write(log, folder, ["log"], name="drive")
     return load(description)
 
@@ -124,7 +122,6 @@ def test_a_log_of_another_format_is_written_too(tmp_path):
 
 def test_a_start_that_is_not_stated_is_refused_by_its_missing_keys(tmp_path):
     log = insenv.record("car-city-drive", duration_s=10.0)
-    initial = log.description.initial.model_copy(update={"heading_deg": None, "velocity_mps": None})
-    lacking = replace(log, description=log.description.model_copy(update={"initial": initial}))
+    lacking = started(log, heading_deg=None, velocity_mps=None)
     with pytest.raises(InputError, match=r"start 'stated': \[initial\] lacks velocity_mps, heading_deg"):
         insenv.replay(lacking, "loosely-coupled", start="stated")

@@ -88,7 +88,6 @@ class Slave:
         return self.fmu.getFloat64(references, sum(self.widths[r] for r in references))
 
     def outputs(self):
-        """All outputs, flat."""
         return [float(value) for r in self.references["output"] for value in self.get([r])]
 
     @property
@@ -124,7 +123,6 @@ class Slave:
 
 @pytest.fixture
 def slave():
-    """Create instances that are freed at the end."""
     with contextlib.ExitStack() as stack:
 
         def make(*arguments, **named):
@@ -141,12 +139,10 @@ def signals(id):
 
 
 def rows_for(id, count):
-    """Inputs of the reference signals, repeated."""
     return signals(id)[np.arange(count) % STEPS].copy()
 
 
 def expected(one, rows):
-    """The outputs of the model after each row, by the interpreter."""
     return make_runner(one.model, one.what.parameters).run(len(rows), rows if rows.size else None)[:, one.shown]
 
 

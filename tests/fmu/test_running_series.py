@@ -25,16 +25,8 @@ def test_csv_of_fmpy_with_blanks_inside_arrays(tmp_path):
     np.testing.assert_array_equal(back.values, [[1, 2, 3, 4], [5, 6, 7, 8]])
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("a,b\n1,2\n", "no column 'time'"),
-        ("time,a\n0,x\n", "line 2, column 'a': 'x' is not a number"),
-        ("time,a\n0,nan\n", "line 2, column 'a': value is nan"),
-        ("time,a\n0,1\n1\n", "line 3 has 1 fields, expected 2"),
-    ],
-)
-def test_a_bad_csv_is_named(tmp_path, text, said):
-    (tmp_path / "bad.csv").write_text(text)
-    with pytest.raises(InputError, match=said):
+def test_a_csv_without_times_is_named(tmp_path):
+    """Wrong rows: tests/logs/formats/test_csv_table.py."""
+    (tmp_path / "bad.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="no column 'time'"):
         read_csv(tmp_path / "bad.csv")

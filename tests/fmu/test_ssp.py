@@ -24,7 +24,6 @@ PARTS = ("plant", "estimator")
 
 @pytest.fixture(scope="module")
 def loop():
-    """The file that the command writes."""
     path = scratch() / "loop.ssp"
     status, out, _ = call("fmu", "ssp", SCENARIO, "-e", ID, "-o", path, "--json")
     assert status == 0 and strict(out)["written"] == str(path)
@@ -33,7 +32,6 @@ def loop():
 
 @pytest.fixture(scope="module")
 def files(loop):
-    """Its files by name, unpacked beside it."""
     with zipfile.ZipFile(loop) as archive:
         archive.extractall(loop.with_suffix(""))
         return {name: archive.read(name) for name in archive.namelist()}
@@ -41,7 +39,6 @@ def files(loop):
 
 @pytest.fixture(scope="module")
 def described(files, loop):
-    """The descriptions of the two FMUs."""
     return {part: read_model_description(str(loop.with_suffix("") / "resources" / f"{part}.fmu")) for part in PARTS}
 
 

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 from command_line import call, refused
-from fmu_tools import exported
 
-from insenv import run
 from insenv.base.errors import InputError
 from insenv.cli.fmu import _settings
 from insenv.fmu import export_fmu
-from insenv.fmu import run as run_fmu
 from insenv.fmu.reading import read_description
 from insenv.fmu.subject import subject
 
@@ -66,16 +63,3 @@ def test_what_cannot_be_exported_is_named(tmp_path, what, settings, words):
         export_fmu(what, tmp_path / "x.fmu", estimator=behind, settings=settings)
     assert all(word in str(raised.value) for word in words), raised.value
     assert not (tmp_path / "x.fmu").exists()
-
-
-@pytest.mark.parametrize(
-    ("scenario", "id", "fmi"),
-    [("car-parked", "qakf-improved", 3), pytest.param("car-city-drive", "loosely-coupled", 2, marks=pytest.mark.slow)],
-)
-def test_the_outputs_of_a_loop_are_bit_identical_to_those_of_a_run(scenario, id, fmi):
-    found = run_fmu(exported(f"{scenario}+{id}", fmi), stop_time=10.0)
-    (result,) = run(scenario, [id], duration_s=10.0).results
-    places, named = np.round(result.time / found.step).astype(int) - 1, found.named()
-    assert len(places) > 50
-    for row, values in result.outputs.items():
-        np.testing.assert_array_equal(named[f"estimator.{row}"][places], values, err_msg=row)

@@ -20,7 +20,6 @@ SSD, PLANT, ESTIMATOR = "SystemStructure.ssd", "resources/plant.ssv", "resources
 
 
 def exported(scenario, id, fmi):
-    """An SSP file, exported once."""
     path = scratch() / f"{scenario}-{id}-{fmi}.ssp"
     if not path.exists():
         export_ssp(scenario, id, path, fmi=fmi)

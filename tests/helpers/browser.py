@@ -14,14 +14,13 @@ PHONE, LAPTOP = (390, 844), (1280, 900)
 
 
 @contextmanager
-def chromium():
-    """A headless Chromium that keeps its console."""
+def chromium(*switches, **logs):
     options = webdriver.ChromeOptions()
     options.binary_location = program("chromium", "chromium-browser", "google-chrome", how="Debian: chromium")
     service = Service(program("chromedriver", how="Debian: chromium-driver"))
-    for switch in ("--headless=new", "--no-sandbox", "--hide-scrollbars", "--disable-dev-shm-usage"):
+    for switch in ("--headless=new", "--no-sandbox", "--hide-scrollbars", "--disable-dev-shm-usage", *switches):
         options.add_argument(switch)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", **logs})
     driver = webdriver.Chrome(options=options, service=service)
     try:
         yield Browser(driver)
@@ -37,14 +36,16 @@ class Browser:
 
     def open(self, path, size=LAPTOP, dark=False, fragment="", ratio=1):
         """Open a page from disk in a window of this size; ratio: pixels of the device per pixel of CSS."""
-        width, height = size
         theme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": theme})
-        metrics = {"width": width, "height": height, "deviceScaleFactor": ratio, "mobile": size == PHONE}
-        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        self.resize(size, ratio)
         self.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": "file://", "storageTypes": "local_storage"})
         self.driver.get("about:blank")  # a changed fragment alone would not load the page again
         self.driver.get(Path(path).resolve().as_uri() + fragment)
+
+    def resize(self, size, ratio=1):
+        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": ratio, "mobile": size == PHONE}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
     def value(self, expression, *given):
         """The value of a JavaScript expression, with `given` as `arguments`."""
@@ -70,7 +71,3 @@ class Browser:
             "const done = arguments[arguments.length - 1]; axe.run().then((found) => done(JSON.stringify(found.violations)));"
         )
         return [(one["id"], one["help"], one["nodes"][0]["html"][:160]) for one in json.loads(found)]
-
-    def screenshot(self, path):
-        """Keep a picture of the window."""
-        self.driver.save_screenshot(str(path))

@@ -1,18 +1,16 @@
 """Small campaigns for the tests of them."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
+from changed_scenario import changed
 
-from insenv.scenario import load
 from insenv.studies.campaign import make_plan, parse_variation
 from insenv.studies.campaign.presentation import campaign_arrays
 
 
 def slow_ship(**imu):
-    scenario = load("ship-swaying")
-    return scenario.model_copy(update={"rate_hz": 20.0, "imu": scenario.imu.model_copy(update=imu)})
+    return changed("ship-swaying", rate_hz=20.0, imu=imu)
 
 
 def small_plan(runs=40, **more):
@@ -29,10 +27,8 @@ def same(first, second):
 
 def car(**more):
     """A car with a receiver, at 20 Hz."""
-    data = json.loads(load("car-city-drive").model_dump_json())
-    data["gnss"] |= {"epoch_offset_s": 0.0}
-    data["vehicle"] |= {"engine": [], "legs": [{"wait_s": 60.0}]}
-    return load(data | {"rate_hz": 20.0} | more)
+    vehicle = {"engine": [], "legs": [{"wait_s": 60.0}]}
+    return changed("car-city-drive", **{"rate_hz": 20.0, "gnss": {"epoch_offset_s": 0.0}, "vehicle": vehicle, **more})
 
 
 def plan_of(*vary, runs=64, scenario=None, estimator="loosely-coupled", **more):

@@ -1,6 +1,6 @@
 """A scenario with other keys."""
 
-from insenv.scenario import load
+from insenv.scenario import load, parse
 
 
 def changed(name, **sections):
@@ -8,4 +8,4 @@ def changed(name, **sections):
     values = load(name).model_dump(mode="json", exclude_unset=True)
     for section, keys in sections.items():
         values[section] = {**(values.get(section) or {}), **keys} if isinstance(keys, dict) else keys
-    return load(values)
+    return parse(values, name=name)

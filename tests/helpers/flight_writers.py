@@ -101,6 +101,5 @@ class UlogWriter:
         self._message("D", struct.pack("<H", list(self.packed).index(name)) + self.packed[name].pack(*flat))
 
     def parameter(self, name: str, value: float) -> None:
-        """A parameter, before `formats`."""
         key = f"float {name}".encode()
         self._message("P", bytes((len(key),)) + key + struct.pack("<f", value))

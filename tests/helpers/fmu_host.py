@@ -31,7 +31,6 @@ def started(folder: Path, given: Path, *more: str, step: float = INTERVAL, runne
 
 
 def hosted(folder: Path, given: Path, *, runs: int = 1, **more) -> Series:
-    """The output of the C host."""
     done, output = started(folder, given, str(runs), **more)
     assert done.returncode == 0, done.stderr
     return read_csv(output)

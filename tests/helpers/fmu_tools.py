@@ -39,7 +39,6 @@ def subject_of(what: str) -> Subject:
 
 
 def exported(what: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",), **options) -> Path:
-    """The FMU, exported once."""
     path = scratch() / f"{'-'.join(map(str, (what, fmi, *platforms, *options.values())))}.fmu"
     if not path.exists():
         scenario, _, estimator = what.partition("+")
@@ -48,7 +47,6 @@ def exported(what: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",), **
 
 
 def unzipped(*what, **options) -> Path:
-    """The same, its archive unpacked."""
     path = exported(*what, **options)
     if not path.with_suffix("").exists():
         shutil.unpack_archive(path, path.with_suffix(""), "zip")
@@ -57,7 +55,6 @@ def unzipped(*what, **options) -> Path:
 
 @functools.cache
 def plant_outputs(scenario: str, samples: int) -> dict[str, np.ndarray]:
-    """The outputs of a scenario's plant, by name."""
     plant = build(load(scenario))
     assert plant.sample_interval == INTERVAL
     shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(samples))
@@ -87,7 +84,6 @@ def in_process(id: str, columns: dict[str, np.ndarray], parameters: dict | None 
 
 
 def c_compiler() -> str:
-    """A C compiler, or skip."""
     found = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     return found or pytest.skip("no C compiler (cc, gcc, clang) on the path")
 

@@ -31,7 +31,6 @@ def _folder() -> Path:
 
 @functools.cache
 def page_file(scenario: str, estimators: tuple[str, ...], duration_s: float) -> Path:
-    """The file of a page."""
     path, made = _folder() / f"{scenario}.html", live_page(scenario, estimators, duration_s)
     path.write_text(assembled(made.plant.scenario.title, {"live": live_document(made)}), encoding="utf-8", newline="\n")
     return path

@@ -48,25 +48,6 @@ def error_state(estimate, truth):
     )
 
 
-def true_state(estimate, columns):
-    """The true state vector at the end of a plant's columns, in the wander-azimuth frame of an estimated state."""
-    q_ew = MODEL.state.unpack(estimate)["q_ew"]
-    wander = geodesy.numeric.geodetic_from_q_ew(q_ew)[2]
-    q_wn = np.array([np.cos(wander / 2), 0, 0, -np.sin(wander / 2)])
-    last = {name: column[-1] for name, column in columns.items()}
-    return MODEL.state.pack(
-        {
-            "q_ew": geodesy.numeric.q_ew_from_geodetic(last["latitude"], last["longitude"], wander),
-            "height": last["height"],
-            "velocity_w": attitude.numeric.rotate(q_wn, last["velocity_n"]),
-            "q_wb": attitude.numeric.multiply(q_wn, last["q_nb"]),
-            "gyro_bias": last["gyro_bias_true"],
-            "accel_bias": last["accel_bias_true"],
-        },
-        base=estimate,
-    )
-
-
 def random_state(rng, latitude=0.6):
     """A navigation state somewhere, in motion, at any attitude, with a wander angle and biases."""
     q = rng.normal(size=4)

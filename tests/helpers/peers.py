@@ -28,7 +28,6 @@ def program(*names: str, how: str) -> str:
 
 
 def package(name: str, how: str = "pip install -e '.[test]'") -> ModuleType:
-    """The module of an optional package."""
     if importlib.util.find_spec(name.partition(".")[0]) is None:
         lacking(f"{name} is not installed ({how})")
     return importlib.import_module(name)

@@ -6,8 +6,6 @@ import pytest
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('kind = "rate"', 'kind = "rates"', "imu.kind = 'rates'"),
-        ("[imu]", "[imu]\nrate = 3", "imu.rate: unknown key"),
         ('axes = "FRD"', 'axes = "FLD"', "imu.axes = 'FLD': the axes are left-handed"),
         ('axes = "FRD"', "axes = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]", "orthonormal"),
         ('position_sigma = ["sn", "se", "sd"]', "position_sigma_m = [0, 1, 1]", "gnss.position_sigma_m[0] = 0 [m]"),

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from simulated_log import simulated_log
 
 from insenv.logs.noise import in_motion, noise_at_rest, noise_in_motion
 from insenv.runs.log_remarks import noise_in_motion as noise_remark
-from insenv.scenario import load
 from insenv.sensors import imu_grade
 
 DENSITY = 2e-4
@@ -45,10 +45,8 @@ def test_the_motion_of_a_ship_is_no_noise():
 
 
 def still_car(grade):
-    scenario = load("car-city-drive")
     calm = {"engine": (), "wind_roll_sigma_deg": 0.0, "wind_pitch_sigma_deg": 0.0}
-    imu = scenario.imu.model_copy(update={"grade": grade})
-    return scenario.model_copy(update={"imu": imu, "vehicle": scenario.vehicle.model_copy(update=calm)})
+    return changed("car-city-drive", imu={"grade": grade}, vehicle=calm)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from insenv.mavlink.wire import open_link
 
 @pytest.fixture
 def opened():
-    """Open links that are closed at the end."""
     with ExitStack() as stack:
         yield lambda *a, **k: stack.enter_context(open_link(*a, **k))
 

@@ -1,4 +1,4 @@
-"""What programs of others make of the stream: MAVSDK discovers, reads and sees; MAVProxy links up; tshark reads a log."""
+"""What programs of others make of the stream: MAVSDK discovers and reads; MAVProxy links up; tshark reads a log."""
 
 import json
 import os
@@ -11,9 +11,7 @@ import threading
 import time
 from collections import Counter
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from command_line import ROOT, call, strict
 from peers import lacking, package, program
@@ -26,15 +24,13 @@ from insenv.scenario import load
 
 
 def streaming(port, *options):
-    """`insenv stream` of the car in a process of its own."""
     arguments = ["stream", "car-city-drive", "--to", f"udpout:127.0.0.1:{port}", "--json", *options]
     command = [sys.executable, "-c", PROGRAM, *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.slow
-def test_mavsdk_discovers_a_healthy_vehicle_and_sees_what_is_simulated():
-    """The same vehicle simulated here sample by sample agrees within the resolution of the messages."""
+def test_mavsdk_discovers_a_healthy_vehicle_and_sees_all_that_it_sends():
     package("mavsdk")
     port = free_port()
     vehicle = streaming(port, "--speed", "4")  # the car stands for 30 s, and is not aligned before it drives
@@ -59,50 +55,8 @@ def test_mavsdk_discovers_a_healthy_vehicle_and_sees_what_is_simulated():
     listed = {row["name"]: row["value"] for row in found["parameters"]["float_params"]}
     expected = {parameter.name: pytest.approx(parameter.value(), rel=1e-6, abs=1e-30) for parameter in twin.parameters.all}
     assert listed | {"MAN_SPEED": 15.0} == expected and not found["parameters"]["int_params"]
-    rows = []
-    for _ in range(round(summary["simulated_s"] * 200)):
-        twin.step()
-        each = twin.simulation
-        truth, estimate = ({name: np.array(v) for name, v in rows.items()} for rows in (each.truth, each.estimate))
-        rows.append(SimpleNamespace(t=truth, e=estimate, sums=each.increments.copy(), magnetic=twin.view.air.magnetic_b * 1e4))
-    agrees(seen, rows)
-
-
-def numbers(row, names, unit):
-    return [row[name + unit] for name in names.split()]
-
-
-def apart(row, known):
-    """How far a place is from a known one, in parts of the resolution of the messages."""
-    shown = np.array([row["latitude_deg"], row["longitude_deg"], row["absolute_altitude_m"]])
-    expected = np.array([np.degrees(known["latitude"]), np.degrees(known["longitude"]), known["height"]])
-    return np.max(np.abs(shown - expected) / [0.51e-7, 0.51e-7, 0.6e-3])
-
-
-def agrees(seen, rows):
-    assert min(len(seen[name]) for name in ("attitude_quaternion", "ground_truth", "position", "velocity_ned")) > 30
-    assert len(seen["imu"]) > 100 and seen["gps_info"][-1]["fix_type"] == "FIX_3D"
-    for row in seen["attitude_quaternion"]:
-        q = np.array(numbers(row, "w x y z", ""))
-        expected = rows[round(row["timestamp_us"] / 5000) - 1].e["q_nb"]
-        np.testing.assert_allclose(q * np.sign(q @ expected), expected, rtol=0, atol=1e-7)
-    for row in seen["imu"]:
-        sample = round(row["timestamp_us"] / 5000)
-        mean = (rows[sample - 1].sums - (rows[sample - 5].sums if sample > 4 else 0.0)) / 0.02
-        for name, unit, values in (
-            ("acceleration_frd", "_m_s2", mean[3:]),
-            ("angular_velocity_frd", "_rad_s", mean[:3]),
-            ("magnetic_field_frd", "_gauss", rows[sample - 1].magnetic),
-        ):
-            np.testing.assert_allclose(numbers(row[name], "forward right down", unit), values, rtol=1e-6, atol=1e-6)
-    for row in seen["ground_truth"]:
-        assert apart(row, rows[round(row["timestamp_us"] / 5000) - 1].t) <= 1.0
-    estimates = [row.e for row in rows[19::20]]  # those of 10 Hz
-    for row in seen["position"]:
-        assert min(apart(row, e) for e in estimates) <= 1.0
-    for row in seen["velocity_ned"]:
-        reported = numbers(row, "north east down", "_m_s")
-        assert min(np.max(np.abs(e["velocity_n"] - reported)) for e in estimates) <= 0.00501
+    streams = ("attitude_quaternion", "ground_truth", "position", "velocity_ned", "imu")  # the numbers: test_messages.py
+    assert min(len(seen[name]) for name in streams) > 30 and seen["gps_info"][-1]["fix_type"] == "FIX_3D"
 
 
 @pytest.mark.slow

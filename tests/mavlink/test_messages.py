@@ -20,7 +20,6 @@ from insenv.scenario import load
 
 
 def received(message):
-    """The message as a client reads it, decoded from its bytes."""
     return development.MAVLink(None).decode(bytearray(message.pack(common.MAVLink(None, 1, 1))))
 
 
@@ -192,7 +191,6 @@ def test_coarse_imu_messages_are_those_of_ardupilot_and_undulation_changes_heigh
 
 
 def test_messages_that_pymavlink_lacks_have_the_checksum_of_their_definition():
-    """As pymavlink's generator computes it."""
     for name, (_, crc_extra, _, fields) in DEFINITIONS.items():
         ordered = [SimpleNamespace(type=kind, name=field, array_length=length) for kind, field, length in fields]
         message = SimpleNamespace(name=name, ordered_fields=ordered, base_fields=ordered.__len__)

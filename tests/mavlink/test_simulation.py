@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from streamed_vehicle import ACCEPTED, command, quiet, steps
 
 from insenv import attitude, run
@@ -49,9 +50,7 @@ def test_a_receiver_that_is_off_is_an_outage_to_the_estimator():
     steps(cut, 5.5)
     cut.set_gnss(False)
     steps(cut, 4.0)
-    with_outage = load("car-city-drive")
-    gnss = with_outage.gnss.model_copy(update={"outages_s": ((5.5, 9.5),)})
-    other = quiet(with_outage.model_copy(update={"gnss": gnss}), hz=20)
+    other = quiet(changed("car-city-drive", gnss={"outages_s": ((5.5, 9.5),)}), hz=20)
     steps(other, 9.5)
     np.testing.assert_array_equal(cut.simulation.estimate["q_nb"], other.simulation.estimate["q_nb"])
     assert float(cut.simulation.estimate["height"]) == float(other.simulation.estimate["height"])

@@ -4,6 +4,7 @@ from math import nan
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from pymavlink.dialects.v20 import common
 from streamed_vehicle import ACCEPTED, SILENT, answered, command, quiet, sent, set_parameter, steps, texts
 
@@ -93,9 +94,7 @@ def test_a_diverged_estimate_is_announced_and_not_sent():
 @pytest.mark.parametrize(("name", "seconds"), [("aircraft-survey", 60), ("ship-underway", 300)])
 def test_a_wrong_reported_heading_is_never_aligned(name, seconds):
     """It counts as aligned only where the filter has found the true heading: car and aircraft do so as they accelerate."""
-    scenario = load(name)
-    knowledge = scenario.knowledge.model_copy(update={"heading_error_deg": 20.0})  # of a standard deviation of a few degrees
-    vehicle = quiet(scenario.model_copy(update={"knowledge": knowledge}), hz=20)
+    vehicle = quiet(changed(name, knowledge={"heading_error_deg": 20.0}), hz=20)  # of a standard deviation of a few degrees
     assert vehicle.view.heading_sigma_deg < 5.0 and vehicle.view.state == "aligning"
     for _ in range(seconds):
         steps(vehicle, 1.0)

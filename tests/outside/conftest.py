@@ -19,6 +19,5 @@ def only_here(monkeypatch):
 
 @pytest.fixture
 def rail(monkeypatch):
-    """The modules of the outside package."""
     monkeypatch.syspath_prepend(ROOT / "tests" / "outside" / "rail")
     return {name: importlib.import_module(f"insenv_rail.{name}") for name in ("ahrs", "trolley", "compass")}

@@ -35,7 +35,6 @@ CAR = {
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """Environment of a process that has the outside package installed."""
     target = tmp_path_factory.mktemp("target")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation"]
     done = subprocess.run([*pip, "--target", target, PACKAGE], capture_output=True, text=True)
@@ -53,7 +52,6 @@ def call(installed, *command):
 
 @pytest.fixture
 def registered_rail(rail):
-    """The outside package, registered here."""
     for thing in (rail["ahrs"].ESTIMATOR, rail["trolley"].TrolleySection, rail["compass"].COMPASS):
         insenv.register(thing)
     return rail
@@ -94,7 +92,6 @@ SHORT = {**CAR, "compass": {"deviation_deg": 3}, "duration_s": 40}
 
 @pytest.fixture
 def compass(rail):
-    """An instrument in one file, registered here."""
     return insenv.register(rail["compass"].COMPASS)
 
 
@@ -167,22 +164,6 @@ def test_every_interface_takes_it(installed, tmp_path):
     command = ["stream", PACKAGE / "rail.toml", "--to", "udpout:127.0.0.1:14599", "--speed", "0", "--duration", "5"]
     call(installed, "-m", "insenv", *command, "--tlog", log)
     assert log.stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_filters_and_smoothers_take_its_aid(compass):
-    """A compass with a constant error of 3 deg beside GNSS."""
-    states, aids = ["compass_deviation"], ["gnss", "zero_velocity", "compass"]
-    filter, smoother, blind = (
-        insenv.fusion(states, aids, "own"),
-        insenv.fusion(states, aids, "own", smoother=True),
-        insenv.fusion(id="blind"),
-    )
-    filtered, smoothed, without = insenv.run(CAR, [filter, smoother, blind]).results
-    sigma = filtered.sigma["heading_deg"][-1]
-    assert sigma < 0.9 * without.sigma["heading_deg"][-1]
-    assert all(abs(each.errors["heading_deg"][-1]) < 3 * sigma for each in (filtered, smoothed))
-    assert abs(np.degrees(filtered.outputs["compass_deviation"][-1, 0]) - 3.0) < 1.5
 
 
 def test_the_command_line_knows_what_is_installed(installed, tmp_path):

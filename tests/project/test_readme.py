@@ -26,7 +26,7 @@ PAGES = [
 ]
 FENCE = re.compile(
     r"^(?:<!-- not run: (?P<reason>[^\n]*) -->\n)?"
-    r"^```(?P<language>console|sh|python|\{code-cell\} python)[^\n]*\n(?P<text>.*?)^```$",
+    r"^```(?P<language>console|sh|python)[^\n]*\n(?P<text>.*?)^```$",
     re.MULTILINE | re.DOTALL,
 )
 PYTHON = shlex.quote(sys.executable)
@@ -145,7 +145,8 @@ def test_commands(block, tmp_path):
             assert not gone, f"{block}: {command} does not print, or not in this order: {gone[0]}\n{printed}"
 
 
-WITH_PYTHON = dict.fromkeys(b.page for b in ALL if "python" in b.language and not b.reason)
+WITH_PYTHON = dict.fromkeys(b.page for b in ALL if b.language == "python" and not b.reason)
+"""The cells of a tutorial are run when the site is built, one after the other (docs/conf.py)."""
 EACH = """
 import os, runpy, sys
 for name in sys.argv[1:]:
@@ -156,11 +157,8 @@ for name in sys.argv[1:]:
 
 @pytest.mark.parametrize("page", marked(WITH_PYTHON, str))
 def test_python(page, tmp_path):
-    """Each block alone, the cells of a tutorial together; a traceback names the line of the page."""
-    own = [b for b in ALL if b.page == page and not b.reason]
-    texts = {b.line: b.text for b in own if b.language == "python"}
-    if cells := [b for b in own if "code-cell" in b.language]:
-        texts[cells[0].line] = "\n\n".join(b.text for b in cells)
+    """Each block alone; a traceback names the line of the page."""
+    texts = {b.line: b.text for b in ALL if b.page == page and b.language == "python" and not b.reason}
     files = []
     for line, text in texts.items():
         folder = tmp_path / f"line-{line}"

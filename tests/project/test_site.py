@@ -11,9 +11,9 @@ from urllib.parse import unquote, urljoin, urlsplit
 
 import peers
 import pytest
+from browser import LAPTOP, PHONE, chromium
 
 SITE = Path(os.environ.get("INSENV_SITE", "/nonexistent"))
-PHONE, LAPTOP = (390, 844), (1280, 900)
 pytestmark = pytest.mark.slow
 
 
@@ -68,42 +68,26 @@ def address(pages):
 
 @pytest.fixture(scope="module")
 def browser(address):
-    """Headless Chromium that can reach this machine alone."""
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = peers.program("chromium", "chromium-browser", "google-chrome", how="Debian: chromium")
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu",
-                     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"):  # fmt: skip
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options, Service(peers.program("chromedriver", how="Debian: chromium-driver")))
-    driver.set_script_timeout(30)
-    yield driver
-    driver.quit()
+    with chromium("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", performance="ALL") as found:
+        yield found
 
 
-def opened(browser, address, page, size=LAPTOP):
+def opened(browser, address, page):
     """Messages of the console, and requests that leave the site."""
-    sized(browser, size)
-    browser.get_log("browser"), browser.get_log("performance")
-    browser.get(address + page)
-    browser.execute_async_script(
+    driver = browser.driver
+    browser.resize(LAPTOP)
+    driver.get_log("browser"), driver.get_log("performance")
+    driver.get(address + page)
+    driver.execute_async_script(
         "const done = arguments[0]; const ready = window.MathJax?.startup?.promise ?? Promise.resolve();"
         "ready.then(() => document.fonts.ready).then(() => setTimeout(done, 50));"
     )
-    wrong = [entry["message"] for entry in browser.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")]
-    for message in (json.loads(entry["message"])["message"] for entry in browser.get_log("performance")):
+    wrong = [entry["message"] for entry in driver.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")]
+    for message in (json.loads(entry["message"])["message"] for entry in driver.get_log("performance")):
         url = message.get("params", {}).get("request", {}).get("url", "")
         if message["method"] == "Network.requestWillBeSent" and not url.startswith((address, "data:", "blob:", "about:")):
             wrong.append(f"a request outside the site: {url}")
     return wrong
-
-
-def sized(browser, size):
-    given = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": size == PHONE}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", given)
 
 
 LAZY = "document.querySelectorAll('img[loading=lazy]').forEach(i => i.loading = 'eager')"
@@ -120,11 +104,11 @@ def test_each_page_in_the_browser(browser, address, pages):
     typeset_on = {}
     for page in pages:
         assert opened(browser, address, page) == [], page
-        browser.execute_script(LAZY)
-        assert browser.execute_script(PICTURES) == [], page
-        equations, typeset_on[page], faulty = browser.execute_script(MATHS)
+        browser.driver.execute_script(LAZY)
+        assert browser.driver.execute_script(PICTURES) == [], page
+        equations, typeset_on[page], faulty = browser.driver.execute_script(MATHS)
         assert typeset_on[page] >= equations and faulty == 0, page
-        assert browser.execute_script(SCROLL) <= 0, page
-        sized(browser, PHONE)
-        assert browser.execute_script(SCROLL) <= 0 and browser.execute_script(CUT) == [], page
+        assert browser.driver.execute_script(SCROLL) <= 0, page
+        browser.resize(PHONE)
+        assert browser.driver.execute_script(SCROLL) <= 0 and browser.driver.execute_script(CUT) == [], page
     assert typeset_on["concepts/frames.html"] > 8

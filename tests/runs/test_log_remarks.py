@@ -4,14 +4,10 @@ from dataclasses import replace
 
 import pytest
 from changed_scenario import changed
+from standing_car import started
 
 import insenv
 from insenv.logs import load
-
-
-def told(log, latitude_deg):
-    initial = log.description.initial.model_copy(update={"latitude_deg": latitude_deg})
-    return replace(log, description=log.description.model_copy(update={"initial": initial}))
 
 
 def said(log, estimator="q-method"):
@@ -29,15 +25,15 @@ def parked(tmp_path_factory):
 
 
 def test_gyros_at_rest_show_the_latitude(parked):
-    assert said(parked) == said(told(parked, 39.9)) == []
-    (note,) = said(told(parked, -40.0))
+    assert said(parked) == said(started(parked, latitude_deg=39.9)) == []
+    (note,) = said(started(parked, latitude_deg=-40.0))
     assert "contradict the latitude, 40 deg S" in note and note.endswith("38 deg N")
-    assert len(said(told(parked, 55.0))) == 1
+    assert len(said(started(parked, latitude_deg=55.0))) == 1
 
 
 def test_an_alignment_by_a_log_without_fixes_names_the_latitude():
     log = insenv.record("ship-log-alignment", duration_s=60.0)
-    (note, *_) = insenv.replay(told(log, -54.2), "velocity-integration").results[0].notes
+    (note, *_) = insenv.replay(started(log, latitude_deg=-54.2), "velocity-integration").results[0].notes
     assert note.startswith("nothing in the log shows whether the vehicle is at latitude 54.2 deg S")
     assert note.code == "latitude-unseen"
 

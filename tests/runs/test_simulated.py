@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 
 from insenv import campaign, run
 from insenv.scenario import load
@@ -15,9 +16,7 @@ def test_progress_is_reported_to_the_end():
 
 
 def test_lost_samples_are_bridged_and_counted():
-    scenario = load("ship-swaying")
-    lossy = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"drop_probability": 0.01})})
-    report = run(lossy, duration_s=30.0)
+    report = run(changed("ship-swaying", imu={"drop_probability": 0.01}), duration_s=30.0)
     assert any("bridged" in note for note in report.notes)
     assert 36 < int(report.notes[0].split()[0]) < 84
     assert np.abs(report.results[0].errors["roll_deg"][-1]) < 0.1

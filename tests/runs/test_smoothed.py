@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from changed_scenario import changed
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -30,9 +31,8 @@ PLACE = ("latitude", "longitude", "height")
 
 def drive(duration_s=40.0, outages=((15.0, 25.0),), seed=0, **gnss):
     """(columns, parameters of the filter) of a simulated run with the sensor errors that the filter models."""
-    loaded = load("car-city-drive")
-    changed = {"grade": "rtk", "outages_s": outages, "outlier_probability": 0.0, **gnss}
-    loaded = loaded.model_copy(update={"rate_hz": 100.0, "gnss": loaded.gnss.model_copy(update=changed)})
+    receiver = {"grade": "rtk", "outages_s": outages, "outlier_probability": 0.0, **gnss}
+    loaded = changed("car-city-drive", rate_hz=100.0, gnss=receiver)
     plant = build(loaded, seed=seed, duration_s=duration_s)
     for key in plant.parameters:
         if "scale_factor" in key or "misalignment" in key:

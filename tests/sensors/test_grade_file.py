@@ -43,9 +43,7 @@ def test_a_grade_file_beside_a_scenario(tmp_path):
     ("text", "message"),
     [
         (None, "s.toml: imu.grade: .*unit.toml: file not found"),
-        ("gyro_arw_deg_sqrt_h = 0.1", "title is missing"),
         ('title = "x"\nfoo = 1\nbar = 2', "unit.toml: foo: unknown key(.|\n)*unit.toml: bar: unknown key"),
-        ('title = "x"\ngyro_arw_deg_sqrt_h = -0.1', "gyro_arw_deg_sqrt_h = -0.1 .deg/sqrt.h..: must be greater"),
         ('title = "x"\naccel_white_ug = 1.0\naccel_vrw_ug_sqrt_hz = 1.0', "describe the same noise"),
     ],
 )

@@ -6,26 +6,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from command_line import call, refused, strict
 from scipy.signal import lfilter
+from simulated_log import IMU, simulated_log
 
 import insenv
 from insenv.base.errors import InputError
-from insenv.core.runner import make_runner
 from insenv.logs import RecordedLog
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import Gaps
-from insenv.scenario import build
 from insenv.sensors import IMU_GRADES
 from insenv.studies.allan import AXES, sensor_noise
 from insenv.studies.allan_result import grade_text
 from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, curve, fit, markov_variance
 
 RATE = 20.0
-IMU = {
-    "file": "none", "time": 0, "gyro": [1, 2, 3], "accel": [4, 5, 6], "kind": "rate", "stamp": "interval_end",
-    "gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "FRD",
-}  # fmt: skip
+RATES = {"kind": "rate", "gyro_unit": "rad/s", "accel_unit": "m/s2"}
 
 
 def white(generator, count, density, rate=RATE):
@@ -43,7 +40,7 @@ def log_of(rates, rate=RATE, title="a unit", **imu):
     """A log of rates (n, 6) of a unit at rest, in rad/s and m/s^2."""
     count, interval = len(rates), 1.0 / rate
     dt = np.full(count, interval)
-    description = LogDescription.model_validate({"title": title, "imu": {**IMU, **imu}})
+    description = LogDescription.model_validate({"title": title, "imu": {**IMU, **RATES, **imu}})
     empty = {"gnss": None, "lever_arm_b": np.zeros(3), "reference": None, "sources": (), "notes": ()}
     return RecordedLog(
         imu_time=np.arange(1, count + 1) * interval,
@@ -138,22 +135,10 @@ def test_flicker_is_its_floor():
     assert found.figures[FLICKER].low <= 2.0 <= found.figures[FLICKER].high
 
 
-def simulated(grade, seed, duration_s=7200.0, rate=50.0):
-    """Rates (n, 6) of a unit of a grade at rest."""
-    table = insenv.load("static-ecef").model_dump(mode="json")
-    table |= {"duration_s": duration_s, "rate_hz": rate, "imu": {"grade": grade}}
-    plant = build(insenv.load(table), seed=seed)
-    runner = make_runner(plant.model, plant.parameters)
-    shown, part = [], 20000
-    for _ in range(plant.samples // part):
-        rows = plant.model.outputs.unpack(runner.run(part))
-        shown.append(np.hstack([rows["delta_angle"], rows["delta_velocity"]]) * rate)
-    return np.concatenate(shown)
-
-
 def measured(grade, seed):
     """The unit, whose white noise is within 10 % of the grade's, and whether each bound of its biases holds the truth."""
-    unit, held = insenv.allan(log_of(simulated(grade, seed), 50.0)), []
+    rest = changed("static-ecef", duration_s=7200.0, rate_hz=50.0, imu={"grade": grade})
+    unit, held = insenv.allan(simulated_log(rest, seed)), []
     rows = IMU_GRADES[grade].parameters()
     for triad in unit.triads:
         kind = triad.kind

@@ -13,7 +13,7 @@ import insenv
 from insenv.base.errors import InputError
 from insenv.estimators import get
 from insenv.scenario import load
-from insenv.studies import tune_log, tune_search
+from insenv.studies import tune_search
 from insenv.studies.campaign import make_plan
 from insenv.studies.campaign.block import run_block
 from insenv.studies.tune_search import tuned_parameters
@@ -30,7 +30,6 @@ def car():
 
 
 def log_of_car(duration_s):
-    """The drive as a log of a tactical unit."""
     return simulated_log(car(), seed=3, duration_s=duration_s, grade="tactical",
                          initial={"static_until_s": 28.0, "heading_deg": 90.0})  # fmt: skip
 
@@ -78,22 +77,6 @@ def test_a_mistuned_filter_is_tuned_back_on_a_log_without_a_reference():
         result = insenv.replay(log, "loosely-coupled", settings={"loosely-coupled": {"arw_deg_sqrt_h": given}}).results[0]
         errors.append(result.statistics()["rms"]["roll_deg"])
     assert errors[1] < 0.7 * errors[0]
-
-
-def test_scores_are_those_of_one_filter_after_another():
-    """Rows of the batch do not mix: the scores of factors are the same alone and together."""
-    log = log_of_car(60.0)
-    ready = tune_log.prepared(log, ["loosely-coupled"])
-    samples = np.flatnonzero(ready.columns["gnss_valid"] != 0.0)
-    chosen = ready.chosen[0]
-    table = chosen.model.parameters
-    values = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.given[chosen.id])))
-    fixes = tune_log.Fixes(ready, tuned_parameters(chosen, values, KEYS), samples, tune_log._sigma(ready, samples))
-    factors = np.array([[1.0, 1.0], [10.0, 0.5], [0.1, 2.0]])
-    together = fixes.scores(factors, 20)[0]
-    for place, each in enumerate(factors):
-        assert np.array_equal(fixes.scores(each[None], 20)[0][0], together[place], equal_nan=True)
-    assert not np.allclose(together[0], together[1])
 
 
 def test_the_search_finds_a_minimum_and_survives_ctrl_c():

@@ -23,7 +23,6 @@ OPEN_ALL = "document.querySelectorAll('details').forEach((one) => (one.open = tr
 
 
 def ready(browser, path, size=LAPTOP, **more):
-    """Open a page and wait until its model is there."""
     browser.open(path, size, **more)
     browser.until(STARTED)
 
@@ -33,7 +32,6 @@ def click(browser, id):
 
 
 def choose(browser, id, value):
-    """Set a field, as its user does."""
     script = "const field = document.getElementById(arguments[0]); field.value = arguments[1];"
     browser.driver.execute_script(f"{script} field.dispatchEvent(new Event('change'));", id, value)
 
@@ -45,7 +43,6 @@ def typed(browser, id, text):
 
 
 def fast(browser):
-    """Run to the end as fast as it goes."""
     browser.until(STARTED)
     choose(browser, "speed", "")
     click(browser, "run")

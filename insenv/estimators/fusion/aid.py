@@ -48,6 +48,8 @@ class Aid:
         itself.
     restarts: whether measurements that are refused and agree with each other start position and velocity anew, before that
         (`insenv.estimators.fusion.restart`); its components are position and velocity in n.
+    iterated: whether it shows so much attitude at once that a first order is not enough: an attitude that is not known well is
+        then found first (`measurement.attitude_shown`), and its equation derived there.
     on_sample: ``(p, x, u, delta_angle, delta_velocity, change_w) -> rows`` of its `state` after a sample of corrected
         increments (rad, m/s, b) that changed the velocity by `change_w` (m/s, w).
     steps: further steps between the sample and the propagation of the covariance.
@@ -78,6 +80,7 @@ class Aid:
     correlated: Callable[[Any, Any, Any], Any] | None = None
     max_rejections: int = 10
     restarts: bool = False
+    iterated: bool = False
     on_sample: Callable[..., Mapping[str, Any]] | None = None
     steps: Mapping[str, Step] = field(default_factory=dict)
     triggers: str = ""
@@ -91,6 +94,16 @@ class Aid:
     def due_row(self) -> str:
         """The state row by which its step runs."""
         return self.flag or f"{self.id}_due"
+
+    @property
+    def wide_row(self) -> str:
+        """The state row by which the attitude that it shows is found first, if it is `iterated`."""
+        return f"{self.id}_wide"
+
+    @property
+    def misalignment_row(self) -> str:
+        """The state row of that attitude."""
+        return f"{self.id}_misalignment"
 
     @property
     def parts(self) -> tuple[slice, ...]:
@@ -132,6 +145,12 @@ class Aid:
     def state_rows(self) -> Table:
         """State rows: those of `reported`, the ages and counts of the gate, and its own."""
         flag = () if self.flag else (Row(self.due_row, f"1 when {self.title} measures at this sample"),)
+        iterated = (
+            Row(self.wide_row, f"1 when {self.title} is to show an attitude that is not known well"),
+            Row(
+                self.misalignment_row, "Misalignment that it then shows, which the next measurement takes out", "rad", (3,), "w"
+            ),
+        )
         agreed = Row(self.row("agreed"), "Those of them, the last ones, that agree with each other", "1")
         return (
             self.reported
@@ -140,6 +159,7 @@ class Aid:
                 Row(self.row("since"), "Time since its last measurement", "s", start=NEVER),
                 Row(self.row("refusals"), "Measurements in a row with an innovation beyond the gate", "1"),
                 *((agreed,) if self.restarts else ()),
+                *(iterated if self.iterated else ()),
             ))
             + self.state
         )  # fmt: skip

@@ -24,7 +24,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.aid import Aid, repeated
 from insenv.estimators.fusion.error_state import ErrorState
-from insenv.estimators.fusion.measurement import update
+from insenv.estimators.fusion.measurement import attitude_shown, update, wide
 from insenv.estimators.fusion.navigation import corrected, corrected_increments, linear
 from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.error_model import (
@@ -218,6 +218,8 @@ class Composition:
         event = ca.SX(since_propagation + u.dt / 2 > p.covariance_interval)
         for aid in self.aids:
             due = aid.due(p, x, u)
+            if aid.iterated:
+                stepped[aid.wide_row] = due * wide(x, self.n)
             stepped |= {aid.due_row: due, aid.row("since"): getattr(x, aid.row("since")) + u.dt}
             if aid.on_sample is not None:
                 stepped |= aid.on_sample(p, x, u, delta_angle, delta_velocity, change)
@@ -302,6 +304,10 @@ class Composition:
 
         return step
 
+    def shown(self, aid: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
+        """The step before that of an aid that is iterated: the attitude that it shows."""
+        return lambda p, x, u: {aid.misalignment_row: attitude_shown(aid, self.states, self.places, self.n, p, x, u)}
+
     def update(self, aid: Aid, p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
         """One measurement of an aid, and its state rows."""
         return update(aid, self.states, self.places, self.n, p, x, u)
@@ -350,6 +356,7 @@ class Composition:
                 "past": history.STEP,
                 **between,
                 "covariance": Step(self.covariance, when="covariance_due"),
+                **{f"{aid.id}_attitude": Step(self.shown(aid), when=aid.wide_row) for aid in self.aids if aid.iterated},
                 **{aid.id: Step(self.used(aid), when=aid.due_row) for aid in self.aids},
             },
             output=self.output,

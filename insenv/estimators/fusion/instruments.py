@@ -178,6 +178,7 @@ def aid_of(instrument: Instrument) -> Aid:
         age=lambda u: getattr(u, instrument.age),
         gate=f"{id}_gate",
         correlated=None if instrument.lasting is None else correlated,
+        iterated=instrument.shows_heading,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, select
@@ -14,7 +15,7 @@ from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation, linear
 from insenv.estimators.fusion.restart import counted as restarted
 from insenv.estimators.fusion.restart import restart
-from insenv.estimators.parts.error_model import TILT
+from insenv.estimators.parts.error_model import TILT, turn_of
 from insenv.estimators.parts.kalman import Update, innovation_variance, measure
 from insenv.estimators.parts.rows import COUNTED, counted
 
@@ -23,9 +24,10 @@ def update(
     aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any
 ) -> tuple[Update, dict[str, Any]]:
     """One measurement of an aid and the state rows after it; p, x, u: parameters, state, inputs by name."""
-    innovation, by_error = linear(lambda error: aid.residual(p, Navigation(x, u, states, places, error), u), n)
-    H = -by_error
+    psi = getattr(x, aid.misalignment_row) if aid.iterated else None
+    innovation, by_error = _seen(aid, states, places, n, p, x, u, psi)
     variance = aid.variance(p, x, u, spread_of(x, states, places))
+    H = -by_error
     age = aid.age(u) if aid.age is not None else 0.0
     since = maximum(getattr(x, aid.row("since")) - age, 0.0)  # between the epochs of the two measurements
     inflated = variance if aid.correlated is None else variance + aid.correlated(p, x, since)
@@ -56,9 +58,47 @@ def update(
         **counted(x, [aid.row(name) for name in COUNTED], aid.parts, present, accepted, test_ratio),
         aid.row("refusals"): select(outside > 0, refusals + 1, 0),
         aid.row("since"): age,
+        **({aid.misalignment_row: ca.SX.zeros(3)} if aid.iterated else {}),
         **({} if begun is None else restarted(aid, x, begun, outside)),
     }
     return Update(tuple(scalars), correction, stored), reported
+
+
+def _seen(
+    aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any, psi: Any
+) -> tuple[Any, Any]:
+    """Innovation and its derivative by the whole error, at the attitude that a turn by psi (3, rad, w; None: 0) leads to."""
+    turn = None if psi is None else turn_of(psi)
+    value, slope = linear(lambda error: aid.residual(p, Navigation(x, u, states, places, error, turn), u), n)
+    return (value, slope) if psi is None else (value - slope[:, TILT] @ psi, slope)
+
+
+WIDE = float(np.radians(3.0))
+"""rad: standard deviation of the attitude from which it is found by several passes, each with the equations of where the one
+before found it.  At three of these sigmas a field is 1 % longer along its direction than a first order says, which the errors
+of the instrument take up."""
+PASSES = 4
+"""They find a heading that is 120 deg off."""
+
+
+def wide(x: Any, n: int) -> Any:
+    """1 where the attitude is known worse than that."""
+    P = symmetric.full(x.covariance, n)
+    return select(ca.trace(P[TILT, TILT]) > WIDE**2, 1.0, 0.0)
+
+
+def attitude_shown(aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any) -> Any:
+    """Misalignment (3, rad, w) that a measurement shows, of all components at once: a Kalman filter that is iterated.
+
+    Jazwinski (1970), Stochastic Processes and Filtering Theory, section 8.3.
+    """
+    P, psi = symmetric.full(x.covariance, n), ca.SX.zeros(3)
+    variance = ca.diag(aid.variance(p, x, u, spread_of(x, states, places)))
+    for _ in range(PASSES):
+        innovation, by_error = _seen(aid, states, places, n, p, x, u, psi)
+        shared = P @ -by_error.T
+        psi = shared[TILT, :] @ ca.solve(variance - by_error @ shared, innovation)
+    return psi
 
 
 def spread_of(x: Any, states: Sequence[ErrorState], places: Mapping[str, slice]) -> Spread:

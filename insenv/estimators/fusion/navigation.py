@@ -42,14 +42,17 @@ def corrected_increments(states: Sequence[ErrorState], values: Mapping[str, Any]
 class Navigation:
     """A navigation state after a sample, less the error `error` (n).
 
-    x, u: state and inputs by name.  places: the slice of each error state in `error`, by name.
+    x, u: state and inputs by name.  places: the slice of each error state in `error`, by name.  turn: C (3x3) by which the
+    platform is turned before, a part of `error` that is too large for a first order; None: none.
     """
 
-    def __init__(self, x: Any, u: Any, states: Sequence[ErrorState], places: Mapping[str, slice], error: Any) -> None:
-        self._x, self._u, self._states = x, u, states
+    def __init__(
+        self, x: Any, u: Any, states: Sequence[ErrorState], places: Mapping[str, slice], error: Any, turn: Any = None
+    ) -> None:
+        self._x, self._u, self._states, self._turn = x, u, states, turn
         self._values = {state.name: getattr(x, state.name) + error[places[state.name]] for state in states}
         self._psi, self._dv = error[TILT], error[VELOCITY]
-        estimated = attitude.to_dcm(x.q_wb)
+        estimated = self._turned(attitude.to_dcm(x.q_wb))
         self.C_wb = estimated + skew(self._psi) @ estimated
         self.C_nw = strapdown.C_nw(x.q_ew)
         self.velocity_w: Any = x.velocity_w - self._dv
@@ -95,6 +98,9 @@ class Navigation:
         """C_wb (3x3) `age` seconds ago."""
         return self._then(age).C_wb
 
+    def _turned(self, C_wb: Any) -> Any:
+        return C_wb if self._turn is None else self._turn @ C_wb
+
     def _then(self, age: Any) -> _Then:
         """The motion of the inertial unit `age` seconds ago, less the error, which is nearly that of now."""
         past = history.past(self._x, self._u, age)
@@ -103,7 +109,8 @@ class Navigation:
         gained = self._x.velocity_w - past.velocity_w + ca.vertcat(0, 0, -NOMINAL_GRAVITY) * age
         lost = turned @ gained + self._force_error_w * age
         way = past.way_w - self._dv * age - lost * (age / 2)
-        C_wb = past.C_wb + turned @ past.C_wb
+        C_wb = self._turned(past.C_wb)
+        C_wb = C_wb + turned @ C_wb
         sample = Values(delta_angle=past.rate_b * self._u.dt, delta_velocity=self._u.delta_velocity, dt=self._u.dt)
         rate_b = corrected_increments(self._states, self._values, sample)[0] / self._u.dt
         earth_rate = geodesy.earth_rate_w(self._x.q_ew)

@@ -2,18 +2,16 @@
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 
 from insenv.geodesy import MEAN_RADIUS
 from insenv.runs.ensemble import ensemble
-from insenv.scenario import load, parse
 
 
 def day():
     """The ship of `ship-dvl` without its log, with a barometer; GNSS is lost after ten minutes."""
-    values = load("ship-dvl").model_dump(mode="json", warnings=False)
-    values["gnss"]["outages_s"] = [[600.0, 90000.0]]
-    values |= {"dvl": None, "barometer": {"grade": "ms5611", "interval_s": 1.0}, "duration_s": 86400.0, "rate_hz": 20.0}
-    return parse(values, "day", "day")
+    lost, barometer = {"outages_s": [[600.0, 90000.0]]}, {"grade": "ms5611", "interval_s": 1.0}
+    return changed("ship-dvl", gnss=lost, dvl=None, barometer=barometer, duration_s=86400.0, rate_hz=20.0)
 
 
 @pytest.mark.slow

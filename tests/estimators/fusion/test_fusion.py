@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from command_line import call
 from peers import package
 from places import ROOT
@@ -13,7 +14,7 @@ from insenv.estimators.contract import Drive, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.family import aids_of, prepared
 from insenv.estimators.fusion.non_holonomic import UNKNOWN_ARM
-from insenv.scenario import build, load, parse
+from insenv.scenario import build, load
 from insenv.scenario.chunks import input_rows
 
 N380 = ROOT / "examples" / "n380-car-position-only.toml"
@@ -95,9 +96,8 @@ def test_an_aid_without_its_instrument_is_refused():
 
 def with_barometer_alone(level_deg):
     """A ship whose level is uncertain: the vertical channel takes g tilt^2 / 2 for a Coriolis acceleration."""
-    values = load("ship-dvl").model_dump(mode="json", warnings=False)
-    values |= {"gnss": None, "dvl": None, "barometer": {"grade": "ms5611", "interval_s": 1.0}}
-    return parse(values | {"knowledge": {"tilt_sigma_deg": level_deg, "heading_sigma_deg": 0.5}}, "ship")
+    known = {"tilt_sigma_deg": level_deg, "heading_sigma_deg": 0.5}
+    return changed("ship-dvl", gnss=None, dvl=None, barometer={"grade": "ms5611", "interval_s": 1.0}, knowledge=known)
 
 
 WHEELS = ["odometer", "non_holonomic"]
@@ -148,9 +148,7 @@ def test_a_delay_and_a_lever_arm_are_found():
 @pytest.mark.parametrize(("grade", "seed"), [("navigation", 10022), ("industrial", 10001)])
 def test_a_parked_car_stays_where_it_is(grade, seed):
     """By detection of rest alone these drove off, by 10 km and more: their start, or their heading, was 3 sigmas off."""
-    scenario = load("car-parked")
-    unit = scenario.imu.model_copy(update={"grade": grade})
-    result = insenv.run(scenario.model_copy(update={"imu": unit, "rate_hz": 50.0}), "fusion", seed=seed).results[0]
+    result = insenv.run(changed("car-parked", imu={"grade": grade}, rate_hz=50.0), "fusion", seed=seed).results[0]
     assert result.health is not None and list(result.health.aids) == ["in_place"]
     for channel, largest in (("north_m", 10.0), ("vn_mps", 0.5), ("roll_deg", 2.0)):
         assert np.abs(result.errors[channel]).max() < largest

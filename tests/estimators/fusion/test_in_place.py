@@ -6,6 +6,7 @@ import calibration
 import casadi as ca
 import numpy as np
 import pytest
+from changed_scenario import changed
 
 import insenv
 from insenv.core.model import Values
@@ -13,7 +14,7 @@ from insenv.estimators.fusion.available import all_aids
 from insenv.evaluation.limits.bound import bound_of_unit
 from insenv.report.of_run import run_page
 from insenv.report.tables import unit_columns, unit_rows
-from insenv.scenario import build, load
+from insenv.scenario import build
 from insenv.scenario.limits import prior_of
 
 LEGS = [{"duration_s": 30.0}, {"duration_s": 30.0, "roll_deg": 90.0, "rate_deg_s": 20.0}, {"duration_s": 30.0, "roll_deg": 0.0}]
@@ -102,8 +103,7 @@ def test_every_error_of_the_unit_reaches_its_bound():
 
 def test_the_bound_of_a_unit_at_rest_keeps_what_rest_does_not_show():
     """A level unit at rest: gravity shows the bias and the scale factor of the third accelerometer as one."""
-    scenario = load("turntable-calibration")
-    scenario = scenario.model_copy(update={"vehicle": scenario.vehicle.model_copy(update={"legs": ()})})
+    scenario = changed("turntable-calibration", vehicle={"legs": ()})
     plant = build(scenario, duration_s=60.0)
     found = bound_of_unit(plant.model, plant.parameters, prior_of(scenario.knowledge), plant.samples, in_place=True)
     assert set(found) == BOUNDED

@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
+from insenv.core import symmetric
 from insenv.core.model import Values
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.available import all_aids, all_states, composition, states_by_aid
@@ -31,6 +32,7 @@ STATE = {
     "height": 120.0,
     "samples": 100.0,
     "gnss_delay": np.array([0.001]),
+    "magnetometer_misalignment": np.zeros(3),
     "covariance": None,
 }
 
@@ -146,6 +148,37 @@ def test_sensitivities_equal_differences_through_the_feedback(id, age):
         allowed = 2e-5 * max(1.0, np.abs(H).max()) if k < 3 else 2e-6 * max(1.0, np.abs(H).max()) + 2e-4 * np.abs(change)
         assert np.all(np.abs(-change - H[:, k]) < allowed), (id, k, -change, H[:, k])
     assert np.abs(H).max() > 0
+
+
+@pytest.mark.parametrize("age", [0.0, 0.05])
+def test_one_field_shows_a_heading_far_off_and_leaves_the_iron_alone(age):
+    """30 deg off: to a first order the field along its direction is 13 % longer than it is, 2.5 sigmas of the hard iron."""
+    filter = composition("field", ["hard_iron"], ["magnetometer"])
+    sigma = {"attitude": np.radians([0.5, 0.5, 20.0]), "hard_iron": np.full(3, 1e-6)}
+    variance = np.full(filter.n, 1e-12)
+    variance[6:9], variance[filter.places["hard_iron"]] = sigma["attitude"] ** 2, sigma["hard_iron"] ** 2
+    field_n = PARAMETERS["magnetic_field_n"]
+    truth = Rotation.from_quat(STATE["q_wb"], scalar_first=True)
+    off = Rotation.from_rotvec([0.0, 0.0, np.radians(30.0)]) * truth
+    kept = kept_motion()
+    kept["past_attitude"] = np.tile(off.as_quat(scalar_first=True), (history.SLOTS, 1))
+    x = {row.name: np.zeros(row.shape) for row in filter.state}
+    x |= {k: v for k, v in {**STATE, **kept}.items() if k in filter.state} | {
+        "q_wb": off.as_quat(scalar_first=True), "q_ew": np.ravel(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.0)),
+        "covariance": symmetric.triangle_of_diagonal(variance),
+    }  # fmt: skip
+    p = {**{row.name: row.flat_start().reshape(row.shape) for row in filter.parameters}, "magnetometer_noise": 1e-7}
+    p |= {k: v for k, v in PARAMETERS.items() if k in filter.parameters}
+    u = {row.name: np.zeros(row.shape) for row in filter.inputs} | {"dt": 0.005, "magnetometer_new": 1.0}
+    u |= {"magnetometer_age": age, "magnetometer_field_b": truth.as_matrix().T @ field_n}
+    known = (constants(**p), constants(**u))
+    found = filter.shown(filter.aids[0])(known[0], constants(**x), known[1])
+    state = constants(**x | {name: number(value) for name, value in found.items()})
+    done, _ = update(filter.aids[0], filter.states, filter.places, filter.n, known[0], state, known[1])
+    after = corrected(state, done.correction, filter.states, filter.places)
+    turned = Rotation.from_quat(number(after["q_wb"]), scalar_first=True) * truth.inv()
+    assert np.all(np.abs(np.degrees(turned.as_rotvec())) < [0.1, 0.1, 1.0])  # a third of what remains uncertain
+    assert np.all(np.abs(number(after["hard_iron"])) < 0.3 * sigma["hard_iron"])
 
 
 def test_instruments_see_the_estimated_motion():

@@ -3,8 +3,8 @@
 import casadi as ca
 import numpy as np
 import pytest
+from resting import samples
 
-from insenv import geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.fusion import zero_velocity
@@ -44,11 +44,7 @@ def test_stops_are_detected_and_motion_never_is():
 def still(count, dt, velocity_n=(0.0, 0.0, 0.0), vibration=0.0, **parameters):
     """The flag after `count` samples of a level unit at a constant velocity, with vibration (m/s^2)."""
     latitude = 0.6
-    rng = np.random.default_rng(2)
-    force = np.array([0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))])
-    force = force + rng.normal(size=(count, 3)) * vibration
-    columns = {"delta_angle": np.tile(geodesy.numeric.earth_rate_n(latitude) * dt, (count, 1)), "delta_velocity": force * dt}
-    columns["dt"] = np.full(count, dt)
+    columns = samples([1.0, 0, 0, 0], latitude, count * dt, dt, accel_noise=vibration)
     known = {"start_latitude": latitude, "start_velocity_n": velocity_n, "tilt_sigma": 1e-3, "velocity_sigma": 0.1}
     runner = make_runner(MODEL, {**known, **parameters}, "interpreter")
     runner.run(count, input_rows(MODEL, columns, count), 0)

@@ -1,13 +1,16 @@
 """Notes on what an estimate can mean, in runs and replays; a real log at rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import peers
 import pytest
+from changed_scenario import changed
 from interpreted import interpreted  # noqa: F401
 from places import ROOT
 from simulated_log import simulated_log
 
-from insenv import geodesy, replay, run
+from insenv import replay, run
 from insenv.estimators import get, registered
 from insenv.estimators.parts import applicability
 from insenv.scenario import build, load
@@ -41,9 +44,8 @@ QUIET = {"grade": "perfect", "gyro_bias_sigma_deg_h": 0.01, "accel_bias_sigma_ug
     ],
 )
 def test_the_unit_is_compared_with_the_horizontal_earth_rate(id, duration_s, latitude_deg, imu, begins):
-    ship = load("ship-swaying")
-    start = ship.start if latitude_deg is None else ship.start.model_copy(update={"latitude_deg": latitude_deg})
-    ship = ship.model_copy(update={"imu": ship.imu.model_copy(update=imu), "start": start, "rate_hz": 10.0})
+    start = {} if latitude_deg is None else {"latitude_deg": latitude_deg}
+    ship = changed("ship-swaying", imu=imu, start=start, rate_hz=10.0)
     said = lasting(run(ship, id, duration_s=duration_s).results[0].notes)
     assert len(said) == len(begins)
     assert all(note.startswith(words) for note, words in zip(said, begins, strict=True)), said
@@ -111,30 +113,22 @@ def test_scale_factors_set_smaller_than_those_of_the_unit_are_noted():
     assert len(of(make_plan(scenario, "loosely-coupled", 2, duration_s=2.0, variations=varied))) == 2
 
 
-def log_at_rest(folder, imu="", estimator=""):
-    n, dt = 1000, 0.1
-    rate = geodesy.numeric.earth_rate_n(np.radians(30.0))
-    rows = np.column_stack([np.arange(1, n + 1) * dt, np.tile(rate * dt, (n, 1)), np.zeros((n, 2)), np.full(n, -9.79 * dt)])
-    np.savetxt(folder / "imu.csv", rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="")
-    path = folder / "log.toml"
-    path.write_text(
-        f'title = "at rest"\n[imu]\n{imu}\nfile = "imu.csv"\ntime = "t"\n'
-        'gyro = ["gx", "gy", "gz"]\naccel = ["ax", "ay", "az"]\n'
-        'kind = "increment"\nstamp = "interval_end"\ngyro_unit = "rad"\naccel_unit = "m/s"\naxes = "FRD"\n'
-        f"[initial]\nlatitude_deg = 30.0\nlongitude_deg = 114.0\nheight_m = 20.0\n{estimator}"
-    )
-    return path
+def log_at_rest(grade="", **estimator):
+    place = {"latitude_deg": 30.0, "longitude_deg": 114.0, "height_m": 20.0}
+    still = changed("static-ecef", rate_hz=10.0, imu={"grade": "perfect"}, start=place)
+    log = simulated_log(still, duration_s=100.0, grade=grade, initial=place, estimator=estimator)
+    return replace(log, reference=None)
 
 
-def test_the_accuracy_of_the_unit_of_a_log(tmp_path):
-    (note,) = replay(log_at_rest(tmp_path), ["q-method"]).results[0].notes
+def test_the_accuracy_of_the_unit_of_a_log():
+    (note,) = replay(log_at_rest(), ["q-method"]).results[0].notes
     assert note.startswith("not applicable for heading: a gyro error of 3.6")
-    consumer = replay(log_at_rest(tmp_path, 'grade = "consumer"'), ALIGNMENTS)
+    consumer = replay(log_at_rest("consumer"), ALIGNMENTS)
     for result in consumer.results:
         assert [note.startswith("not applicable for heading") for note in lasting(result.notes)] == [True], result.estimator
         assert result.sigma["heading_deg"][-1] > 90, result.estimator
-    tuned = '[estimator."q-method"]\ngyro_bias_deg_h = 3.0\naccel_bias_ug = 100.0\narw_deg_sqrt_h = 0.001'
-    (note,) = replay(log_at_rest(tmp_path, estimator=tuned), ["q-method"]).results[0].notes
+    tuned = {"gyro_bias_deg_h": 3.0, "accel_bias_ug": 100.0, "arw_deg_sqrt_h": 0.001}
+    (note,) = replay(log_at_rest(**{"q-method": tuned}), ["q-method"]).results[0].notes
     assert note.startswith("heading is good to 13 deg only")
 
 

@@ -3,13 +3,14 @@
 import earth_fixed
 import numpy as np
 import pytest
+from changed_scenario import changed
 from earth_fixed import with_fixes
 
 import insenv
 from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.scenario import build, load
+from insenv.scenario import build
 from insenv.scenario.chunks import input_rows
 
 ARM, MAST = np.array([2.0, -1.0, -3.0]), np.array([0.0, 0.0, -15.0])
@@ -50,9 +51,7 @@ def test_an_exact_fix_leaves_no_innovation(id, motion, arm, age, place, speed):
 
 def late(name, sensor, latency_s):
     """A scenario whose instrument measures every 4 s and delivers late."""
-    scenario = load(name)
-    section = getattr(scenario, sensor).model_copy(update={"interval_s": 4.0, "latency_s": latency_s})
-    return scenario.model_copy(update={sensor: section})
+    return changed(name, **{sensor: {"interval_s": 4.0, "latency_s": latency_s}})
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import navigation
 import numpy as np
 import pytest
 from earth_fixed import ACCEL, GYRO, PHI, POSITION, VELOCITY, matrix_of, quaternion_of, stored, tangent
+from resting import samples
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -22,7 +23,6 @@ MOTION, WANDER = earth_fixed.Motion(latitude=-0.7, speed=180.0), 0.8
 
 
 def about_down(angle):
-    """C_nw of a wander angle."""
     return Rotation.from_euler("z", angle).as_matrix()
 
 
@@ -252,16 +252,9 @@ def test_fixes_with_a_slow_error_have_the_information_of_least_squares(id, count
         "fix_wander_sigma": sigma, "fix_wander_time": time, "standing_window": 0.0, "start_latitude": 0.5,
     }  # fmt: skip
     every = round(interval / dt)
-    samples = np.arange(1, 1 + every * count)
-    due = (samples % every == 0).astype(float)
-    gravity = float(geodesy.numeric.normal_gravity(np.sin(0.5), 0.0))
-    n = len(samples)
-    columns = {
-        "delta_angle": np.tile(geodesy.numeric.earth_rate_n(0.5) * dt, (n, 1)),
-        "delta_velocity": np.tile([0, 0, -gravity * dt], (n, 1)),
-        "dt": np.full(n, dt), "gnss_valid": due, "gnss_age": np.full(n, age), "gnss_latitude": np.full(n, 0.5),
-        "gnss_position_sigma": np.full((n, 3), sigma),
-    }  # fmt: skip
+    n = every * count
+    columns = samples([1.0, 0, 0, 0], 0.5, n * dt, dt) | {"gnss_valid": (np.arange(1, n + 1) % every == 0).astype(float)}
+    columns |= {"gnss_age": np.full(n, age), "gnss_latitude": np.full(n, 0.5), "gnss_position_sigma": np.full((n, 3), sigma)}
     runner = make_runner(model, {k: v for k, v in known.items() if k in model.parameters}, "interpreter")
     runner.run(n, input_rows(model, columns, n), 0)
     at = interval * np.arange(count)

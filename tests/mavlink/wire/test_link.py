@@ -2,11 +2,9 @@
 
 import itertools
 import os
-import random
 import socket
 import struct
 import time
-from contextlib import suppress
 
 import pytest
 from peers import package
@@ -19,7 +17,7 @@ from insenv.mavlink.wire.frames import split
 from insenv.mavlink.wire.link import INBOX_BYTES, MESSAGES_PER_CALL, OUTBOX_BYTES
 from insenv.mavlink.wire.transports import EXPIRY_S, MAX_CLIENTS, MAX_DATAGRAM_BYTES, MAX_PEERS, MAX_STRANGERS, STALLED_S
 
-UDP, TCP = socket.SOCK_DGRAM, socket.SOCK_STREAM
+TCP = socket.SOCK_STREAM
 
 
 @pytest.mark.parametrize(
@@ -269,9 +267,9 @@ def test_a_serial_line(opened):
 class Numbered:
     """A stream of numbered messages to a ground tool, tick by tick, and the numbers that the tool received."""
 
-    def __init__(self, opened, kind):
-        self.vehicle = opened(f"{kind}in:127.0.0.1:0")
-        self.ground = opened(f"{kind}out:127.0.0.1:{self.vehicle.address.port}", system=255)
+    def __init__(self, opened):
+        self.vehicle = opened("udpin:127.0.0.1:0")
+        self.ground = opened(f"udpout:127.0.0.1:{self.vehicle.address.port}", system=255)
         until(self.ground, lambda got: bool(self.ground.peers))
         self.ground.send(heartbeat())
         until(self.vehicle, bool)
@@ -289,25 +287,8 @@ class Numbered:
         return self.numbers == list(range(self.sent))
 
 
-@pytest.mark.parametrize("kind", ["udp", "tcp"])
-def test_five_megabytes_of_random_bytes(kind, opened, sockets):
-    stream, draw = Numbered(opened, kind), random.Random(5)
-    attacker = sockets(UDP if kind == "udp" else TCP, to=stream.vehicle.address.port)
-    if kind == "tcp":
-        attacker.setblocking(False)
-    total, heard = 0, 0
-    while total < 5_000_000:
-        piece = draw.randbytes(draw.randint(1, 1400))
-        with suppress(BlockingIOError):
-            total += attacker.send(piece)
-        heard += sum(peer.system != 255 for peer, _ in stream.tick())
-    assert stream.complete()
-    assert stream.vehicle.statistics.received_bytes > 4_000_000  # the rest did not fit the system's buffer
-    assert heard == 0
-
-
 def test_a_flood_of_10000_commands_a_second_does_not_stop_the_stream(opened, sockets):
-    stream = Numbered(opened, "udp")
+    stream = Numbered(opened)
     flooder = sockets(to=stream.vehicle.address.port)
     arm = m.MAVLink_command_long_message(1, 1, 512, 0, 1, 0, 0, 0, 0, 0, 0)
     commands = [frame_of(arm, i, 254) for i in range(50)]

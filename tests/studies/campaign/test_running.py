@@ -9,7 +9,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import replace
 
-import numpy as np
 import peers
 import pytest
 from campaigns import same, slow_ship, small_plan
@@ -17,7 +16,6 @@ from campaigns import same, slow_ship, small_plan
 from insenv.base.errors import InputError, InsenvError
 from insenv.studies.campaign import Folder, block, cluster, make_plan, processes, run_campaign, running, threads
 from insenv.studies.campaign import block as block_module
-from insenv.studies.campaign.block import StoppedError, run_block
 
 posix = pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="signals of POSIX")
 
@@ -103,8 +101,6 @@ def test_a_worker_of_another_version_is_refused():
 
 @contextmanager
 def alarm_interrupts():
-    """The alarm's signal is Ctrl-C."""
-
     def interrupted(*_):
         raise KeyboardInterrupt
 
@@ -174,23 +170,6 @@ def test_an_interruption_ends_blocks_that_run(tmp_path, pool, after_s):
     with alarm_interrupts(), pytest.raises(KeyboardInterrupt, match=said):
         run_campaign(plan, store=Folder(tmp_path / "out", plan), workers=pool, progress=begun)
     assert not list((tmp_path / "out").glob("blocks/00000?.npz"))
-
-
-@pytest.mark.parametrize("looks", [1, 3, 30])
-def test_a_block_goes_on_from_where_it_was_stopped(monkeypatch, looks):
-    monkeypatch.setattr(block, "PIECE_S", 1e-9)  # one sample a piece
-    plan, asked = small_plan(8), []
-
-    def stopped():
-        asked.append(1)
-        return len(asked) > 8 + looks
-
-    with pytest.raises(StoppedError) as caught:
-        run_block(plan, 0, stopped)
-    part = caught.value.part
-    assert part["samples"] > 0 and len(asked) == 9 + looks
-    whole, continued = run_block(plan, 0), run_block(plan, 0, part=part)
-    assert all(np.array_equal(whole[name], continued[name]) for name in whole)
 
 
 @posix
