@@ -34,7 +34,7 @@ def digest(*folders: str) -> str:
     return found.hexdigest()[:16]
 
 
-CODE = digest("insenv", "scenarios", "fmu", "web", "examples")
+CODE = digest("insenv", "scenarios", "fmu", "web", "examples", "recordings")
 """What decides what a tutorial prints, apart from its own text."""
 MAKER = digest("tools") + hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
 BUILD = ROOT / "build" / "docs"

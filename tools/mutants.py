@@ -37,7 +37,8 @@ ROOT = Path(__file__).parents[1]
 LIST = Path(__file__).with_suffix(".toml")
 FOUND_BY = Path(__file__).with_name("mutants-found.json")
 """Which test found each fault in an earlier run (``--keep``)."""
-TRAVELS = ("insenv", "scenarios", "fmu", "web", "tests", "tools", "examples", "docs", "pyproject.toml", "README.md")
+FOLDERS = ("insenv", "scenarios", "fmu", "web", "tests", "tools", "examples", "recordings", "docs")
+TRAVELS = (*FOLDERS, "pyproject.toml", "README.md")
 REQUIRED, REQUIRED_FAST = 0.98, 0.95
 """Least share of the faults that all tests find, and that those of `make test` find."""
 LIMIT_S = 300.0

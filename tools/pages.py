@@ -31,6 +31,7 @@ from insenv.logs.description import ImuSection as LogImuSection
 from insenv.logs.description import ReferenceSection as LogReferenceSection
 from insenv.logs.flight_log import FlightDescription
 from insenv.logs.instruments import section_of
+from insenv.report.console import as_text
 from insenv.scenario import description, json_schema
 from insenv.scenario.description import GravitySection
 from insenv.scenario.tracks.fmu_section import FmuSection, Outputs
@@ -44,6 +45,8 @@ from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 from insenv.sensors.registry import instruments, registered
 from insenv.sensors.sampled import Sampled
+from insenv.studies.proof_logs import public_logs
+from insenv.studies.proof_result import Proof
 from insenv.vehicles import section as legs
 from insenv.vehicles.aircraft import AircraftLeg, AircraftSection
 from insenv.vehicles.car import CarLeg, CarSection
@@ -314,6 +317,21 @@ def estimators_table() -> str:
     return markdown(("estimator", "kind", "takes", "what it is"), rows)
 
 
+def proof_text() -> str:
+    """What `insenv prove` prints of the recorded results, tests/studies/proof.json."""
+    values = json.loads((ROOT / "tests" / "studies" / "proof.json").read_text(encoding="utf-8"))
+    return f"```text\n{as_text(Proof.of_json(values).document().blocks())}\n```"
+
+
+def public_logs_table() -> str:
+    """The public logs: what they were used for, the unit's grade, the outages, how to get them."""
+    rows = [
+        [f"`{log.name}`", log.description["title"], log.used, log.grade or "none", f"`{log.outages}`", f"`{log.get}`"]
+        for log in public_logs().values()
+    ]
+    return markdown(("log", "what it is", "used", "grade", "fixes withheld", "how to get it"), rows)
+
+
 def remarks_table() -> str:
     """The codes of remarks with their texts, of all modules that declare some."""
     for path in (ROOT / "insenv").rglob("*.py"):
@@ -328,6 +346,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "docs/scenarios.md": {"keys": lambda: key_tables(SCENARIO_SECTIONS, SCENARIO_TYPES)},
     "docs/logs.md": {"keys": lambda: key_tables(LOG_SECTIONS, LOG_TYPES)},
     "docs/flight-logs.md": {"keys": lambda: key_tables(FLIGHT_SECTIONS)},
+    "docs/accuracy.md": {"logs": public_logs_table, "results": proof_text},
     "docs/api.md": {"names": public_names},
     "docs/json.md": {"remarks": remarks_table},
     "docs/estimators/index.md": {"table": estimators_table},

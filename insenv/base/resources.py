@@ -1,4 +1,5 @@
-"""Folders of the data files of insenv: the scenarios, the C sources and templates of an FMU, the front end of pages.
+"""Folders of the data files of insenv: scenarios, descriptions of public logs, C sources and templates of an FMU, the front
+end of pages.
 
 In an installed wheel they are inside the package (``insenv/_data``); in a source checkout, and therefore in an editable
 install, they are top-level folders of the repository.
@@ -48,6 +49,11 @@ def web_folder() -> Path:
 def examples_folder() -> Path:
     """Folder of the examples. Raises `InsenvError` if it is missing."""
     return _folder("examples", _PACKAGE)
+
+
+def recordings_folder() -> Path:
+    """Folder of the descriptions of public logs (``*.toml``). Raises `InsenvError` if it is missing."""
+    return _folder("recordings", _PACKAGE)
 
 
 def _folder(name: str, package: Path) -> Path:

@@ -11,7 +11,7 @@ from insenv.cli import fmu
 from insenv.cli.campaign import campaign
 from insenv.cli.describe import describe
 from insenv.cli.lists import examples, list_all, new, schema
-from insenv.cli.measures import bench, reproduce
+from insenv.cli.measures import bench, prove, reproduce
 from insenv.cli.options import HELP, OnceCommand
 from insenv.cli.runs import page, replay, run
 from insenv.cli.stream import stream
@@ -24,10 +24,8 @@ app = typer.Typer(
     epilog="Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N (130: Ctrl-C).",
 )
 app.command("list", cls=OnceCommand)(list_all)
-commands = (
-    run, replay, describe, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema,
-)  # fmt: skip
-for command in commands:
+studies = (campaign, budget, tune, reproduce, prove, train)
+for command in (run, replay, describe, allan, page, examples, new, *studies, stream, bench, schema):
     app.command(cls=OnceCommand)(command)
 app.add_typer(fmu.app, name="fmu")
 

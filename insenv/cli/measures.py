@@ -1,12 +1,21 @@
-"""The commands that measure insenv itself: `insenv reproduce` against papers, `insenv bench` on this machine."""
+"""The commands that measure insenv: `insenv reproduce` against papers, `insenv prove` on public logs, `insenv bench`."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Json, Out, command
+from insenv.cli.options import Json, Out, Output, command, given_path
+from insenv.cli.signals import DONE, FAILED
+
+
+def _logs(incomplete: str) -> list[str]:
+    """The public logs that a shell offers."""
+    from insenv.studies.proof_logs import public_logs
+
+    return [name for name in public_logs() if name.startswith(incomplete)]
 
 
 @command
@@ -38,6 +47,33 @@ def reproduce(
     print_blocks(shown.blocks())
     if written:
         print_line(f"written: {', '.join(str(path) for path in written)}")
+
+
+@command
+def prove(
+    output: Output,
+    names: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Argument(metavar="[NAME]...", help="Public logs; all of them if omitted.", autocompletion=_logs),
+    ] = None,
+    data: Annotated[
+        Path, typer.Option("--data", parser=given_path, metavar="FOLDER", help="Folder that holds the data of the logs.")
+    ] = Path("."),
+) -> int:
+    """Run estimators on public logs; print what their references say, and fixes withheld. It fetches nothing."""
+    from insenv.studies.proof import prove as judge
+
+    with output.working("proving") as progress:
+
+        def show(name: str, done: int, total: int) -> None:
+            progress.describe(f"proving on {name}")
+            progress(done, total)
+
+        proof = judge(names or (), data, show)
+        output.keep(proof.document())
+    output.show(proof.document(), "--out DIR writes the page and the JSON document")
+    lacks = proof.missing and (names or len(proof.missing) == len(proof.logs))
+    return FAILED if lacks else DONE
 
 
 @command

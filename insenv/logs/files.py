@@ -40,6 +40,17 @@ def read_bytes(file: str, folder: Path) -> tuple[str, bytes]:
     return label, data
 
 
+def is_there(file: str, folder: Path) -> bool:
+    """Whether `read_bytes` would find a file."""
+    if not file.startswith(PACKAGE):
+        return (folder / Path(file).expanduser()).exists()
+    name, _, inside = file[len(PACKAGE) :].partition("/")
+    try:
+        return importlib.resources.files(name).joinpath(*PurePosixPath(inside).parts).is_file()
+    except ModuleNotFoundError:
+        return False
+
+
 def _from_path(path: Path) -> bytes:
     if (path / "metadata.yaml").is_file():
         return _folder(path)

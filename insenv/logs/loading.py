@@ -64,15 +64,15 @@ def load(path: str | Path, changes: Changes | None = None) -> RecordedLog:
         raise InputError(f"{path}: a scenario, not the description of a recorded log: `insenv run {path}` simulates it")
     label = f"{path} with --set" if changes else str(path)
     data = changed(data, changes or {})
-    data = beside(data, path.parent) if "flight" in data else beside(data, path.parent, "imu")
-    log = load_data(data, folder, label)
+    log = load_data(beside(data, path.parent, *(() if "flight" in data else ("imu",))), folder, label)
     return replace(log, notes=(*sentence(changes), *log.notes)) if changes else log
 
 
-def load_data(data: Mapping[str, Any], folder: Path, label: str) -> RecordedLog:
+def load_data(data: dict[str, Any], folder: Path, label: str) -> RecordedLog:
     """The log of a description that is not in a file: its values by section, as in TOML.
 
-    folder: where relative paths start; label: its name for messages.  Raises InputError as `load`.
+    folder: where its relative paths start.  label: what messages call the description.  Raises `InputError` with all faults
+    of the description, its files included.
     """
     faults = Faults()
     if "flight" in data:

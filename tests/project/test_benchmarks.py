@@ -3,7 +3,6 @@
 import re
 
 import benchmarks
-import flights
 import peers
 import pytest
 from places import ROOT
@@ -46,7 +45,6 @@ def test_the_errors_on_the_recorded_log_are_those_of_the_code():
     assert list(found) == list(expected) == list(benchmarks.LOGS)
     for name, rms in expected.items():
         assert found[name] == pytest.approx(rms, rel=LAST_DIGIT), f"{name}: python tools/benchmarks.py accuracy"
-    assert set(flights.of_page()) <= set((ROOT / "docs/logs.md").read_text("utf-8").splitlines()), "python tools/flights.py"
 
 
 def test_times_and_groups_of_the_page_are_of_figures_that_are_measured():

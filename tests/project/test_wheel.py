@@ -35,8 +35,9 @@ def package_files(folder, prefix):
 def test_contents(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-    wanted = package_files("insenv", "insenv") | {"insenv/py.typed"}
-    assert wanted.union(*(package_files(f, f"insenv/_data/{f}") for f in ("scenarios", "fmu", "web", "examples"))) <= names
+    folders = ("scenarios", "fmu", "web", "examples", "recordings")
+    wanted = {*package_files("insenv", "insenv"), "insenv/py.typed"}
+    assert wanted.union(*(package_files(f, f"insenv/_data/{f}") for f in folders)) <= names
     assert {name.split("/")[0].split("-")[0] for name in names} == {"insenv"}
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
 

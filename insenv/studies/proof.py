@@ -1,0 +1,123 @@
+"""`prove`: estimators on public logs, against the references of these logs and against fixes withheld from the estimators."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from insenv.base.errors import InputError, InsenvError
+from insenv.base.output import as_path
+from insenv.base.remarks import Remark
+from insenv.base.shipped import __version__
+from insenv.estimators.fusion.gnss import DELAY
+from insenv.evaluation.errors import CHANNELS, Result
+from insenv.evaluation.outages import BEYOND, SHOWN
+from insenv.logs.recorded import RecordedLog
+from insenv.runs.replayed import replay
+from insenv.studies.proof_logs import PublicLog, chosen_logs
+from insenv.studies.proof_result import Compared, Judged, LogProof, Proof, Withheld
+
+ESTIMATORS = ("fusion", "fusion-smoother", "loosely-coupled")
+WARNINGS = ("too-sure", "outages-too-sure")
+"""Remarks that say that the errors are larger than stated, beside the verdict on the innovations."""
+
+Step = Callable[[str, int, int], None]
+
+
+def prove(names: Sequence[str] = (), data: str | Path = ".", progress: Step | None = None) -> Proof:
+    """Run the estimators of `ESTIMATORS` on public logs, with all fixes and with some withheld.
+
+    names: of the logs; all without names.  data: folder that holds their data, as docs/accuracy.md says; nothing is fetched.
+    progress: called with the log and the numbers of logs done and in all.
+
+    A log whose data are not there has a sentence instead of results (`LogProof.missing`).  Raises `InputError` for an unknown
+    name, a folder that is not there, and data that are not those of the description.
+    """
+    folder, logs = as_path("data", data), chosen_logs(names)
+    if not folder.is_dir():
+        raise InputError(
+            f"data folder {str(data)!r}: no such folder; allowed is the one that holds the data (docs/accuracy.md)"
+        )
+    proofs = []
+    for done, log in enumerate(logs):
+        if progress is not None:
+            progress(log.name, done, len(logs))
+        proofs.append(_proof(log, folder))
+    return Proof(__version__, tuple(proofs))
+
+
+def _proof(public: PublicLog, folder: Path) -> LogProof:
+    text = {name: str(public.description.get(name, "")) for name in ("title", "source", "licence")}
+    about: dict[str, Any] = {**text, "used": public.used, "get": public.get, "grade": public.grade, "outages": public.outages}
+    if missing := public.missing(folder):
+        return LogProof(public.name, **about, missing=missing)
+    log = public.load(folder)
+    about["reference"] = public.reference if log.reference is not None else ""
+    about["duration_s"] = float(log.imu_time[-1] - log.imu_time[0])
+    judged = tuple(_judged(log, estimator, public.outages) for estimator in ESTIMATORS)
+    return LogProof(public.name, **about, runs=judged)
+
+
+def _judged(log: RecordedLog, estimator: str, outages: str) -> Judged:
+    """One estimator on one log; why it is not for the log, or what it diverges from, is a result too."""
+    try:
+        report = replay(log, estimator)
+        result = report.results[0]
+        lacking = replay(log, estimator, outages=outages).results[0] if outages else None
+    except InsenvError as error:
+        return Judged(estimator, refused=" ".join(str(error).split()))
+    force = result.specific_force
+    return Judged(
+        estimator,
+        verdict=_verdict(result),
+        warned=_is_warned(result),
+        errors={name: compared for name in CHANNELS if (compared := _compared(result, name)) is not None},
+        force=None if force is None else force.estimate,
+        force_of_reference=None if force is None else force.reference,
+        fixes_late_s=_delay(result),
+        notes=tuple(dict.fromkeys(note.code for note in (*result.notes, *report.notes) if isinstance(note, Remark))),
+        withheld=None if lacking is None else _withheld(lacking),
+    )
+
+
+def _compared(result: Result, name: str) -> Compared | None:
+    """The error of a channel against the reference; None if there is no reference, or no stated sigma."""
+    if name not in result.errors or name not in result.sigma:
+        return None
+    late = result.time >= result.from_s - 1e-9
+    error, sigma = result.errors[name][late], result.sigma[name][late]
+    return Compared(_rms(error), _rms(sigma), float(np.mean(np.abs(error) > BEYOND * sigma)))
+
+
+def _withheld(result: Result) -> Withheld | None:
+    """The errors where fixes were withheld; None if no record of the estimate is between fixes."""
+    outages = result.outages
+    if outages is None or not outages.ratios.size:
+        return None
+    found, share = outages.summary(), outages.beyond / outages.ratios.size
+    errors = {name: Compared(found["end"][name], found["stated"][name], share) for name in SHOWN}
+    largest = {name: found["max"][name] for name in SHOWN}
+    ratio = _rms(outages.ratios)
+    return Withheld(len(outages.each), ratio, errors, largest, _verdict(result), _is_warned(result))
+
+
+def _delay(result: Result) -> float | None:
+    """The delay of the fixes at the end, s."""
+    return float(np.ravel(result.outputs[DELAY.name])[-1]) if DELAY.name in result.outputs else None
+
+
+def _verdict(result: Result) -> str:
+    return "" if result.health is None else result.health.verdict
+
+
+def _is_warned(result: Result) -> bool:
+    """Whether the run says that it states too little."""
+    wrong = result.health is not None and result.health.wrong
+    return wrong or any(note.code in WARNINGS for note in result.notes)
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
