@@ -1,0 +1,136 @@
+"""`fusion` at a mooring: the sway as oscillators among the states, the heading by the Earth's rotation from any heading."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from changed_scenario import changed
+from scipy.linalg import block_diag, expm
+
+import insenv
+from insenv import fusion
+from insenv.base.errors import InputError
+from insenv.core import symmetric
+from insenv.core.model import Values
+from insenv.estimators.fusion import azimuth, moored
+from insenv.estimators.parts import strapdown
+from insenv.estimators.parts.kalman import elementary, propagate
+from insenv.geodesy import OMEGA_IE, q_ew_from_geodetic
+
+PERIODS, SIGMAS, DAMPING = (90.0, 40.0, 20.0, 9.0, 6.0), np.array([0.1, 0.4, 0.3, 0.2, 0.5]), 0.2
+PARAMETERS = Values(sway_period=ca.SX(PERIODS), sway_damping=DAMPING, sway_sigma=ca.SX(SIGMAS))
+ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
+
+
+def numbers(symbols):
+    return np.array(ca.evalf(ca.SX(symbols)))
+
+
+def rates():
+    """F of the oscillators as the docstring of the module has them, and the density of the noise of a."""
+    pairs = [2 * np.pi / period * np.array([[-2 * DAMPING, -1.0], [1.0, 0.0]]) for period in PERIODS]
+    driven = [4 * DAMPING * 2 * np.pi / period * sigma**2 for period, sigma in zip(PERIODS, SIGMAS, strict=True)]
+    return block_diag(*pairs * 3), np.array([[density, 0.0] for density in driven * 3]).ravel()
+
+
+@pytest.mark.parametrize("duration", [0.01, 0.05, 1.0])
+def test_oscillators_follow_their_equation(duration):
+    F, density = rates()
+    Phi = numbers(moored.oscillation(PARAMETERS, duration))
+    assert expm(F * duration) == pytest.approx(Phi, abs=1e-12)
+    noise = numbers(moored.SWAY.process.noise(PARAMETERS, duration)).ravel()
+    variance = np.tile(np.repeat(SIGMAS, 2), 3) ** 2  # stationary: nothing is lost and nothing grows
+    assert np.diag(Phi @ np.diag(variance) @ Phi.T) + noise == pytest.approx(variance, rel=1e-9)
+    if duration < 0.02:
+        assert noise[::2] == pytest.approx(density[::2] * duration, rel=0.01)
+
+
+def test_a_transition_of_any_form_propagates_exactly():
+    rng = np.random.default_rng(1)
+    Phi, root = rng.normal(size=(5, 5)) + 3 * np.eye(5), rng.normal(size=(5, 5))
+    P, noise = root @ root.T, rng.uniform(size=5)
+    found = propagate(symmetric.triangle(ca.SX(P)), elementary(ca.SX(Phi)), ca.SX(noise))
+    assert Phi @ P @ Phi.T + np.diag(noise) == pytest.approx(numbers(symmetric.full(found, 5)), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("heading", [0.3, 2.0, -2.5])
+def test_the_azimuth_is_that_of_the_estimated_rotation(heading):
+    """The fold gives w the azimuth of h, with the displacement turned; its error is that across h, with the sign of psi."""
+    latitude, place = 0.8, {azimuth.STATE.name: slice(9, 11)}
+    full = OMEGA_IE * np.cos(latitude)
+    across, P = full * 1e-3 * np.array([-np.sin(heading), np.cos(heading)]), np.zeros((11, 11))
+    P[9:, 9:] = np.outer(across, across)
+    rate = full * np.array([np.cos(heading) - 1, np.sin(heading)])
+    start = {"q_ew": q_ew_from_geodetic(latitude, 0.2, 0), "height": ca.SX(0), "velocity_w": ca.SX([0.5, 0.2, 0])}
+    x = Values(**start, azimuth_rate=ca.SX(rate), sway=ca.SX.zeros(6 * moored.COUNT), mooring_centre=ca.SX([3.0, 0, 0]))
+    x, P9 = azimuth.folded(x, ca.SX(P), place)
+    C_nw = numbers(strapdown.C_nw(x.q_ew))
+    assert np.arctan2(C_nw[1, 0], C_nw[0, 0]) == pytest.approx(-heading, abs=1e-6)
+    P9 = numbers(P9)
+    assert P9[8, 8] == pytest.approx(1e-6, rel=1e-6)
+    assert P9[3:5, 8] == pytest.approx(np.array([0.2, -0.5]) * 1e-6, abs=1e-11)  # -(theta z x v) with psi = -theta
+    assert P9[:2, 8] == pytest.approx(np.array([0.0, -3.0]) * 1e-6, abs=1e-11)
+
+
+@pytest.mark.parametrize("sigma", [0.03, 0.5, np.pi])
+def test_the_start_has_the_moments_of_the_rotation_in_an_uncertain_heading(sigma):
+    turns = sigma * np.random.default_rng(2).normal(size=400_000)
+    e = OMEGA_IE * np.cos(0.8) * np.array([np.cos(turns) - 1, np.sin(turns)])
+    p = Values(heading_sigma=ca.SX(sigma), start_latitude=ca.SX(0.8))
+    mean, stated = numbers(azimuth.STATE.started(p)).ravel(), numbers(azimuth.STATE.started_sigma(p)).ravel()
+    assert mean == pytest.approx(e.mean(axis=1), abs=0.01 * stated[0] + 0.01 * stated[1])
+    assert stated[1] == pytest.approx(e[1].std(), rel=0.02) and 0.98 < stated[0] / e[0].std() < azimuth.WIDER * 1.02
+
+
+def test_any_heading_is_found_in_a_slow_surge_that_alignments_take_for_tilt():
+    scenario = changed("ship-slow-surge", rate_hz=50.0)
+    (result,) = insenv.run(scenario, "fusion", seed=970001).results
+    assert all(np.max(np.abs(result.errors[name]) / result.sigma[name]) < 4.5 for name in ATTITUDE)
+    stated = [result.sigma["heading_deg"][np.searchsorted(result.time, seconds - 0.01)] for seconds in (300.0, 600.0)]
+    assert stated[0] < 1.5 * 0.0432 and stated[1] < 1.2 * 0.0284  # the limits
+    assert [note.split(" after")[0] for note in result.notes] == ["heading found"] and result.health.verdict == "consistent"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("period_s", [10.0, 40.0, 60.0])
+def test_stated_sigmas_hold_over_seeds(period_s):
+    """NEES of 9 errors over 32 runs: 3 standard deviations of the mean are 2.3."""
+    sway = [{"amplitude_m": 0.5, "period_s": 7.0}, {"amplitude_m": 0.3, "period_s": period_s}]
+    summary = insenv.campaign(changed("ship-slow-surge", vehicle={"sway": {"north": sway}}), "fusion", 32, seed=971000)
+    heading, late = summary.courses["heading_deg"], summary.time > 60.0
+    assert np.max(summary.nees.mean[late]) < 9.0 + 3.0
+    assert heading.rms[-1] < 1.4 * heading.limit[-1] and heading.stated[-1] < 1.2 * heading.limit[-1]
+
+
+@pytest.mark.parametrize(("amplitude_m", "period_s", "said"), [(1.5, 40.0, True), (0.3, 40.0, False), (1.5, 9.0, False)])
+def test_a_slow_sway_beyond_what_is_assumed_is_said(amplitude_m, period_s, said):
+    sway = {"north": [{"amplitude_m": amplitude_m, "period_s": period_s}], "down": [{"amplitude_m": 2.0, "period_s": 40.0}]}
+    scenario = changed("ship-slow-surge", vehicle={"sway": sway}, rate_hz=10.0)
+    (result,) = insenv.run(scenario, "fusion", seed=4, duration_s=150.0).results
+    assert any("the vehicle sways slowly with" in note and "45, 22" in note for note in result.notes) == said
+    of_axis = np.sum(np.reshape(result.outputs["sway_rms"][-1], (3, moored.COUNT)), axis=1)  # the assumed north is any one
+    assert [np.hypot(*of_axis[:2]), of_axis[2]] == pytest.approx([amplitude_m / np.sqrt(2), 2.0 / np.sqrt(2)], rel=0.3)
+
+
+def test_a_log_without_attitude_is_aligned():
+    log = insenv.record(changed("ship-slow-surge", rate_hz=50.0), seed=3, duration_s=200.0)
+    unknown = {f"{name}_deg": None for name in ("roll", "pitch", "heading", "tilt_sigma", "heading_sigma")}
+    initial = log.description.initial.model_copy(update=unknown)
+    log = replace(log, description=log.description.model_copy(update={"initial": initial}))
+    report = insenv.replay(log, "fusion")
+    (result,) = report.results
+    assert result.sigma["heading_deg"][-1] < 0.3 and abs(result.errors["heading_deg"][-1]) < 0.9
+    assert any("a heading that is not known" in note for note in result.notes)
+    with pytest.raises(InputError, match=r"floats in place, and \[initial\] has no heading_deg: fusion finds the heading"):
+        insenv.replay(log, "wander-sins")
+
+
+def test_what_a_mooring_does_not_go_with_is_said():
+    with pytest.raises(InputError, match="the smoother does not take the aid 'moored'; use the filter"):
+        insenv.run("ship-slow-surge", "fusion-smoother", duration_s=5)
+    with pytest.raises(InputError, match="with the aids gnss, moored: allowed is moored, alone or with barometer"):
+        fusion(["sway", "mooring_centre", "azimuth_rate"], ["gnss", "moored"])
+    (result,) = insenv.run(changed("ship-slow-surge", imu={"grade": "tactical"}, rate_hz=20.0), "fusion", duration_s=30).results
+    assert any("not applicable for heading" in note or "heading is good to" in note for note in result.notes)
+    assert any("the heading is not found to 1 deg" in note for note in result.notes)
