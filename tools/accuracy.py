@@ -54,6 +54,7 @@ FAR = ("car-unknown-heading", "aircraft-inflight-alignment")
 LARGE = ("large-misalignment", "large-misalignment-extreme", "aircraft-inflight-alignment", "car-unknown-heading")
 CASES = (
     *(Case("fusion", name) for name in ("car-city-drive", "car-survey", *FAR, "ship-at-sea", "ship-log-alignment")),
+    *(Case("fusion", name) for name in ("ship-slow-surge", "ship-irregular-sea")),
     *(Case("analytic", name) for name in ("static-ecef", "car-parked", "aircraft-parked", "ship-swaying")),
     *(Case("gyrocompass", name) for name in ("car-parked-paper", "ship-moored-paper", "ship-irregular-sea")),
     Case("gyrocompass", "ship-irregular-sea", settings=(("heading_constant_s", 100.0),)),

@@ -16,7 +16,7 @@ from insenv import estimators
 from insenv.core.tables import Row
 from insenv.estimators import lssvm
 from insenv.estimators.contract import Estimator, ImuDataSheet, Knowledge
-from insenv.estimators.fusion import available
+from insenv.estimators.fusion import ErrorState, available
 from insenv.estimators.settings import keys_by_row
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.evaluation.limits import ratio
@@ -79,10 +79,15 @@ def states(markdown: Markdown) -> str:
     owner = {state.name: aid for aid, own in available.states_by_aid().items() for state in own}
     rows = [
         [f"`{name}`", f"{state.size}", state.value.unit, state.value.meaning.removeprefix("Estimated "),
-         _shown_by(owner.get(name)), f"`{state.sigma}`", f"`{state.time}`" if state.time else "constant"]
+         _shown_by(owner.get(name)), f"`{state.sigma}`", _course(state)]
         for name, state in available.all_states().items()
     ]  # fmt: skip
     return markdown(("state", "size", "SI unit", "what it is", "needs the aid", "sigma at the start", "correlation time"), rows)
+
+
+def _course(state: ErrorState) -> str:
+    """How it changes."""
+    return f"`{state.time}`" if state.time else "constant" if state.process is None else state.process.called
 
 
 def _shown_by(aid: str | None) -> str:

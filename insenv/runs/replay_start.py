@@ -26,6 +26,7 @@ from insenv.runs.heading_bank import attitude_by_motion, heading_of
 from insenv.runs.log_remarks import latitude_text
 from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
 from insenv.runs.standing_readings import heading_at_rest
+from insenv.runs.stated_start import KEYS, ROUNDED_PLACE, is_moored, stated_of, swaying
 from insenv.vehicles import registry as vehicles
 
 Array = NDArray[np.float64]
@@ -36,7 +37,6 @@ ON_ITS_BACK = 0.5  # share of gravity that points down at rest
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 HEADING_SIGMA = float(np.radians(5.0))  # of a given heading
 REST_VELOCITY_SIGMA = 0.05  # m/s
-ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
 ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
 SURE_SPEED = 3.0  # m/s: of a fix, above which a vehicle does not stand whatever its inertial unit shows
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
@@ -72,33 +72,6 @@ def start_time(log: RecordedLog, start: str) -> float:
     return max(first, float(log.reference.time[0]))
 
 
-KEYS = {
-    "latitude": "latitude_deg",
-    "longitude": "longitude_deg",
-    "height": "height_m",
-    "velocity_n": "velocity_mps",
-    "roll": "roll_deg",
-    "pitch": "pitch_deg",
-    "heading": "heading_deg",
-    "position_sigma": "position_sigma_m",
-    "velocity_sigma": "velocity_sigma_mps",
-    "tilt_sigma": "tilt_sigma_deg",
-    "heading_sigma": "heading_sigma_deg",
-}
-"""Keys of [initial] by the fields of `Knowledge`; a start "stated" needs all of them."""
-
-
-def _stated(log: RecordedLog) -> dict[str, Any]:
-    """What [initial] gives, by the fields of `Knowledge`, SI."""
-    stated: dict[str, Any] = {}
-    for name, key in KEYS.items():
-        value = getattr(log.description.initial, key)
-        if value is not None:
-            value = np.array(value) if isinstance(value, tuple) else value
-            stated[name] = float(np.radians(value)) if key.endswith("_deg") else value
-    return stated
-
-
 def _begin(log: RecordedLog, first: int) -> float:
     """Time (s) at which sample `first` begins."""
     return float(log.imu_time[first] - log.dt[first])
@@ -107,7 +80,7 @@ def _begin(log: RecordedLog, first: int) -> float:
 def _check_time_of_state(log: RecordedLog, first: float) -> None:
     """Raise `InputError` unless the state in [initial] is of the time at which the used part begins (`first`, s), or later."""
     initial, cut = log.description.initial, log.description.start_s
-    given = [KEYS[name] for name in _stated(log) if not name.endswith("_sigma")]
+    given = [KEYS[name] for name in stated_of(log) if not name.endswith("_sigma")]
     if not given or log.description.in_place:
         return
     state = f"the state in [initial] ({', '.join(given)})"
@@ -146,6 +119,10 @@ def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first:
         return Start(_from_reference(log, first))
     if not estimator.navigates:
         return _place(log, estimator.motion != "moving", first)
+    if is_moored(log):
+        place = _place(log, True, first)
+        known, note, refusal = swaying(log, place.knowledge, first, HEADING_SIGMA)
+        return Start(known, (*place.notes, note), refusal)
     return _from_log(log, first) if _stands(log, first) else _under_way(log, first)
 
 
@@ -169,7 +146,7 @@ def _sigmas(stated: dict[str, Any], **otherwise: Any) -> dict[str, Any]:
 
 def _place(log: RecordedLog, in_place: bool, first: int) -> Start:
     """The place, which is all that an alignment needs of the start, and the heading if the log's [initial] gives one."""
-    stated, gnss = _stated(log), log.gnss
+    stated, gnss = stated_of(log), log.gnss
     far = _far_from_fix(log, first, WITH_FIXES)
     if "latitude" in stated and "longitude" in stated and not far:
         place = {"height": 0.0, **{name: stated[name] for name in PLACE if name in stated}}
@@ -231,7 +208,7 @@ def _far_from_fix(log: RecordedLog, first: int, then: str) -> tuple[Remark, ...]
 
 def _as_stated(log: RecordedLog) -> Knowledge:
     """The state that [initial] gives, with its standard deviations.  Raises `InputError` if one is missing."""
-    stated = _stated(log)
+    stated = stated_of(log)
     missing = [key for name, key in KEYS.items() if name not in stated]
     if missing:
         raise InputError(f"start 'stated': [initial] lacks {', '.join(missing)}")
@@ -263,7 +240,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
         roll=float(reference.roll[row]),
         pitch=float(reference.pitch[row]),
         heading=float(reference.heading[row]),
-        **_sigmas(_stated(log), **REFERENCE_SIGMAS),
+        **_sigmas(stated_of(log), **REFERENCE_SIGMAS),
     )
 
 
@@ -300,7 +277,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
 
     Without fixes the position is that of [initial], for a log that has a Doppler log.  Raises `InputError` without both.
     """
-    stated, gnss, begin = _stated(log), log.gnss, _begin(log, first)
+    stated, gnss, begin = stated_of(log), log.gnss, _begin(log, first)
     where, rest = f"the vehicle moves at {clock(begin)} s, where navigation starts", ""
     if log.rest is None:
         where, rest = "the log does not begin at rest", rest_hint(log)
@@ -358,7 +335,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
 
 def _from_log(log: RecordedLog, first: int) -> Start:
     """Attitude and gyro bias from the log alone, for a start at rest where sample `first` begins."""
-    stated, rows = _stated(log), _rest(log, first)
+    stated, rows = stated_of(log), _rest(log, first)
     rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
     latitude, longitude, height, position_sigma, far = _rest_position(log, rows)
     roll, pitch = (stated.get(name, measured) for name, measured in zip(("roll", "pitch"), rest.level, strict=True))
@@ -460,7 +437,7 @@ def _hint(stated: dict[str, Any]) -> str:
 
 def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array, tuple[Remark, ...]]:
     """Position of the antenna at rest (rad, rad, m), its sigma (3, m), and notes: the mean of the fixes, or [initial]."""
-    gnss, stated = log.gnss, _stated(log)
+    gnss, stated = log.gnss, stated_of(log)
     if gnss is not None:
         still = (gnss.time >= log.imu_time[rest[0]]) & (gnss.time <= log.imu_time[rest[-1]])
         if still.any():

@@ -36,6 +36,7 @@ TABLE: dict[str, tuple[float, float, tuple[str, ...]]] = {
     "ship-swaying": (20.0, 20.0, ("q-method",)),
     "ship-moored-paper": (20.0, 20.0, ("inertial-fir",)),
     "ship-irregular-sea": (20.0, 20.0, ("q-method",)),
+    "ship-slow-surge": (20.0, 20.0, ("fusion",)),
     "ship-underway": (20.0, 30.0, FUSED),
     "ship-at-sea": (20.0, 40.0, FUSED),
     "ship-dvl": (20.0, 30.0, FUSED),

@@ -26,7 +26,7 @@ from insenv.testing import check_keys
 IN_PLACE = {
     "ship-swaying", "ship-irregular-sea", "car-parked", "aircraft-parked", "static-ecef", "turntable-quaternion",
     "large-misalignment", "large-misalignment-extreme", "large-misalignment-training", "ship-moored-paper", "car-parked-paper",
-    "turntable-calibration", "turntable-indexing",
+    "turntable-calibration", "turntable-indexing", "ship-slow-surge",
 }  # fmt: skip
 
 

@@ -38,7 +38,7 @@ class Aid:
         variances of an error state by name (`Spread`).
     due: ``(p, x, u) -> 0 or 1`` in a sample: whether it measures now.  x is the state before the sample.
     sensors: ids of sensors that it needs; none for a constraint.
-    inputs, parameters, state: its rows.
+    inputs, parameters, state: its rows.  outputs: names of those of its state that are outputs too.
     present: ``(p, x, u) -> (m)``, 1 for the components that are there.  None: all are.
     age: ``u -> s`` from its validity to the end of the sample.  None: 0.
     gate: name of the parameter row of its innovation gate, in standard deviations.
@@ -74,6 +74,7 @@ class Aid:
     inputs: Table = field(default_factory=Table)
     parameters: Table = field(default_factory=Table)
     state: Table = field(default_factory=Table)
+    outputs: tuple[str, ...] = ()
     present: Callable[[Any, Any, Any], Any] | None = None
     age: Callable[[Any], Any] | None = None
     gate: str = ""
@@ -137,9 +138,14 @@ class Aid:
         meaning = f"Times that position and velocity started anew, because refused measurements of {self.title} agreed"
         return (Row(self.row("restart_count"), meaning, "1"),) if self.restarts else ()
 
+    @property
+    def output_rows(self) -> Table:
+        """What it shows: `reported`, and the rows `outputs`."""
+        return self.reported + Table(tuple(self.state[name] for name in self.outputs))
+
     def shown(self, x: Any) -> dict[str, Any]:
         """The output rows, from the state."""
-        return {row.name: getattr(x, row.name) for row in self.reported}
+        return {row.name: getattr(x, row.name) for row in self.output_rows}
 
     @property
     def state_rows(self) -> Table:

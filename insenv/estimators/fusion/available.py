@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 
 from insenv.base.errors import InputError, nearest
-from insenv.estimators.fusion import gnss, in_place, inertial, non_holonomic, zero_velocity
+from insenv.estimators.fusion import azimuth, gnss, in_place, inertial, moored, non_holonomic, zero_velocity
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import ErrorState
@@ -28,14 +28,15 @@ def _instruments() -> tuple[Instrument, ...]:
 
 @cache
 def _states(instruments: tuple[Instrument, ...]) -> Mapping[str, ErrorState]:
-    states = (*inertial.STATES, *gnss.STATES, *(state for instrument in instruments for state in states_of(instrument)))
+    of_instruments = (state for instrument in instruments for state in states_of(instrument))
+    states = (*inertial.STATES, *gnss.STATES, *of_instruments, *moored.STATES, azimuth.STATE)
     return {state.name: state for state in states}
 
 
 @cache
 def _aids(instruments: tuple[Instrument, ...]) -> Mapping[str, Aid]:
     odometer, *others = map(aid_of, instruments)
-    every = (gnss.WHITE, odometer, non_holonomic.NON_HOLONOMIC, *others, zero_velocity.AID, in_place.AID)
+    every = (gnss.WHITE, odometer, non_holonomic.NON_HOLONOMIC, *others, zero_velocity.AID, in_place.AID, moored.AID)
     return {aid.id: aid for aid in every}
 
 
@@ -52,7 +53,7 @@ def all_aids() -> Mapping[str, Aid]:
 def states_by_aid() -> Mapping[str, tuple[ErrorState, ...]]:
     """The states that only the measurements of an aid show, by id of the aid."""
     of_instruments = {instrument.id: states_of(instrument) for instrument in _instruments()}
-    return {"gnss": gnss.STATES, "non_holonomic": (non_holonomic.MOUNTING,), **of_instruments}
+    return {"gnss": gnss.STATES, "non_holonomic": (non_holonomic.MOUNTING,), "moored": moored.STATES, **of_instruments}
 
 
 def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str | Aid], title: str = "") -> Composition:

@@ -15,13 +15,13 @@ from typing import Any
 
 import casadi as ca
 
-from insenv import geodesy
+from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core import symmetric
 from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion import history
+from insenv.estimators.fusion import azimuth, history
 from insenv.estimators.fusion.aid import Aid, repeated
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.measurement import attitude_shown, update, wide
@@ -38,7 +38,7 @@ from insenv.estimators.parts.error_model import (
     navigation_transition,
     variances,
 )
-from insenv.estimators.parts.kalman import Update, decay, driven_variance, propagate
+from insenv.estimators.parts.kalman import Update, decay, driven_variance, elementary, propagate
 
 NAVIGATION = 9
 """Number of errors of position, velocity and attitude, which come first."""
@@ -140,6 +140,16 @@ class Composition:
     def _sum_rows(self) -> Table:
         return Table(tuple(dict.fromkeys(self._sums.values())))
 
+    @cached_property
+    def turning(self) -> ErrorState | None:
+        """The state with a rate of w, if there is one (`insenv.estimators.fusion.azimuth`)."""
+        return next((state for state in self.states if state.rate_w is not None), None)
+
+    def rate_w(self, x: Any) -> Any:
+        """What the rotation of the Earth is more than that of the estimated position (3, rad/s, w); None: nothing."""
+        state = self.turning
+        return None if state is None or state.rate_w is None else state.rate_w(getattr(x, state.name))
+
     @property
     def causes(self) -> dict[str, str]:
         """By id of an aid, what to look at where its measurements do not fit (`Estimator.causes`)."""
@@ -176,15 +186,18 @@ class Composition:
             for s in self.states
         )
         table = rows.NAVIGATION + Table(tuple(state.value for state in self.states)) + ESTIMATES + Table(sigmas)
-        return _united(table, *(aid.reported for aid in self.aids))
+        return _united(table, *(aid.output_rows for aid in self.aids))
 
     # --- equations ----------------------------------------------------------------------------------
 
     def start(self, p: Any) -> dict[str, Any]:
         """The given start; frame w is NED there, so the covariance needs no rotation."""
         of_states = (repeated(state.start_sigma(p), state.size) for state in self.states)
-        sigma = ca.vertcat(p.position_sigma, p.velocity_sigma, p.tilt_sigma, p.tilt_sigma, p.heading_sigma, *of_states)
+        heading_sigma = p.heading_sigma if self.turning is None else 0.0
+        sigma = ca.vertcat(p.position_sigma, p.velocity_sigma, p.tilt_sigma, p.tilt_sigma, heading_sigma, *of_states)
         P = ca.diag(sigma * sigma)
+        if self.turning is not None:
+            P[VELOCITY, VELOCITY] = P[VELOCITY, VELOCITY] + azimuth.turned_variance(p, p.start_velocity_n) * ca.diag([1, 1, 0])
         shared = bias_of_tilt(p) @ P[TILT, TILT]
         P[GYRO, TILT], P[TILT, GYRO] = shared, shared.T
         P[GYRO, GYRO] = P[GYRO, GYRO] + shared @ bias_of_tilt(p).T
@@ -198,6 +211,9 @@ class Composition:
         """One inertial sample: mechanization with the estimated errors taken out of the increments."""
         values = {state.name: getattr(x, state.name) for state in self.states}
         delta_angle, delta_velocity = corrected_increments(self.states, values, u)
+        rate_w = self.rate_w(x)
+        if rate_w is not None:
+            delta_angle = delta_angle - attitude.rotate_inverse(x.q_wb, rate_w * u.dt)
         moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
         since_propagation, change = x.since_propagation + u.dt, moved.rows["velocity_w"] - x.velocity_w
         stepped = {
@@ -206,7 +222,7 @@ class Composition:
             "since_propagation_velocity_w": x.since_propagation_velocity_w + moved.delta_velocity_w,
             "since_propagation_angle": x.since_propagation_angle + delta_angle,
             "since_propagation_change_w": x.since_propagation_change_w + change,
-            "omega_ie_w": moved.omega_ie_w,
+            "omega_ie_w": moved.omega_ie_w if rate_w is None else moved.omega_ie_w + rate_w,
             "omega_ew_w": moved.omega_ew_w,
             **history.followed(x, x.velocity_w, moved.rows["velocity_w"], u.dt),
         }
@@ -257,6 +273,10 @@ class Composition:
                 A[place, place] = ca.diag(
                     self._decay(p, state, x.since_propagation) - 1
                 )  # may be longer than a correlation time
+            elif state.process is not None:
+                A[place, place] = elementary(state.process.transition(p, x.since_propagation))
+            if state.rate_w is not None:
+                A[TILT, place] = -linear(state.rate_w, state.size)[1] * x.since_propagation
         return A
 
     def _parts(self, state: ErrorState) -> list[tuple[str, slice, int]]:
@@ -283,6 +303,9 @@ class Composition:
                 decay = self._decay(p, state, x.since_propagation)
                 noise.append(driven_variance(repeated(getattr(p, state.sigma), state.size), decay))
                 errors[state.name] = decay * getattr(x, state.name)
+            elif state.process is not None:
+                noise.append(state.process.noise(p, x.since_propagation))
+                errors[state.name] = state.process.transition(p, x.since_propagation) @ getattr(x, state.name)
             else:
                 noise.append(ca.SX.zeros(state.size))
         return {
@@ -314,17 +337,18 @@ class Composition:
 
     def output(self, p: Any, x: Any) -> dict[str, Any]:
         """Navigation in n, and standard deviations; psi stands for the misalignment (they differ by position error / R)."""
-        C_nw = strapdown.C_nw(x.q_ew)
         P = symmetric.full(x.covariance, self.n)
+        shown, P_shown = self._shown(x, P)
+        C_nw = strapdown.C_nw(shown.q_ew)
 
         def sigma(part: slice) -> Any:
-            return ca.sqrt(ca.diag(C_nw @ P[part, part] @ C_nw.T))
+            return ca.sqrt(ca.diag(C_nw @ P_shown[part, part] @ C_nw.T))
 
         values = {
-            **strapdown.navigation_outputs(x),
+            **strapdown.navigation_outputs(shown),
             "position_sigma": sigma(POSITION),
             "velocity_sigma": sigma(VELOCITY),
-            "attitude_sigma": sigma(TILT),
+            "attitude_sigma": sigma(TILT) if self.turning is None else azimuth.stated(sigma(TILT)),
         }
         for state in self.states:
             place = self.places[state.name]
@@ -336,9 +360,13 @@ class Composition:
 
     def consistency_error(self, x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
         """Errors of position, velocity and psi, and their covariance (9x9)."""
-        offset, velocity, turn, _ = strapdown.navigation_error_w(x, truth)
-        P = symmetric.full(x.covariance, self.n)[:NAVIGATION, :NAVIGATION]
-        return ca.vertcat(offset, velocity, -turn), P
+        shown, P = self._shown(x, symmetric.full(x.covariance, self.n))
+        offset, velocity, turn, _ = strapdown.navigation_error_w(shown, truth)
+        return ca.vertcat(offset, velocity, -turn), P[:NAVIGATION, :NAVIGATION]
+
+    def _shown(self, x: Any, P: Any) -> tuple[Any, Any]:
+        """The navigation state and the covariance of its errors, with the azimuth that the filter has found."""
+        return (x, P) if self.turning is None else azimuth.folded(x, P, self.places)
 
     @cached_property
     def model(self) -> Model:

@@ -18,7 +18,7 @@ from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
-from insenv.estimators.fusion import history, unknown_start
+from insenv.estimators.fusion import azimuth, history, moored, unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, states_by_aid
 from insenv.estimators.fusion.composition import Composition
@@ -41,6 +41,7 @@ from insenv.geodesy import OMEGA_IE
 # a misalignment in a manoeuvre (`insenv.estimators.parts.error_model`), an error of an instrument if it is told at all. On a
 # turntable, which turns gravity from axis to axis, every error of the unit that is told is worth it.
 
+MOORED = moored.AID.id
 WORTH = 0.1
 MINUTE = 60.0
 
@@ -55,7 +56,13 @@ def aids_of(drive: Drive) -> tuple[str, ...]:
     wheels = traits.wheels and "odometer" in drive.sensors
     parked = bool(drive.in_place and (traits.parks or drive.stands) and not held(drive.sensors))
     stays = traits.turns_in_place or parked
-    without_sensor = {"zero_velocity": not stays and not traits.floats, "non_holonomic": wheels, "in_place": stays}
+    floating = bool(drive.in_place and traits.floats and not held(drive.sensors))
+    without_sensor = {
+        "zero_velocity": not stays and not traits.floats,
+        "non_holonomic": wheels,
+        "in_place": stays,
+        MOORED: floating,
+    }
     every = all_aids().items()
     return tuple(id for id, aid in every if without_sensor.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
 
@@ -68,11 +75,16 @@ def held(ids: Collection[str]) -> bool:
 def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[str, ...]:
     """The states, beside the biases, of a filter with these aids."""
     rows = known.rows
-    names = stated_unit_errors(known) if drive.traits.turns_in_place else _shown_by_manoeuvres(known, drive)
+    # sway adds no error of the unit up from turn to turn, as noise would: what it turns it turns back
+    in_turns = drive.traits.turns_in_place or MOORED in aids
+    names = stated_unit_errors(known) if in_turns else _shown_by_manoeuvres(known, drive)
     for aid in aids:
         names += [state.name for state in states_by_aid().get(aid, ()) if _is_stated(rows, all_states()[state.name].sigma)]
     if NON_HOLONOMIC.id in aids and mounting_unknown(known):
         names.append(MOUNTING.name)
+    if MOORED in aids:
+        names += [state.name for state in moored.STATES]
+        names += [azimuth.STATE.name] if azimuth.ALLOWED.issuperset(aids) else []
     return tuple(dict.fromkeys(names))
 
 
@@ -166,6 +178,8 @@ def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> t
     """
     p, findings_of = Values(**parameters), []
     for state in states:
+        if state.rate_w is not None or state.process is not None:
+            continue  # the square of an error of the heading is far from normal; a sway has a finding of its own
         sigma = _numbers(parameters[state.sigma] if state.time else state.start_sigma(p), state.size)
         begun = np.zeros(state.size) if state.time or state.started is None else _numbers(state.started(p), state.size)
         sentence = _SURPRISING.filled(state=state.name, sigma=state.sigma)
@@ -206,7 +220,21 @@ def fusion(
     if not isinstance(smoother, bool):
         raise InputError(f"fusion {id!r}: smoother = {smoother!r}: allowed is True or False")
     made, make = composition(id, states, aids), _smoother if smoother else _estimator
+    _check_mooring(made, smoother)
     return replace(make(made), adapt=lambda known, drive, choices: _suited(make, made, known, drive))
+
+
+def _check_mooring(filter: Composition, smoother: bool) -> None:
+    """Raise `InputError` for a smoother at a mooring, or aids that take the assumed azimuth for the true one."""
+    ids = [aid.id for aid in filter.aids]
+    if MOORED in ids and smoother:
+        raise InputError(f"fusion {filter.id!r}: the smoother does not take the aid {MOORED!r}; use the filter, {ID!r}")
+    if azimuth.STATE in filter.states and (MOORED not in ids or not azimuth.ALLOWED.issuperset(ids)):
+        allowed = ", ".join(sorted(azimuth.ALLOWED - {MOORED}))
+        raise InputError(
+            f"fusion {filter.id!r}: the state {azimuth.STATE.name!r} with the aids {', '.join(ids)}: allowed is {MOORED}, "
+            f"alone or with {allowed}"
+        )
 
 
 def _suited(make: Callable[..., Estimator], filter: Composition, known: Knowledge, drive: Drive) -> Estimator:
@@ -249,9 +277,18 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
     names, ids = [state.name for state in filter.states], [aid.id for aid in filter.aids]
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
 
+    by_earth_rate = azimuth.STATE in filter.states
+
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
+        place = {"latitude": parameters["start_latitude"], "heading_sigma": 0.0}  # any heading will do
+        told = {**parameters, **place} if by_earth_rate else parameters
         return (
-            *applicability.linear_start(parameters, duration_s, UNKNOWN_START),
+            *applicability.linear_start(told, duration_s, UNKNOWN_START),
+            *(
+                applicability.notes({**parameters, "latitude": parameters["start_latitude"]}, duration_s)
+                if by_earth_rate
+                else ()
+            ),
             *(() if _holds(filter, "vertical") else vertical_channel.by_bias(parameters, duration_s)),
             *(() if _holds(filter, "horizontal") else applicability.free_start(parameters, duration_s)),
             *(() if _holds(filter, "heading") or _gyrocompasses(ids, parameters) else (NO_HEADING,)),
@@ -267,8 +304,14 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
         error=filter.consistency_error,
         prepare=lambda known: prepared(known, filter.parameters, names),
         applicability=notes,
-        findings=lambda parameters: (*surprising(filter.states, parameters), *restarts(filter.aids)),
+        findings=lambda parameters: (
+            *surprising(filter.states, parameters),
+            *restarts(filter.aids),
+            *(azimuth.findings(parameters) if by_earth_rate else ()),
+            *(moored.findings(parameters) if MOORED in ids else ()),
+        ),
         causes=filter.causes,
+        finds_attitude=by_earth_rate,
         max_measurement_age_s=history.OLDEST,
     )
 
@@ -360,17 +403,21 @@ def _smoother(filter: Composition, uncounted: tuple[str, ...] = (), way: Velocit
     return replace(_estimator(filter, uncounted, way), model=smoothing.forward, smooths=filter.id, smoothing=smoothing)
 
 
-def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:
+def _composed(known: Knowledge, drive: Drive, choices: Choices, smoother: bool) -> Composition:
     """The filter for a drive: the states and aids in `choices`, those of the presets where it has none."""
     aids = choices["aids"] if "aids" in choices else aids_of(drive)
+    if smoother and MOORED in aids and len(aids) > 1 and "aids" not in choices:
+        aids = tuple(aid for aid in aids if aid != MOORED)
     if not aids and "aids" not in choices:
         sections = ", ".join(f"[{sensor}]" for aid in all_aids().values() for sensor in aid.sensors)
         raise InputError(f"estimator {ID!r} needs an instrument: {drive.where} has none of {sections}")
     states = choices["states"] if "states" in choices else states_of(known, drive, aids)
-    return composition(ID, states, aids)
+    made = composition(ID, states, aids)
+    _check_mooring(made, smoother)
+    return made
 
 
-def _family(make: Callable[..., Estimator]) -> Estimator:
+def _family(make: Callable[..., Estimator], smoother: bool) -> Estimator:
     """The estimator whose members `make` makes; its own model is that of the smallest."""
     general = make(composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle"))
 
@@ -378,7 +425,7 @@ def _family(make: Callable[..., Estimator]) -> Estimator:
         return composition(ID, all_states(), all_aids()).parameters
 
     def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
-        filter = _composed(known, drive, choices)
+        filter = _composed(known, drive, choices, smoother)
         return replace(_suited(make, filter, known, drive), settable=settable)
 
     return replace(
@@ -390,6 +437,6 @@ def _family(make: Callable[..., Estimator]) -> Estimator:
     )
 
 
-FUSION = _family(_estimator)
-SMOOTHER = _family(_smoother)
+FUSION = _family(_estimator, smoother=False)
+SMOOTHER = _family(_smoother, smoother=True)
 ESTIMATORS = (FUSION, SMOOTHER)

@@ -71,7 +71,7 @@ class Omitted:
             since = getattr(x, self.aid.row("since"))
             since = select(since < NEVER, since, getattr(x, self.time))
             unmeasured = maximum(since - MEASURED_OFTEN, 0.0)
-            growth = 2 * unmeasured * x.since_propagation * _moment(_variances(x.covariance)[2])
+            growth = 2 * unmeasured * x.since_propagation * moment(_variances(x.covariance)[2])
             rate, speed = (x.omega_ie_w + x.omega_ew_w)[:2], x.velocity_w[:2]
             for part, square in ((POSITION, ca.sumsqr(speed)), (TILT, BY_RATE * ca.sumsqr(rate))):
                 _add(changed, part, growth * square * ca.vertcat(1, 1, 0))
@@ -100,7 +100,7 @@ def variances(P: Any, vector_w: Any) -> Any:
     P: upper triangle of the covariance.
     """
     psi = _variances(P)
-    return ca.vertcat(vector_w[:2] ** 2 * _moment(psi[2]), 0) + _moment(psi[0] + psi[1]) * ca.sumsqr(vector_w)
+    return ca.vertcat(vector_w[:2] ** 2 * moment(psi[2]), 0) + moment(psi[0] + psi[1]) * ca.sumsqr(vector_w)
 
 
 def _variances(P: Any) -> Any:
@@ -108,7 +108,7 @@ def _variances(P: Any) -> Any:
     return ca.vertcat(*[P[symmetric.place(axis, axis)] for axis in range(TILT.start, TILT.stop)])
 
 
-def _moment(variance: Any) -> Any:
+def moment(variance: Any) -> Any:
     """The second moment of 1 - cos psi: of a normal psi, and at most that of one of which nothing is known."""
     return minimum(0.75 * variance * variance, 1.5)
 

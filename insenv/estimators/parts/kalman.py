@@ -68,6 +68,29 @@ def propagate(stored: Any, A: Any, noise: Any) -> Any:
     return ca.vertcat(*[P[i][j] for j in range(n) for i in range(j + 1)])
 
 
+def elementary(transition: Any) -> Any:
+    """A (k x k) for `propagate` whose elementary matrices have the product `transition` (k x k), to rounding.
+
+    They make x_i' = (1 + A_ii) (x_i + sum of A_ij x_j' over j < i + sum of A_ij x_j over j > i), so with the triangular factors
+    transition = L U, L of unit diagonal, the inverse of L has the sums of the new states, and U those of the old.  The leading
+    minors must not be 0; zeros of the structure stay.
+    """
+    k = transition.shape[0]
+    U, inverse, A = ca.SX(transition), ca.SX.eye(k), ca.SX(k, k)
+    for i in range(k):
+        for row in range(i + 1, k):
+            if not U[row, i].is_zero():
+                factor = U[row, i] / U[i, i]
+                U[row, i:] = U[row, i:] - factor * U[i, i:]
+                inverse[row, : i + 1] = inverse[row, : i + 1] - factor * inverse[i, : i + 1]
+        A[i, i] = U[i, i] - 1
+        for j in range(k):
+            entry = -inverse[i, j] if j < i else U[i, j]
+            if j != i and not entry.is_zero():
+                A[i, j] = entry / U[i, i]
+    return A
+
+
 def measure(stored: Any, correction: Any, H: Any, innovation: Any, variance: Any, accept: Any) -> tuple[Any, Any, Scalar]:
     """Covariance triangle and estimate of the error state (n) after one scalar measurement, and how it was used.
 

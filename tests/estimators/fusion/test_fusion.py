@@ -86,8 +86,8 @@ def test_wrong_states_and_aids_are_named(states, aids, words):
 def test_an_aid_without_its_instrument_is_refused():
     with pytest.raises(InputError, match=r"needs odometer: scenario .car-survey. has no \[odometer\]"):
         insenv.run("car-survey", fusion([], ["gnss", "odometer"]), duration_s=2)
-    with pytest.raises(InputError, match=r"'fusion' needs an instrument: scenario 'ship-swaying' has none of \[gnss\]"):
-        insenv.run("ship-swaying", "fusion", duration_s=2)
+    with pytest.raises(InputError, match=r"'fusion' needs an instrument: scenario 'ship-underway' has none of \[gnss\]"):
+        insenv.run(load("ship-underway").model_copy(update={"gnss": None}), "fusion", duration_s=2)
     status, _, said = call("replay", "examples/logs/plain.toml", "-e", "fusion", "--set", 'fusion.aids=["dvl"]')
     assert status == 2 and "needs dvl: the log has no [dvl]" in said
     status, _, said = call("run", "car-survey", "-e", "fusion", "--set", "fusion.odometer_gate=3")
@@ -159,7 +159,7 @@ def test_a_parked_car_stays_where_it_is(grade, seed):
 def test_only_what_stays_on_wheels_has_a_fixed_place():
     assert aids_of(Drive("here", frozenset(["gnss"]), True, vehicle="car")) == ("gnss", "zero_velocity")
     assert aids_of(Drive("here", frozenset(), None, vehicle="car")) == ("zero_velocity",)
-    assert aids_of(Drive("here", frozenset(), True, vehicle="ship")) == ()
+    assert aids_of(Drive("here", frozenset(), True, vehicle="ship")) == ("moored",)
 
 
 @pytest.mark.slow

@@ -1,0 +1,119 @@
+"""`fusion` at a mooring: the sway as oscillators among the states, the heading by the Earth's rotation from any heading."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from changed_scenario import changed
+from scipy.linalg import block_diag, expm
+
+import insenv
+from insenv import InputError, fusion
+from insenv.core import symmetric
+from insenv.core.model import Values
+from insenv.estimators.fusion import azimuth, moored
+from insenv.estimators.parts import strapdown
+from insenv.estimators.parts.kalman import elementary, propagate
+from insenv.geodesy import OMEGA_IE, q_ew_from_geodetic
+
+PERIODS, SIGMAS, DAMPING = (90.0, 40.0, 20.0, 9.0, 6.0), np.array([0.1, 0.4, 0.3, 0.2, 0.5]), 0.2
+PARAMETERS = Values(sway_period=ca.SX(PERIODS), sway_damping=DAMPING, sway_sigma=ca.SX(SIGMAS))
+
+
+def numbers(symbols):
+    return np.array(ca.evalf(ca.SX(symbols)))
+
+
+@pytest.mark.parametrize("duration", [0.01, 0.05, 1.0])
+def test_oscillators_follow_their_equation(duration):
+    pairs = [2 * np.pi / period * np.array([[-2 * DAMPING, -1.0], [1.0, 0.0]]) for period in PERIODS]
+    Phi = numbers(moored.oscillation(PARAMETERS, duration))
+    assert expm(block_diag(*pairs * 3) * duration) == pytest.approx(Phi, abs=1e-12)
+    variance = np.tile(np.repeat(SIGMAS, 2), 3) ** 2  # stationary: nothing is lost and nothing grows
+    noise = numbers(moored.SWAY.process.noise(PARAMETERS, duration)).ravel()
+    assert np.diag(Phi @ np.diag(variance) @ Phi.T) + noise == pytest.approx(variance, rel=1e-9)
+
+
+def test_a_transition_of_any_form_propagates_exactly():
+    Phi, root = np.random.default_rng(1).normal(size=(2, 5, 5)) + np.array([3.0, 0.0])[:, None, None] * np.eye(5)
+    found = propagate(symmetric.triangle(ca.SX(root @ root.T)), elementary(ca.SX(Phi)), ca.SX.ones(5))
+    assert Phi @ root @ root.T @ Phi.T + np.eye(5) == pytest.approx(numbers(symmetric.full(found, 5)), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("heading", [0.3, 2.0, -2.5])
+def test_the_azimuth_is_that_of_the_estimated_rotation(heading):
+    """The fold gives w the azimuth of h, with the displacement turned; its error is that across h, with the sign of psi."""
+    full = OMEGA_IE * np.cos(0.8)
+    across, P = full * 1e-3 * np.array([-np.sin(heading), np.cos(heading)]), np.zeros((11, 11))
+    P[9:, 9:] = np.outer(across, across)
+    rate = full * np.array([np.cos(heading) - 1, np.sin(heading)])
+    start = {"q_ew": q_ew_from_geodetic(0.8, 0.2, 0), "height": ca.SX(0), "velocity_w": ca.SX([0.5, 0.2, 0])}
+    x = Values(**start, azimuth_rate=ca.SX(rate), sway=ca.SX.zeros(6 * moored.COUNT), mooring_centre=ca.SX([3.0, 0, 0]))
+    x, P9 = azimuth.folded(x, ca.SX(P), {azimuth.STATE.name: slice(9, 11)})
+    assert np.arctan2(*numbers(strapdown.C_nw(x.q_ew))[[1, 0], 0]) == pytest.approx(-heading, abs=1e-6)
+    assert numbers(P9)[[0, 1, 3, 4, 8], 8] == pytest.approx(np.array([0.0, -3.0, 0.2, -0.5, 1.0]) * 1e-6, abs=1e-11)
+
+
+@pytest.mark.parametrize("sigma", [0.03, 0.5, np.pi])
+def test_the_start_has_the_moments_of_the_rotation_in_an_uncertain_heading(sigma):
+    turns = sigma * np.random.default_rng(2).normal(size=400_000)
+    e = OMEGA_IE * np.cos(0.8) * np.array([np.cos(turns) - 1, np.sin(turns)])
+    p = Values(heading_sigma=ca.SX(sigma), start_latitude=ca.SX(0.8))
+    mean, stated = (numbers(of(p)).ravel() for of in (azimuth.STATE.started, azimuth.STATE.started_sigma))
+    assert mean == pytest.approx(e.mean(axis=1), abs=0.01 * stated[0] + 0.01 * stated[1])
+    assert stated[1] == pytest.approx(e[1].std(), rel=0.02) and 0.98 < stated[0] / e[0].std() < azimuth.WIDER * 1.02
+
+
+def test_any_heading_is_found_in_a_slow_surge_that_alignments_take_for_tilt():
+    scenario = changed("ship-slow-surge", rate_hz=50.0)
+    (result,) = insenv.run(scenario, "fusion", seed=970001).results
+    assert all(
+        np.max(np.abs(result.errors[name]) / result.sigma[name]) < 4.5 for name in ("roll_deg", "pitch_deg", "heading_deg")
+    )
+    stated = [result.sigma["heading_deg"][np.searchsorted(result.time, seconds - 0.01)] for seconds in (300.0, 600.0)]
+    assert stated[0] < 1.5 * 0.0432 and stated[1] < 1.2 * 0.0284  # the limits
+    assert [note.split(" after")[0] for note in result.notes] == ["heading found"] and result.health.verdict == "consistent"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("period_s", [10.0, 40.0, 60.0])
+def test_stated_sigmas_hold_over_seeds(period_s):
+    """NEES of 9 errors over 32 runs: 3 standard deviations of the mean are 2.3."""
+    scenario = changed("ship-slow-surge", vehicle={"sway": {"north": [{"amplitude_m": 0.3, "period_s": period_s}]}})
+    summary = insenv.campaign(scenario, "fusion", 32, seed=971000)
+    assert np.max(summary.nees.mean[summary.time > 60.0]) < 9.0 + 3.0
+    rms, stated, limit = (getattr(summary.courses["heading_deg"], name)[-1] for name in ("rms", "stated", "limit"))
+    assert rms < 1.4 * limit and stated < 1.2 * limit
+
+
+@pytest.mark.parametrize(("amplitude_m", "period_s", "said"), [(1.5, 40.0, True), (0.3, 40.0, False), (1.5, 9.0, False)])
+def test_a_slow_sway_beyond_what_is_assumed_is_said(amplitude_m, period_s, said):
+    sway = {"north": [{"amplitude_m": amplitude_m, "period_s": period_s}], "down": [{"amplitude_m": 2.0, "period_s": 40.0}]}
+    scenario = changed("ship-slow-surge", vehicle={"sway": sway}, rate_hz=10.0)
+    (result,) = insenv.run(scenario, "fusion", seed=4, duration_s=150.0).results
+    assert any("the vehicle sways slowly with" in note and "45, 22" in note for note in result.notes) == said
+    of_axis = np.sum(np.reshape(result.outputs["sway_rms"][-1], (3, moored.COUNT)), axis=1)  # the assumed north is any one
+    assert [np.hypot(*of_axis[:2]), of_axis[2]] == pytest.approx([amplitude_m / np.sqrt(2), 2.0 / np.sqrt(2)], rel=0.3)
+
+
+def test_a_log_without_attitude_is_aligned():
+    log = insenv.record(changed("ship-slow-surge", rate_hz=50.0), seed=3, duration_s=200.0)
+    unknown = {f"{name}_deg": None for name in ("roll", "pitch", "heading", "tilt_sigma", "heading_sigma")}
+    known = log.description
+    log = replace(log, description=known.model_copy(update={"initial": known.initial.model_copy(update=unknown)}))
+    (result,) = insenv.replay(log, "fusion").results
+    assert result.sigma["heading_deg"][-1] < 0.3 and abs(result.errors["heading_deg"][-1]) < 0.9
+    assert any("a heading that is not known" in note for note in result.notes)
+    with pytest.raises(InputError, match=r"floats in place, and \[initial\] has no heading_deg: fusion finds the heading"):
+        insenv.replay(log, "wander-sins")
+
+
+def test_what_a_mooring_does_not_go_with_is_said():
+    with pytest.raises(InputError, match="the smoother does not take the aid 'moored'; use the filter"):
+        insenv.run("ship-slow-surge", "fusion-smoother", duration_s=5)
+    with pytest.raises(InputError, match="with the aids gnss, moored: allowed is moored, alone or with barometer"):
+        fusion(["sway", "mooring_centre", "azimuth_rate"], ["gnss", "moored"])
+    (result,) = insenv.run(changed("ship-slow-surge", imu={"grade": "tactical"}, rate_hz=20.0), "fusion", duration_s=30).results
+    assert any("not applicable for heading" in note or "heading is good to" in note for note in result.notes)
+    assert any("the heading is not found to 1 deg" in note for note in result.notes)
