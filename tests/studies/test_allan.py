@@ -28,7 +28,6 @@ from insenv.studies.noise_terms import (
     WHITE,
     curve,
     fit,
-    markov_variance,
     spectrum,
     total,
 )
