@@ -257,9 +257,13 @@ def _sigma_findings(table: LogTable, fixes: Fixes, white: Array, speed: Array | 
         said = f"the columns say {_numbers(stated)} m in the median; from fix to fix they scatter by {_numbers(white)} m"
         findings.append(Finding("gnss.position_sigma", gnss["position_sigma"], said, by_name))
     else:
-        gnss["position_sigma_m"], gnss["wander_sigma_m"] = _rounded(white), list(SLOW_ERROR_M)
-        said = "no columns state it: the scatter of the fixes from one to the next"
-        slow = "errors of minutes do not show in the scatter: those of a receiver without corrections; 0 for one with RTK"
+        whole = np.hypot(_rounded(white), SLOW_ERROR_M)  # not rounded as much, which would lose a small white part
+        gnss["position_sigma_m"], gnss["wander_sigma_m"] = [float(f"{each:.7g}") for each in whole], list(SLOW_ERROR_M)
+        said = f"no columns state it: the scatter of the fixes from one to the next, {_numbers(white)} m, and the slow part"
+        slow = (
+            "errors of minutes do not show in the scatter: those of a receiver without corrections; with RTK 0, and "
+            f"position_sigma_m {_numbers(white)}"
+        )
         findings.append(Finding("gnss.position_sigma_m", gnss["position_sigma_m"], said))
         findings.append(Finding("gnss.wander_sigma_m", gnss["wander_sigma_m"], slow, "assumed"))
     if fixes.velocity is None:

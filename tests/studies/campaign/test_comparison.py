@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from campaigns import car, same, small_plan
 from command_line import call, strict
+from scipy.stats import ttest_1samp
 
 import insenv
 from insenv import attitude
@@ -15,6 +16,7 @@ from insenv.estimators import get
 from insenv.scenario import load
 from insenv.studies.campaign import run_campaign
 from insenv.studies.campaign.comparison import compare, comparison_page, paired
+from insenv.studies.campaign.statistics import jackknifed
 
 
 def test_paired_intervals_cover_a_known_difference():
@@ -29,6 +31,8 @@ def test_paired_intervals_cover_a_known_difference():
         assert found.is_real
     assert 0.93 <= inside / 600 <= 0.97
     drawn = rng.normal(size=(1500, 2, 8)) ** 2  # 8 runs of a constant error each
+    mean = jackknifed(0.0, (drawn[0, 0].sum() - drawn[0, 0]) / 7.0)  # of a mean: Student's interval
+    assert mean.high - mean.low == pytest.approx(np.ptp(ttest_1samp(drawn[0, 0], 0.0).confidence_interval()))
     inside = sum(found.ratio.low <= 2.0 <= found.ratio.high for found in (paired(a, 4.0 * b) for a, b in drawn))
     assert 0.92 <= inside / 1500 <= 0.96
     assert np.isnan(paired(np.array([0.0, 0.0, 1.0]), np.ones(3)).ratio.low)  # one run has all of the error
@@ -64,8 +68,7 @@ def test_two_estimators_with_a_known_difference():
 
 def test_a_run_that_diverged_for_one_is_left_out_of_the_pair():
     first, second = run_campaign(small_plan(12)), run_campaign(small_plan(12))
-    second.whole[3] = False
-    second.rms[3] = np.nan
+    second.whole[3], second.rms[3] = False, np.nan
     found = compare([first, replace(second, plan=replace(second.plan, estimator="other"))])
     pair = found.pairs["other"]["heading_deg"]
     assert pair.runs == 11 and pair.ratio.value == 1.0 and not pair.is_real

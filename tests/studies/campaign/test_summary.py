@@ -61,8 +61,7 @@ def test_navigation_over_the_runs(drawn):
         assert found.figures()[name]["stated"] == pytest.approx(np.sqrt(variance.mean()))
     nees = found.nees
     assert nees.degrees == 9 and np.allclose(nees.mean, arrays["nees"].mean(axis=0))
-    low, high = chi2.ppf([0.025, 0.975], 9 * 24) / 24
-    assert (nees.low, nees.high) == pytest.approx((low, high))
+    assert (nees.low, nees.high) == pytest.approx(tuple(chi2.ppf([0.025, 0.975], 9 * 24) / 24))
     means = np.random.default_rng(1).chisquare(9, (4000, 24)).mean(axis=1)
     assert np.mean((means > nees.low) & (means < nees.high)) == pytest.approx(0.95, abs=0.015)
 
@@ -147,8 +146,6 @@ def test_what_runs_say_of_their_end_is_counted(tmp_path):
 
 
 SURE = {"estimator": {"loosely-coupled": {"accel_bias_sigma_ug": 0.01, "vrw_ug_sqrt_hz": 0.1}}}
-
-
 OUTLIERS = ({}, "gnss.outlier_probability=choice(0, 0.9)", "fixes-diverged too-sure", "(seed 6, 9), the largest with seed 9")
 GRADES = (SURE, "imu.grade=choice(navigation, consumer)", "aid-misfit motion-errors-as-noise too-sure", "in 1 of 4")
 
@@ -177,7 +174,9 @@ def test_a_run_that_is_doubted_is_not_called_consistent():
     assert any("100 % contradicted" in line for line in presentation.consistency_lines(found))
 
 
-def test_runs_that_are_too_short_are_noted():
+def test_runs_that_are_too_short_are_noted_and_fixes_are_not_missed_without_a_receiver():
     found = run_campaign(make_plan(slow_ship(), "q-method", 2, first_seed=3, duration_s=2.0))
     assert any(note.startswith("too short: 2 s of data, q-method needs 100 s") for note in found.as_json()["notes"])
     assert all(values[3] is None and values[2] is not None for _, values in presentation.campaign_rows(found))
+    aided = run_campaign(make_plan(car(gnss=None, odometer={}), "fusion", 1, first_seed=3, duration_s=2.0))
+    assert aided.verdicts() and not any("fix" in share.worst.remark.code for share in aided.shares)
