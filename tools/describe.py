@@ -170,11 +170,12 @@ def drive(seed: int, kind: str, draw: Draw) -> tuple[RecordedLog, np.ndarray, st
 
 def part(log: RecordedLog, begin: float) -> RecordedLog:
     """The log from a time on."""
-    assert log.gnss is not None and log.gnss.velocity_n is not None and log.gnss.velocity_sigma is not None
+    assert log.gnss is not None
     late, fixed, gnss = log.imu_time >= begin, log.gnss.time >= begin, log.gnss
     fixes = GnssFixes(
         gnss.time[fixed], gnss.latitude[fixed], gnss.longitude[fixed], gnss.height[fixed], gnss.position_sigma[fixed],
-        gnss.velocity_n[fixed], gnss.velocity_sigma[fixed],
+        None if gnss.velocity_n is None else gnss.velocity_n[fixed],
+        None if gnss.velocity_sigma is None else gnss.velocity_sigma[fixed],
     )  # fmt: skip
     samples = {name: getattr(log, name)[late] for name in ("imu_time", "delta_angle", "delta_velocity", "dt", "bridged")}
     return replace(log, gnss=fixes, reference=None, **samples)
@@ -207,7 +208,7 @@ def case(seed: int) -> Case:
     fixes |= {
         n: ("angle", v) for n, v in zip(place[0], (gnss.latitude * angle, gnss.longitude * angle, gnss.height), strict=True)
     }
-    if has_velocity:
+    if has_velocity and gnss.velocity_n is not None:
         shown = {
             "n": gnss.velocity_n[:, 0],
             "e": gnss.velocity_n[:, 1],

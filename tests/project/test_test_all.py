@@ -37,5 +37,5 @@ def test_pytest_with_workers_says_why_it_runs_nothing(chosen, reason, tmp_path):
 
 
 def test_a_path_without_faults_is_named():
-    with pytest.raises(SystemExit, match="none: .* --list shows all"):
+    with pytest.raises(SystemExit, match=r"none: .* --list shows all"):
         mutants.main(["none"])

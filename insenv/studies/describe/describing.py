@@ -86,7 +86,7 @@ def _found(tables: Sequence[LogTable], tell: Callable[[str], None]) -> tuple[dic
 def _of_the_loaded(keys: Mapping[str, Any], folder: Path) -> list[Finding]:
     """The noise and the class of the unit, and the time at rest.  Raises `InputError` for a log that replay does not take."""
     try:
-        log = load_data(keys, folder.resolve(), "description")
+        log = load_data(dict(keys), folder.resolve(), "description")
     except UnclearError:
         raise
     except InputError as error:
