@@ -26,12 +26,13 @@ demo: $(PLOT) ## align a swaying ship: print a table, and write a figure to demo
 	$(BIN)/insenv run ship-swaying -e q-method --out demo
 
 # mypy uses one core and runs at the same time as the tests
-test: layout ## set up .venv and run the checks of a change: ruff, mypy, import-linter, pytest (minutes)
+test: layout ## set up .venv and run the checks of a change: ruff, mypy, import-linter, pytest (4 minutes on two cores)
 	@$(BIN)/mypy > .venv/mypy.txt 2>&1 & types=$$!; \
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(PYTEST_ARGS); result=$$?; \
 	wait $$types || { cat .venv/mypy.txt; exit 1; }; exit $$result
 
-# TARGETS='fmu web' runs some of its targets, AGAIN=1 those that did not pass before; as root it installs the peers of Debian
+# TARGETS='fmu web' runs some of its targets, AGAIN=1 those that have not passed on this state of the tree: all, after a change;
+# as root it installs the peers of Debian
 test-all: $(ALL) $(MAVPROXY) ## run everything: slow tests, FMUs, streams, pages, learning, site, mutants; one table at the end (an hour)
 	$(BIN)/python tools/test_all.py $(if $(AGAIN),--again) $(TARGETS)
 

@@ -36,9 +36,17 @@ def cached_models() -> set[str]:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[COMPILED] = cached_models()
+    for path in (argument.partition("::")[0] for argument in config.args):  # workers of pytest-xdist would not say it
+        if not (config.invocation_params.dir / path).exists():
+            raise pytest.UsageError(f"{path}: no such file or folder")
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, exitstatus: pytest.ExitCode, config: pytest.Config
+) -> None:
+    if exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED:
+        chosen = [f"{flag} {value!r}" for flag in ("-k", "-m") if (value := config.getoption(flag))]
+        terminalreporter.write_line(f"no test matches {' '.join([*config.args, *chosen])}", red=True)
     found = cached_models()
     new = len(found - config.stash[COMPILED])
     terminalreporter.write_line(f"{new} models compiled, {len(found)} in the cache")

@@ -254,12 +254,12 @@ def main(arguments: list[str] | None = None) -> int:
     )
     given = parser.parse_args(arguments)
     mutants = listed(given.files)
-    if given.list:
+    if given.list and mutants:
         print("\n".join(str(mutant) for mutant in mutants))
         print(f"{len(mutants)} faults in {len({mutant.file for mutant in mutants})} files")
         return 0
     if not mutants:
-        raise SystemExit("no fault is listed for these files")
+        raise SystemExit(f"{', '.join(given.files)}: no file with faults has this in its path; --list shows all that have some")
     begun = time.monotonic()
     outcomes = all_tried(mutants, given.workers, given.limit, given.resume)
     if given.keep:

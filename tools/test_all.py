@@ -1,7 +1,8 @@
 """Run every check that there is, each even if one before it failed, and print one table at the end; `make test-all`.
 
-Outcomes are kept in `.test-all/`: ``--again`` runs only the targets that did not pass on the present state of the tree.  A peer
-that is missing, such as a browser, is installed if this process may; a test that lacks one fails (tests/helpers/peers.py).
+Outcomes are kept in `.test-all/`: ``--again`` runs only the targets that did not pass on the present state of the tree, and
+says which these are; after any change of the tree it runs all of them, because each may depend on any file.  A peer that is
+missing, such as a browser, is installed if this process may; a test that lacks one fails (tests/helpers/peers.py).
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ PACKAGES = {
 
 @dataclass
 class Outcome:
-    """What a target gave.  skips: reasons, with their numbers."""
+    """What a target gave: numbers of tests, of faults or, without either, of commands.  skips: reasons, with theirs."""
 
     name: str
     passed: int = 0
@@ -171,6 +172,8 @@ def done(target: Target) -> Outcome:
             stream.flush()
             ran = subprocess.run(command, cwd=ROOT, env=environment(), stdout=stream, stderr=subprocess.STDOUT, check=False)
             outcome.status = outcome.status or ran.returncode
+            outcome.passed += ran.returncode == 0
+            outcome.failed += ran.returncode != 0
     if target.pytest:
         count(report, outcome)
     elif found := re.findall(r"^(\d+) of (\d+) killed", log.read_text(encoding="utf-8"), re.MULTILINE):
@@ -184,7 +187,8 @@ def done(target: Target) -> Outcome:
 
 
 def count(report: Path, outcome: Outcome) -> None:
-    """Add the numbers of pytest's report to an outcome."""
+    """The numbers of an outcome are those of pytest's report."""
+    outcome.passed = outcome.failed = 0
     if not report.exists():
         return
     reasons: Counter[str] = Counter()
@@ -215,15 +219,32 @@ def table(outcomes: Sequence[Outcome]) -> str:
     return "\n".join(lines)
 
 
-def kept_outcomes(state: str) -> dict[str, Outcome]:
-    """What earlier calls kept of this state of the tree, by target."""
+def kept_outcomes() -> dict[str, Outcome]:
+    """What earlier calls kept, by target."""
     found = {}
     for target in TARGETS:
         with contextlib.suppress(OSError, ValueError, TypeError):
-            outcome = Outcome(**json.loads((KEPT / f"{target.name}.json").read_text(encoding="utf-8")))
-            if outcome.state == state:
-                found[target.name] = outcome
+            found[target.name] = Outcome(**json.loads((KEPT / f"{target.name}.json").read_text(encoding="utf-8")))
     return found
+
+
+def reason(outcome: Outcome | None, state: str) -> str:
+    """Why a target of that earlier outcome is run again on this state of the tree; empty: it is not."""
+    if outcome is None:
+        return "not run before"
+    if outcome.state != state:
+        return "the tree has changed since"
+    return "" if outcome.good else "failed before"
+
+
+def plan(reasons: dict[str, str]) -> str:
+    """One line: which targets are run again and why, by the reason of each; then those that are not."""
+    groups: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        groups.setdefault(why, []).append(name)
+    passed = groups.pop("", [])
+    runs = "; ".join(f"{', '.join(names)} ({why})" for why, names in groups.items())
+    return f"again: {runs or 'nothing'}" + (f"; not again: {', '.join(passed)} (passed)" if passed else "")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -238,14 +259,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     KEPT.mkdir(exist_ok=True)
     install_peers()
     state = state_of_tree()
-    before = kept_outcomes(state) if given.again else {}
+    targets = [target for target in TARGETS if not given.targets or target.name in given.targets]
+    before = kept_outcomes() if given.again else {}
+    reasons = {target.name: reason(before.get(target.name), state) for target in targets}
+    if given.again:
+        print(plan(reasons), flush=True)
     outcomes = []
-    for target in TARGETS:
-        if given.targets and target.name not in given.targets:
-            continue
-        earlier = before.get(target.name)
-        if earlier is not None and earlier.good:
-            outcomes.append(earlier)
+    for target in targets:
+        if not reasons[target.name]:
+            outcomes.append(before[target.name])
             continue
         print(f"{target.name}: {target.what}", flush=True)
         outcome = done(target)

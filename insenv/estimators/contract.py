@@ -212,7 +212,10 @@ class Estimator:
             )
         lacking = [name for name in _OUTPUTS[self.kind] if name not in self.model.outputs]
         if lacking:
-            raise InputError(f"estimator {self.id!r}: an estimator of kind {self.kind!r} has the output {lacking[0]!r}")
+            raise InputError(
+                f"estimator {self.id!r}: an estimator of kind {self.kind!r} has the output {lacking[0]!r} "
+                f"(given: {', '.join(self.model.outputs.names) or 'none'})"
+            )
         wrong = [row for row in FIX_HEALTH if self.reports_fixes and self.model.outputs[row.name].shape != row.shape]
         if wrong:
             shape = self.model.outputs[wrong[0].name].shape

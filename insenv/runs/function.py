@@ -51,8 +51,7 @@ class Sample:
 
 def sample_names(sensors: Iterable[Sensor]) -> tuple[str, ...]:
     """The columns of a plant that a `Sample` has: what sensors show, and nothing of the truth."""
-    measured = [name for sensor in sensors for name in sensor.outputs if not name.endswith("_true")]
-    return ("time", "dt", *measured)
+    return ("time", "dt", *(name for sensor in sensors for name in sensor.outputs))
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,11 @@ Instant = Callable[[Values, Values], tuple[Any, Any, Any]]
 the end of the sample."""
 
 
+def _no_motion(p: Values, x: Values) -> tuple[Any, Any, Any]:
+    """An `Instant` of a part of which only the rows are read."""
+    raise NotImplementedError
+
+
 @dataclass(frozen=True)
 class ErrorSource:
     """One source of errors, which can be switched off alone.
@@ -66,6 +71,12 @@ class Sensor:
     stated_errors: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
     errors: tuple[ErrorSource, ...] | None = None
     stated: Stated | None = None
+
+    @property
+    def measured(self) -> Table:
+        """The rows of its `outputs`: units, frames and shapes in which it feeds estimators."""
+        state = self.part(_no_motion).state
+        return Table(tuple(state[name] for name in self.outputs))
 
 
 @dataclass(frozen=True)

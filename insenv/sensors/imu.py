@@ -235,9 +235,10 @@ IMU_ERRORS = (
 IMU = Sensor(
     "imu",
     lambda instant: imu_part(),
-    outputs=("delta_angle", "delta_velocity", "imu_valid", "imu_temperature", "gyro_bias_true", "accel_bias_true"),
+    outputs=("delta_angle", "delta_velocity", "imu_valid", "imu_temperature"),
     derived=SENSOR_ERROR,
     derive=lambda p, x: dict(zip(SENSOR_ERROR.names, systematic_error(p, x), strict=True)),
+    truth=("gyro_bias_true", "accel_bias_true"),
     errors=IMU_ERRORS,
 )
 

@@ -2,63 +2,124 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from insenv.attitude import numeric as attitude
+from insenv.base.errors import nearest
+from insenv.core.model import Model
 from insenv.core.runner import make_runner
+from insenv.core.tables import Vector
 from insenv.estimators import Estimator, get
 from insenv.scenario import Plant, ScenarioLike, build, load, names
-from insenv.scenario.chunks import input_rows
-from insenv.testing.models import check_backends, check_inputs, check_snapshots, check_tables
+from insenv.scenario.chunks import feeds, input_rows
+from insenv.testing.models import check_backends, check_inputs, check_snapshots, check_tables, promised
 
 DURATION_S = 2.0
-OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}
+TURN, PUSH = 0.01, 1.0
+"""What is added to each gyro increment (rad) and accelerometer increment (m/s), to see what an estimator makes of them."""
+TURNED = {"alignment": (0.0, 20.0), "navigation": (0.5, 2.0)}
+PUSHED = (0.0, 2.0)
+"""What an attitude and the velocity of a navigation may change by over the increments.
+
+It is 1 where the increments are integrated, up to 8 where an alignment averages them, and near 0 where an aid holds the
+velocity; 57 where degrees are mistaken for radians, 9.8 where g is mistaken for m/s^2.
+"""
 
 
 def check_estimator(
     estimator: str | Estimator, scenario: ScenarioLike | None = None, *, pages: str | Path | None = None, compiled: bool = True
 ) -> None:
-    """Check an estimator's tables, outputs, refusals, snapshots, and its bits on every backend, on 2 s of a scenario.
+    """Check an estimator's tables, inputs, outputs, refusals, snapshots, and its bits on every backend, on 2 s of a scenario.
 
     scenario: one that it runs on; None: the first of insenv's.  pages: folder of which a page must name it.  compiled:
-    whether native code and batches are compared too.  Raises `AssertionError`.
+    whether native code and batches are compared too.  Raises `AssertionError` for a promise that it breaks, `InputError` for an
+    estimator or a scenario that does not exist.
     """
     chosen = get(estimator)
     this = f"estimator {chosen.id!r}"
-    assert chosen.title.strip(), f"{this} has no title"
-    assert chosen.kind in OUTPUTS, f"{this}: kind = {chosen.kind!r}"
+    assert chosen.title.strip(), f"{this}: title = {chosen.title!r}: allowed is one line"
     if pages is not None:
         described = [page.name for page in Path(pages).glob("*.md") if f"`{chosen.id}`" in page.read_text(encoding="utf-8")]
-        assert described, f"{this}: no page in {pages} names it"
+        assert described, f"{this}: no page in {pages} names it: one must have `{chosen.id}`"
+    check_fed(this, chosen.model)
     plant = _plant(chosen, scenario)
-    adapted = plant.adapted(chosen)
-    model = adapted.model
-    check_tables(model)
-    parameters = model.parameters.pack(plant.parameters_of(adapted))
-    check_inputs(model, parameters)
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples))
-    rows = input_rows(model, {**columns, "dt": np.full(plant.samples, plant.sample_interval)}, plant.samples)
-    _check_outputs(this, adapted, model.outputs.unpack(make_runner(model, parameters, "interpreter").run(len(rows), rows)))
-    check_snapshots(model, parameters, rows)
-    if compiled:
-        check_backends(model, parameters, rows)
+    with promised(this):
+        adapted = plant.adapted(chosen)
+        model = adapted.model
+        check_tables(model)
+        check_fed(this, model)
+        parameters = model.parameters.pack(plant.parameters_of(adapted))
+        check_inputs(model, parameters)
+        columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples))
+        rows = input_rows(model, {**columns, "dt": np.full(plant.samples, plant.sample_interval)}, plant.samples)
+        _check_outputs(this, model.outputs.unpack(make_runner(model, parameters, "interpreter").run(len(rows), rows)))
+        _check_increments(this, adapted, parameters, rows)
+        check_snapshots(model, parameters, rows)
+        if compiled:
+            check_backends(model, parameters, rows)
+
+
+def check_fed(this: str, model: Model) -> None:
+    """Check that each input is a row that a run feeds, with its unit, frame and shape.  this: the estimator, in messages."""
+    fed = {row.name: (source, row) for source, table in feeds().items() for row in table}
+    for row in model.inputs:
+        where = f"{this}, input {row.name!r}"
+        assert row.name in fed, f"{where}: nothing feeds it{nearest(row.name, fed, '`insenv.scenario.chunks.feeds()`')}"
+        source, given = fed[row.name]
+        for what in ("unit", "frame", "shape"):
+            declared, allowed = getattr(row, what), getattr(given, what)
+            assert declared == allowed, f"{where}: {what} = {declared!r}: allowed is {allowed!r}, as {source} gives it"
 
 
 def _plant(estimator: Estimator, scenario: ScenarioLike | None) -> Plant:
     """A short plant that the estimator runs on.  Raises `AssertionError` if there is none."""
+    refusals = []
     for loaded in map(load, names() if scenario is None else (scenario,)):
-        if not estimator.refusal(loaded.drive()):
+        refusals.append(estimator.refusal(loaded.drive()))
+        if not refusals[-1]:
             return build(loaded, duration_s=DURATION_S)
-    raise AssertionError(f"estimator {estimator.id!r} runs on no scenario")
+    others = "" if scenario is not None else f"; the other {len(refusals) - 1} scenarios of insenv are refused too"
+    raise AssertionError(f"{refusals[0]}{others}")
 
 
-def _check_outputs(this: str, estimator: Estimator, outputs: dict[str, np.ndarray]) -> None:
-    for name in OUTPUTS[estimator.kind]:
-        assert name in outputs, f"{this}: an estimator of kind {estimator.kind!r} has no output {name!r}"
+def _check_outputs(this: str, outputs: dict[str, Vector]) -> None:
     for name, values in outputs.items():
-        assert np.isfinite(values).all(), f"{this}: output {name!r} is not finite"
-        if name.endswith("_sigma"):
-            assert np.all(values >= 0.0), f"{this}: output {name!r} is negative"
+        bad = values[~np.isfinite(values)]
+        assert not bad.size, f"{this}: output {name!r} = {bad[0]}: allowed is a finite number"
+        least = float(np.min(values, initial=0.0))
+        assert not name.endswith("_sigma") or least >= 0.0, f"{this}: output {name!r} = {least:g}: allowed is 0 or more"
     norm = np.sqrt(np.sum(np.square(outputs["q_nb"]), axis=1))
-    assert np.allclose(norm, 1.0, rtol=0, atol=1e-6), f"{this}: q_nb is not of unit norm: {norm.min()} to {norm.max()}"
+    worst = float(norm[np.argmax(np.abs(norm - 1.0))])
+    assert abs(worst - 1.0) <= 1e-6, f"{this}: output 'q_nb' has the norm {worst:.9g}: q_nb is not of unit norm"
+
+
+def _check_increments(this: str, estimator: Estimator, parameters: Vector, rows: Vector) -> None:
+    """Check that the attitude turns, and the velocity of a navigation changes, by what is added to the increments."""
+    model, half = estimator.model, len(rows) // 2
+
+    def check(name: str, output: str, added: Vector, steps: Callable[[Vector], Vector], allowed: tuple[float, float]) -> None:
+        if name not in model.inputs:
+            return
+        given = rows.copy()
+        given[:, model.inputs.slice(name)] += added
+        values = model.outputs.unpack(make_runner(model, parameters, "interpreter").run(len(rows), given))[output]
+        fed = np.linalg.norm(given[half + 1 :, model.inputs.slice(name)], axis=1)
+        ratio = float(np.median(np.linalg.norm(steps(values[half:]), axis=1) / fed))
+        assert allowed[0] <= ratio <= allowed[1], (
+            f"{this}, input {name!r}: {output} changes by {ratio:.3g} times the increments, which are in "
+            f"{model.inputs[name].unit}: allowed is {allowed[0]:g} to {allowed[1]:g}"
+        )
+
+    phase = np.arange(len(rows)) * (2.0 * np.pi / 64)
+    cone = np.stack([np.cos(phase), np.sin(phase), np.ones(len(rows))], axis=1) * np.sqrt(0.5)
+    check("delta_angle", "q_nb", TURN * cone, _turns, TURNED[estimator.kind])
+    if estimator.kind == "navigation":
+        check("delta_velocity", "velocity_n", np.full(3, PUSH), lambda v: np.diff(v, axis=0), PUSHED)
+
+
+def _turns(q: Vector) -> Vector:
+    """Rotation vectors (k - 1, 3), rad, from each of k attitudes to the next."""
+    return attitude.to_rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -15,10 +16,19 @@ from insenv.core.model import Model
 from insenv.core.runner import make_runner
 from insenv.core.tables import Table, Vector
 
-UNITS = frozenset(["m", "s", "rad", "deg", "Hz", "K", "Pa", "T", "SI", "sqrt"])
+UNITS = ("m", "s", "rad", "Hz", "K", "Pa", "T", "SI", "sqrt")
 """What units are made of; "SI" stands where a matrix mixes them, and a list such as "m, m/s" names those of the elements."""
 FRAMED = re.compile(r"_(n|b|e|i|w)$")
 """A row whose name ends so is a vector or a matrix in that frame."""
+
+
+@contextmanager
+def promised(this: str) -> Iterator[None]:
+    """What insenv refuses in the block is a promise that `this` breaks: an `InputError` becomes an `AssertionError`."""
+    try:
+        yield
+    except InputError as error:
+        raise AssertionError(f"{this}: {error}") from error
 
 
 def check_tables(model: Model) -> None:
@@ -27,12 +37,20 @@ def check_tables(model: Model) -> None:
         table: Table = getattr(model, name)
         for row in table:
             where = f"model {model.id!r}, {name}, row {row.name!r}"
-            assert row.meaning.strip() and not row.meaning.endswith("."), f"{where}: meaning = {row.meaning!r}"
-            assert row.unit.strip() and set(re.findall("[a-zA-Z]+", row.unit)) <= UNITS, f"{where}: unit = {row.unit!r}"
+            assert row.meaning.strip() and not row.meaning.endswith("."), (
+                f"{where}: meaning = {row.meaning!r}: allowed is a sentence without its full stop"
+            )
+            assert row.unit.strip() and set(re.findall("[a-zA-Z]+", row.unit)) <= set(UNITS), (
+                f"{where}: unit = {row.unit!r}: allowed is '1', or what is made of {', '.join(UNITS)}"
+            )
             framed = FRAMED.search(row.name)
-            assert not (framed and row.frame and row.shape) or row.frame == framed[1], f"{where}: frame = {row.frame!r}"
+            assert not (framed and row.frame and row.shape) or row.frame == framed[1], (
+                f"{where}: frame = {row.frame!r}: allowed is {framed and framed[1]!r}, as its name ends"
+            )
             start = row.flat_start()
-            assert np.all((start >= row.lower) & (start <= row.upper)), f"{where}: start = {row.start!r} is out of its bounds"
+            assert np.all((start >= row.lower) & (start <= row.upper)), (
+                f"{where}: start = {row.start!r}: allowed is {row.lower:g} to {row.upper:g}"
+            )
 
 
 def check_inputs(model: Model, parameters: Vector) -> None:

@@ -14,7 +14,7 @@ from insenv.runs.simulated import run
 from insenv.scenario import Plant, build, load
 from insenv.sensors import SensorSection
 from insenv.sensors.registry import stated_rows
-from insenv.testing.models import check_backends, check_snapshots, check_tables
+from insenv.testing.models import check_backends, check_snapshots, check_tables, promised
 from insenv.vehicles import VehicleSection
 
 DRIFT = {"deg": 1e-5, "mps": 1e-4, "m": 1e-3}
@@ -33,7 +33,7 @@ def check_keys(section: type[Section], **values: Any) -> None:
     _refused(section, {**values, "no_such_key": 1.0}, "no_such_key")
     for name, field in section.model_fields.items():
         extra = field.json_schema_extra
-        assert (field.description or "").strip(), f"{this}.{name} has no meaning"
+        assert (field.description or "").strip(), f"{this}.{name} has no meaning: declare it by key()"
         assert isinstance(extra, dict) and isinstance(extra.get("unit"), str), f"{this}.{name} has no unit: declare it by key()"
         for bound in field.metadata:
             if isinstance(bound, (Gt, Ge)):
@@ -70,22 +70,22 @@ def check_sensor(section: type[SensorSection], *, compiled: bool = True, **value
     this = f"sensor {sensor.id!r}"
     check_keys(section, **values)
     scenario = {**_PLACE, "duration_s": 4, "vehicle": _CAR, "imu": {"grade": "tactical"}, sensor.id: values}
-    plants = [build(load(scenario), seed=seed) for seed in (1, 1, 2)]
-    for name in sensor.outputs:
-        assert name in plants[0].model.outputs, f"{this}: its output {name!r} is no output of the plant"
-    table = plants[0].model.parameters
-    if sensor.stated_errors is not None:
-        stated = sensor.stated_errors(table.unpack(table.pack(plants[0].parameters)))
-        unknown = set(stated) - set(stated_rows().names)
-        assert not unknown, f"{this} states {sorted(unknown)}, which are no rows of insenv.sensors.registry.stated_rows"
-    runs = [make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples) for plant in plants]
-    outputs = [plant.model.outputs.unpack(rows) for plant, rows in zip(plants, runs, strict=True)]
-    assert runs[0].tobytes() == runs[1].tobytes(), f"{this}: a seed gives two different runs"
-    for name in sensor.outputs:
-        assert np.isfinite(outputs[0][name]).all(), f"{this}: output {name!r} is not finite"
-    varied = any(not np.array_equal(outputs[0][name], outputs[2][name]) for name in sensor.outputs)
-    assert varied or not sensor.errors, f"{this} declares errors, but seeds 1 and 2 measure the same"
-    _check_plant(plants[0], compiled)
+    with promised(this):
+        plants = [build(load(scenario), seed=seed) for seed in (1, 1, 2)]
+        table = plants[0].model.parameters
+        if sensor.stated_errors is not None:
+            stated = sensor.stated_errors(table.unpack(table.pack(plants[0].parameters)))
+            unknown = set(stated) - set(stated_rows().names)
+            assert not unknown, f"{this} states {sorted(unknown)}: allowed are rows of insenv.sensors.registry.stated_rows()"
+        runs = [make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples) for plant in plants]
+        outputs = [plant.model.outputs.unpack(rows) for plant, rows in zip(plants, runs, strict=True)]
+        assert runs[0].tobytes() == runs[1].tobytes(), f"{this}: a seed gives two different runs"
+        for name in sensor.outputs:
+            bad = outputs[0][name][~np.isfinite(outputs[0][name])]
+            assert not bad.size, f"{this}: output {name!r} = {bad[0]}: allowed is a finite number"
+        varied = any(not np.array_equal(outputs[0][name], outputs[2][name]) for name in sensor.outputs)
+        assert varied or not sensor.errors, f"{this} declares errors, but seeds 1 and 2 measure the same"
+        _check_plant(plants[0], compiled)
 
 
 def check_vehicle(section: type[VehicleSection], *, compiled: bool = True, **values: Any) -> None:
@@ -104,15 +104,16 @@ def check_vehicle(section: type[VehicleSection], *, compiled: bool = True, **val
         "imu": {"grade": "perfect"},
         "knowledge": {"draw_errors": False},
     }
-    if _made(section, values).start_values() is not None:  # type: ignore[attr-defined]
-        del scenario["start"]
-    plant = build(load(scenario), driven=True)
-    assert isinstance(plant.in_place, bool), f"{this}: in_place = {plant.in_place!r}"
-    result = run(load(scenario), "wander-sins").results[0]
-    for channel, errors in result.errors.items():
-        worst, allowed = float(np.max(np.abs(errors))), DRIFT[channel.rpartition("_")[2]]
-        assert worst <= allowed, f"{this}: with a perfect unit {channel} is {worst:.3g} off after 10 s: allowed {allowed:g}"
-    _check_plant(plant, compiled)
+    with promised(this):
+        if _made(section, values).start_values() is not None:  # type: ignore[attr-defined]
+            del scenario["start"]
+        plant = build(load(scenario), driven=True)
+        assert isinstance(plant.in_place, bool), f"{this}: in_place = {plant.in_place!r}: allowed is True or False"
+        result = run(load(scenario), "wander-sins").results[0]
+        for channel, errors in result.errors.items():
+            worst, allowed = float(np.max(np.abs(errors))), DRIFT[channel.rpartition("_")[2]]
+            assert worst <= allowed, f"{this}: with a perfect unit {channel} is {worst:.3g} off after 10 s: allowed {allowed:g}"
+        _check_plant(plant, compiled)
 
 
 def _check_plant(plant: Plant, compiled: bool) -> None:

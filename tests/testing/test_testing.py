@@ -1,12 +1,13 @@
 """The conformance suite holds for all that insenv ships, and finds what breaks a promise."""
 
+import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import casadi as ca
 import pytest
 from places import ROOT
 
-import insenv
 from insenv import testing
 from insenv.base.shipped import ESTIMATORS, SENSORS
 from insenv.base.toml import Number, Section, key
@@ -44,7 +45,17 @@ def test_every_vehicle(kind, compiled):
     testing.check_vehicle(vehicles.get(kind), kind=kind, compiled=compiled, **DRIVEN[kind])
 
 
-MODEL = get("analytic").model
+MODEL, STEP = get("analytic").model, get("wander-sins").model.steps["sample"]
+ANGLE = MODEL.inputs["delta_angle"]
+
+
+def with_inputs(*rows):
+    """The inputs of the model, of which `rows` replace those of the same names or are added."""
+    return {"inputs": Table(tuple({row.name: row for row in (*MODEL.inputs, *rows)}.values()))}
+
+
+def in_degrees(p, x, u):
+    return STEP.function(p, x, SimpleNamespace(**{**vars(u), "delta_angle": u.delta_angle * 57.3}))
 
 
 @pytest.mark.parametrize(
@@ -57,14 +68,25 @@ MODEL = get("analytic").model
         ({"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.SX([2, 0, 0, 0])}}, "q_nb is not of unit norm"),
         (
             {"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.sqrt(-(x.first[2] ** 2)) * ca.SX.ones(4)}},
-            "finite",
+            "output 'q_nb' = nan",
         ),
+        ({"output": lambda p, x: {"q_nb": MODEL.output(p, x)["q_nb"]}}, "row 'attitude_sigma' is missing"),
+        (with_inputs(replace(ANGLE, unit="deg")), "input 'delta_angle': unit = 'deg': allowed is 'rad', as sensor 'imu' gives"),
+        (with_inputs(replace(ANGLE, frame="n")), "input 'delta_angle': frame = 'n': allowed is 'b', as sensor 'imu' gives it"),
+        (with_inputs(Row("gnss_valdi", "Misspelt")), "input 'gnss_valdi': nothing feeds it; did you mean 'gnss_valid'"),
+        ({"steps": {"sample": replace(STEP, function=in_degrees)}}, "input 'delta_angle': q_nb changes by 57.3 times"),
     ],
 )
 def test_an_estimator_that_breaks_a_promise_is_found(changes, promise):
-    broken = insenv.Estimator(replace(MODEL, id="broken", **changes), kind="alignment")
-    with pytest.raises(AssertionError, match=promise.replace(".", r"\.")):
+    whole = get("wander-sins" if "steps" in changes else "analytic")
+    broken = replace(whole, model=replace(whole.model, id="broken", **changes))
+    with pytest.raises(AssertionError, match=f"'broken'.*{re.escape(promise)}"):
         testing.check_estimator(broken, "static-ecef", compiled=False)
+
+
+def test_an_estimator_that_runs_on_no_scenario_is_found_with_the_reason():
+    with pytest.raises(AssertionError, match=r"needs lidar.*has no \[lidar\].*the other \d+ scenarios"):
+        testing.check_estimator(replace(get("analytic"), sensors=("lidar",)))
 
 
 class Keyed(Section):

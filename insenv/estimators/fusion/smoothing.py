@@ -12,7 +12,7 @@ import casadi as ca
 from insenv import attitude
 from insenv.core.elementary import select
 from insenv.core.model import Model, Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Table
 from insenv.estimators.fusion import unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
@@ -20,8 +20,6 @@ from insenv.estimators.fusion.navigation import corrected, navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, covariance_after
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
-
-WANTED = Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True)
 
 
 @lru_cache(maxsize=16)
@@ -88,7 +86,7 @@ def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoin
         id=id,
         title=f"{filter.id} smoothed over the whole run: {filter.title}",
         state=model.state + recorded,
-        inputs=model.inputs + Table((WANTED,)),
+        inputs=model.inputs + rows.SMOOTHED_INPUT,
         outputs=model.outputs + more,
         steps={name: replace(step, function=changed.get(name, step.function)) for name, step in model.steps.items()},
         output=lambda p, x: {**filter.output(p, x), **{row.name: getattr(x, row.name) for row in more}},

@@ -99,6 +99,12 @@ FIX_INPUTS = Table((
 """Inputs: one GNSS fix."""
 
 STANDING_INPUT = Table((Row("standing", "1 when the vehicle is known to be at rest", lower=0, upper=1, flag=True),))
+"""Input: what a log or a stream says of the vehicle."""
+
+SMOOTHED_INPUT = Table((
+    Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True),
+))  # fmt: skip
+"""Input: what the backward pass of a smoother is asked for."""
 
 ALIGNMENT = Table((
     Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),
