@@ -66,7 +66,7 @@ def test_the_start_has_the_moments_of_the_rotation_in_an_uncertain_heading(sigma
 
 
 def test_any_heading_is_found_in_a_slow_surge_that_alignments_take_for_tilt():
-    scenario = changed("ship-slow-surge", rate_hz=50.0)
+    scenario = changed("ship-slow-surge", rate_hz=20.0)
     (result,) = insenv.run(scenario, "fusion", seed=970001).results
     assert all(
         np.max(np.abs(result.errors[name]) / result.sigma[name]) < 4.5 for name in ("roll_deg", "pitch_deg", "heading_deg")
@@ -98,7 +98,7 @@ def test_a_slow_sway_beyond_what_is_assumed_is_said(amplitude_m, period_s, said)
 
 
 def test_a_log_without_attitude_is_aligned():
-    log = insenv.record(changed("ship-slow-surge", rate_hz=50.0), seed=3, duration_s=200.0)
+    log = insenv.record(changed("ship-slow-surge", rate_hz=20.0), seed=3, duration_s=200.0)
     unknown = {f"{name}_deg": None for name in ("roll", "pitch", "heading", "tilt_sigma", "heading_sigma")}
     known = log.description
     log = replace(log, description=known.model_copy(update={"initial": known.initial.model_copy(update=unknown)}))

@@ -43,7 +43,7 @@ def ratio(result, names, until=None):
     ("name", "seconds", "sigma"), [("car-unknown-heading", 80.0, 0.5), ("aircraft-inflight-alignment", 60.0, 0.02)]
 )
 def test_a_car_and_an_aircraft_find_their_attitude(name, seconds, sigma):
-    scenario = changed(name, knowledge=UNKNOWN)
+    scenario = changed(name, knowledge=UNKNOWN, rate_hz=60.0)
     (result,) = insenv.run(scenario, "fusion", seed=20001, duration_s=seconds).results
     assert ratio(result, ("roll_deg", "pitch_deg", "heading_deg")) < 4.5
     assert result.sigma["heading_deg"][-1] < sigma
@@ -87,7 +87,7 @@ def test_before_the_attitude_is_found_velocity_and_place_have_honest_sigmas(name
 
 def test_each_fix_counts_where_no_attitude_is_found():
     """Gyros of a degree a second: the heading stays unknown, the place that of the fixes."""
-    scenario = changed("car-unknown-heading", knowledge=UNKNOWN, imu={"grade": "autopilot"})
+    scenario = changed("car-unknown-heading", knowledge=UNKNOWN, imu={"grade": "autopilot"}, rate_hz=60.0)
     (result,) = insenv.run(scenario, "fusion", duration_s=60).results
     assert np.hypot(result.errors["north_m"], result.errors["east_m"]).max() < 20.0
     assert result.sigma["heading_deg"][-1] > 60.0
@@ -189,7 +189,7 @@ def test_errors_of_a_level_without_a_heading_belong_to_biases_in_body_axes():
 )
 def test_the_way_by_a_log_is_as_uncertain_as_stated(knowledge, dvl, seconds):
     """Of a heading known to 12 deg, in which the way was not laid before: 28 sigma off; of velocities a minute apart."""
-    scenario = changed("ship-log-alignment", knowledge=knowledge, dvl=dvl)
+    scenario = changed("ship-log-alignment", knowledge=knowledge, dvl=dvl, rate_hz=20.0)
     (result,) = insenv.run(scenario, "fusion", seed=502 if knowledge else 500, duration_s=seconds).results
     assert ratio(result, NAVIGATION[:3]) < 4.0
 

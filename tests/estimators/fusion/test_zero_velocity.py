@@ -13,12 +13,12 @@ from insenv.scenario.chunks import input_rows
 
 MODEL = get("loosely-coupled").model
 FLAG = MODEL.state.slice("standing_now").start
-WINDOW = 200  # samples: one second
+WINDOW = 60  # samples: one second
 
 
 def drive(seed, duration_s=260.0, **tuning):
     """(largest speed, whether rest was detected) by windows of a second."""
-    plant = build(load("car-city-drive"), seed=seed, duration_s=duration_s)
+    plant = build(load("car-city-drive").model_copy(update={"rate_hz": float(WINDOW)}), seed=seed, duration_s=duration_s)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     tuned = {**plant.tunings["loosely-coupled"], **tuning}
