@@ -13,20 +13,19 @@ import earth_fixed
 import numpy as np
 import pytest
 from changed_scenario import changed
+from driven import fed, of_model
 from earth_fixed import ACCEL, GYRO, PHI, POSITION, SCALE, VELOCITY, Motion, matrix_of, quaternion_of, skew, stored, tangent
 from scipy.spatial.transform import Rotation
 
 import insenv
 from insenv import geodesy
 from insenv.core import symmetric
-from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.available import all_states
 from insenv.estimators.fusion.inertial import COUPLINGS
 from insenv.estimators.parts.error_model import TILT, aligned, covariance_after
 from insenv.estimators.parts.kalman import Update
-from insenv.scenario.chunks import input_rows
 
 FLIGHT, DURATION, DT = Motion(), 100.0, 0.025
 STRAIGHT = Motion(
@@ -60,21 +59,12 @@ def navigated(id, motion, duration, covariance=None, **parameters):
     """The state of an estimator at the end of a motion, on its exact increments, from its true start."""
     model, columns, start = get(id).model, inputs(motion, duration), motion.start()
     start |= {name.removeprefix("start_"): value for name, value in start.items()}
-    given = {
-        name: np.maximum(model.parameters[name].lower, value)
-        for name, value in {**start, **EXACT, **parameters}.items()
-        if name in model.parameters
-    }
-    runner = make_runner(model, given, "interpreter")
-    rows = {}
-    if covariance is not None:
-        rows["covariance"] = stored(covariance)
+    given = of_model(model, {**start, **EXACT, **parameters})
+    given = {name: np.maximum(model.parameters[name].lower, value) for name, value in given.items()}
+    rows = {} if covariance is None else {"covariance": stored(covariance)}
     if id == "ecef-kf":
         rows["fix_sigma"] = 1.0  # of fixes that never come
-    runner.x[:] = model.state.pack(rows, base=runner.x)
-    count = len(columns["dt"])
-    runner.run(count, input_rows(model, columns, count), 0)
-    return runner.state
+    return fed(model, columns, given, "interpreter", **rows).state
 
 
 def carried(id, motion, duration, directions, scale, **parameters):
