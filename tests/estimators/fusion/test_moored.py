@@ -68,9 +68,8 @@ def test_the_start_has_the_moments_of_the_rotation_in_an_uncertain_heading(sigma
 def test_any_heading_is_found_in_a_slow_surge_that_alignments_take_for_tilt():
     scenario = changed("ship-slow-surge", rate_hz=20.0)
     (result,) = insenv.run(scenario, "fusion", seed=970001).results
-    assert all(
-        np.max(np.abs(result.errors[name]) / result.sigma[name]) < 4.5 for name in ("roll_deg", "pitch_deg", "heading_deg")
-    )
+    channels = ("roll_deg", "pitch_deg", "heading_deg", "north_m", "east_m")
+    assert all(np.max(np.abs(result.errors[name]) / result.sigma[name]) < 4.5 for name in channels)
     stated = [result.sigma["heading_deg"][np.searchsorted(result.time, seconds - 0.01)] for seconds in (300.0, 600.0)]
     assert stated[0] < 1.5 * 0.0432 and stated[1] < 1.2 * 0.0284  # the limits
     assert [note.split(" after")[0] for note in result.notes] == ["heading found"] and result.health.verdict == "consistent"
