@@ -5,6 +5,7 @@ import re
 
 import pytest
 from campaigns import car, slow_ship
+from interpreted import interpreted  # noqa: F401
 from places import ROOT
 
 import insenv

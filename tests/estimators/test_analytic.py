@@ -3,9 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
+from driven import fed, outputs_of
 
 from insenv import run
-from insenv.core.runner import make_runner
 from insenv.estimators import analytic
 from insenv.geodesy import OMEGA_IE
 
@@ -20,10 +20,9 @@ def number(expression):
 def test_it_states_the_noise_of_two_means():
     V, N, time = 2e-3, 3e-5, 200.0
     walks = {"velocity_random_walk": V, "angle_random_walk": N}
-    p = MODEL.parameters.pack({"accel_bias_sigma": 0.0, "gyro_bias_sigma": 0.0, **walks, "latitude": LATITUDE})
     path = {"angle": np.array([1e-3, 0, -1e-3]), "velocity": np.array([0, 0, -G * time])}
     x = MODEL.state.pack({**path, "first": np.concatenate(list(path.values())) / time, "time": time})
-    shown = MODEL.outputs.unpack(np.array(MODEL.kernels["output"].function(p, x)).ravel())
+    shown = outputs_of(MODEL, x, {"accel_bias_sigma": 0.0, "gyro_bias_sigma": 0.0, **walks, "latitude": LATITUDE})
     expected = [V / np.sqrt(time) / G] * 2 + [N / np.sqrt(time) / (OMEGA_IE * np.cos(LATITUDE))]
     assert shown["attitude_sigma"] == pytest.approx(expected, rel=1e-6)
 
@@ -32,17 +31,14 @@ def test_the_scatter_about_a_straight_line_is_that_of_a_fit():
     """Angle and velocity of a swaying base, sample by sample, against a line fitted to them."""
     rng, dt, count = np.random.default_rng(5), 0.1, 400
     rows = np.cumsum(rng.normal(size=(count, 6)), axis=0) * 1e-2 + [1e-4, 0, 2e-4, 0.1, 0.2, -9.8]
-    u = np.tile(MODEL.inputs.start_vector(), (count, 1))
-    u[:, MODEL.inputs.slice("delta_angle")], u[:, MODEL.inputs.slice("delta_velocity")] = rows[:, :3] * dt, rows[:, 3:] * dt
-    u[:, MODEL.inputs.slice("dt")] = dt
-    runner = make_runner(MODEL, None, "interpreter")
-    runner.run(count, u, 0)
-    found = number(analytic.spread(MODEL.state.symbols(ca.SX(ca.DM(runner.x)))))
+    columns = {"delta_angle": rows[:, :3] * dt, "delta_velocity": rows[:, 3:] * dt, "dt": np.full(count, dt)}
+    x = MODEL.state.symbols(ca.SX(ca.DM(fed(MODEL, columns, backend="interpreter").x)))
+    found = number(analytic.spread(x))
     middle = np.cumsum(rows, axis=0) * dt - rows * dt / 2  # the integrals in the middle of each sample
     t = dt * (np.arange(count) + 0.5)
     left = middle - np.stack([np.polyval(np.polyfit(t, column, 1), t) for column in middle.T], axis=1)
     assert found == pytest.approx(np.mean(left**2, axis=0), rel=2e-3)
-    ended = number(analytic.departure(MODEL.state.symbols(ca.SX(ca.DM(runner.x)))))
+    ended = number(analytic.departure(x))
     lines = [np.polyval(np.polyfit(t, column, 1), dt * count) for column in middle.T]
     assert ended == pytest.approx(rows.sum(axis=0) * dt - lines, rel=2e-3)
 

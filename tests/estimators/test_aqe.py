@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
+from navigation import random_rows
 from scipy.spatial.transform import Rotation
 
 from insenv import attitude, geodesy, run
@@ -67,14 +68,9 @@ def test_difference_of_attitude_matrices_is_exact_for_errors_of_any_size(seed):
 
 
 def random_state(rng):
-    q = unit(rng)
-    place = geodesy.numeric.q_ew_from_geodetic(0.6, rng.uniform(-3, 3), rng.uniform(-3, 3))
-    return MODEL.state.pack({
-        "q_wb": q, "since_propagation_q_wb": q, "velocity_w": rng.normal(size=3) * [80, 80, 5], "q_ew": place, "height": 500.0,
-        "gyro_bias": rng.normal(size=3) * 1e-4, "accel_bias": rng.normal(size=3) * 1e-2, "samples": 10.0, "dt": 0.01,
-        "previous_delta_angle": rng.normal(size=3) * 1e-3, "previous_delta_velocity": rng.normal(size=3) * 1e-2,
-        "acceleration_w": rng.normal(size=3), "mean_rate": rng.normal(size=3) * 0.1,
-    })  # fmt: skip
+    rows = random_rows(rng)
+    more = {"since_propagation_q_wb": rows["q_wb"], "acceleration_w": rng.normal(size=3), "mean_rate": rng.normal(size=3) * 0.1}
+    return MODEL.state.pack({**rows, **more, "dt": 0.01})
 
 
 def with_error(x, error):

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from driven import fed, outputs_of
 from earth_fixed import frame_n, skew
 from resting import ATTITUDES, at_rest, attitude_error, samples
 from scipy.spatial.transform import Rotation
@@ -10,11 +11,9 @@ from scipy.spatial.transform import Rotation
 from insenv import attitude, geodesy, run
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
-from insenv.core.runner import make_runner
 from insenv.estimators import ecef_kf, get
 from insenv.estimators.parts.strapdown import turned, velocity_change
 from insenv.scenario import load
-from insenv.scenario.chunks import input_rows
 
 EARTH = np.array([0, 0, geodesy.OMEGA_IE])
 
@@ -48,43 +47,11 @@ def test_velocity_change_over_two_samples():
     assert np.abs(found - true).max() < 1e-5 * np.abs(true).max()
 
 
-def _errors(seed):
-    """Error equations of the true nonlinear dynamics by differences: F (12x12) at a random attitude."""
-    rng = np.random.default_rng(seed)
-    C, force, rate, velocity = (
-        Rotation.random(random_state=seed).as_matrix(),
-        rng.normal(size=3) * 9,
-        rng.normal(size=3),
-        rng.normal(size=3),
-    )
-
-    def derivative(error):
-        """d(dv)/dt, d(phi)/dt of an estimate off by `error`, C_hat = exp(-phi) C, to first order in phi."""
-        dv, phi, b_a, b_g = error.reshape(4, 3)
-        turn = Rotation.from_rotvec(-phi).as_matrix()
-        C_hat = turn @ C
-        d_velocity = C_hat @ (force + b_a) - 2 * np.cross(EARTH, velocity + dv) - (C @ force - 2 * np.cross(EARTH, velocity))
-        # body rate relative to e, estimated and true; C_hat C^T = exp(-phi)
-        spin = C_hat @ (rate + b_g - C_hat.T @ EARTH) - turn @ C @ (rate - C.T @ EARTH)
-        return np.concatenate([d_velocity, -spin])
-
-    step = 1e-6
-    return C, force, np.array([(derivative(e) - derivative(-e)) / (2 * step) for e in np.eye(12) * step]).T
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_error_model_against_differences(seed):
-    C, force, F = _errors(seed)
-    A = ecef_kf.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))
-    assert np.allclose(np.array(ca.DM(A))[:6], F, atol=1e-8)
-    assert not np.array(ca.DM(A))[6:].any()
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_observation_of_a_mean_against_integration(seed):
     """The mean of the velocity error over a window from the error at its end."""
-    rng = np.random.default_rng(seed)
-    C, force, _ = _errors(seed)
+    rng, C = np.random.default_rng(seed), Rotation.random(random_state=seed).as_matrix()
+    force = rng.normal(size=3) * 9
     T, n = 0.5, 500
     F = np.array(ca.DM(ecef_kf.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))))
     x = rng.normal(size=12)
@@ -168,7 +135,7 @@ def test_the_covariance_is_shown_about_north_east_and_down():
     state = model.state.pack(
         {"coarse": 0.0, "place": place, "covariance": np.array(ca.DM(symmetric.triangle(ca.DM(L @ L.T)))).ravel()}
     )
-    shown = model.outputs.unpack(np.array(model.kernels["output"].function(model.parameters.start_vector(), state)).ravel())
+    shown = outputs_of(model, state)
     axes = frame_n(geodesy.numeric.geodetic_to_ecef(*place)).T
     expected = axes @ (L @ L.T)[ecef_kf.TILT, ecef_kf.TILT] @ axes.T
     assert np.allclose(shown["attitude_covariance"], expected, rtol=1e-9, atol=1e-15)
@@ -216,10 +183,8 @@ def test_the_printed_filter_is_the_filter_with_full_matrices():
     q_nb, errors = attitude.numeric.from_euler(0.004, 0.003, 0.5), ([5e-7, -4e-7, 3e-7], [4e-4, -3e-4, 5e-4])
     columns = samples(q_nb, 0.7, 30.0, 0.02, *errors, accel_noise=3e-4)
     columns["delta_angle"] = columns["delta_angle"] + 3e-7 * np.random.default_rng(4).normal(size=(1500, 3))
-    runner = make_runner(get("ecef-kf-printed").model, {"latitude": 0.7, **SIGMAS, **START}, "interpreter")
-    runner.run(1500, input_rows(runner.model, columns, 1500), 0)
     C_nb, covariance = reference(columns, float(geodesy.numeric.normal_gravity(np.sin(0.7), 0.0)))
-    found = runner.outputs()
+    found = fed(get("ecef-kf-printed").model, columns, {"latitude": 0.7, **SIGMAS, **START}, "interpreter").outputs()
     apart = Rotation.from_matrix(attitude.numeric.to_dcm(found["q_nb"]) @ C_nb.T).as_rotvec()
     moved = Rotation.from_matrix(C_nb @ Rotation.from_euler("ZYX", [0.52, -0.006, 0.012]).as_matrix().T).as_rotvec()
     assert np.abs(moved).max() > 5e-3  # it has done something

@@ -94,8 +94,6 @@ def test_free_inertial_navigation_drifts_as_its_unit(id):
         ("ecef-kf", "ship-underway", 8, 300.0, {"moving": 1}),
         ("inertial-fir", "ship-swaying", 12, 240.0, {}),
         ("lssvm", "large-misalignment-extreme", 8, 200.0, {}),
-        ("q-method", "ship-swaying", 16, 300.0, {}),
-        ("qakf-improved", "ship-swaying", 16, 300.0, {}),
         ("velocity-integration", "car-unknown-heading", 16, 120.0, {}),
         ("velocity-integration", "ship-log-alignment", 16, 400.0, {}),
         ("fusion", "ship-log-alignment", 16, 400.0, {}),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from driven import outputs_of
 from resting import at_rest, attitude_error
 from scipy.linalg import solve_continuous_lyapunov
 
@@ -22,8 +23,7 @@ def test_noise_of_the_heading_loop_is_that_of_its_equations():
         expected = np.sqrt(solve_continuous_lyapunov(F, -noise)[2, 2])
         given = {**QUIET, name: {"angle_random_walk": 1e-5, "velocity_random_walk": 1e-3}[name], "heading_constant": tau}
         x = gyrocompass.MODEL.state.pack({"time": 1e6, "gravity": G, "axis_n": [np.cos(LATITUDE), 0, -np.sin(LATITUDE)]})
-        p = gyrocompass.MODEL.parameters.pack({**given, "start_heading_sigma": 0.0})
-        shown = gyrocompass.MODEL.outputs.unpack(np.array(gyrocompass.MODEL.kernels["output"].function(p, x)).ravel())
+        shown = outputs_of(gyrocompass.MODEL, x, {**given, "start_heading_sigma": 0.0})
         assert shown["attitude_sigma"][2] == pytest.approx(expected, rel=1e-3), name
 
 

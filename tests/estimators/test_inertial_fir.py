@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from cascade import impulse_response
+from driven import fed
 from resting import ATTITUDES, at_rest, attitude_error, drawn, samples
 from scipy.linalg import solve_continuous_are
 from scipy.signal import freqz
@@ -29,9 +30,7 @@ def test_a_ramp_is_delayed_by_exactly_the_stated_delay():
         "dt": np.full(n, dt),
     }
     model = get("inertial-fir").model
-    runner = make_runner(model, {"block_samples": 2})
-    runner.run(n, input_rows(model, columns, n), 0)
-    state = runner.state
+    state = fed(model, columns, {"block_samples": 2}).state
     assert state["blocks"] == 1300
     ages = (0.5 + inertial_fir.CASCADE_DELAY) * 0.1 + 2.0 * np.arange(5)  # of the newest ones, all with full memory
     assert np.abs(state["filtered"][:5, 2] - 0.01 * (130.0 - ages)).max() < 1e-10 * 1.3
@@ -180,12 +179,10 @@ def test_levelling_removes_a_tilt_about_either_axis(tilt):
     """At rest, from a tilt that its variance allows: velocity feedback takes it out within two minutes."""
     model, dt = get("inertial-fir").model, 0.1
     given = {"latitude": LATITUDE, "block_samples": 1, "sway_velocity_sigma": 0.01, "heading_memory": 0.0, **QUIET}
-    runner = make_runner(model, given, "interpreter")
     q = np.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])
     rows = {"begin": 0.0, "fixes": 1.0, "q_n0i": q / np.linalg.norm(q), "velocity_variance": 1e-4, "tilt_variance": 1e-7}
-    runner.x[:] = model.state.pack(rows, base=runner.x)
-    runner.run(1200, input_rows(model, samples([1.0, 0, 0, 0], LATITUDE, 120.0, dt), 1200), 0)
-    left = 2 * runner.outputs()["q_nb"][1:3]
+    columns = samples([1.0, 0, 0, 0], LATITUDE, 120.0, dt)
+    left = 2 * fed(model, columns, given, "interpreter", **rows).outputs()["q_nb"][1:3]
     assert np.abs(left).max() < 0.02 * np.abs(tilt).max()
 
 

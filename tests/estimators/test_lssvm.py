@@ -6,37 +6,33 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from driven import columns_of, fed, fed_outputs
 from resting import samples
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError, InsenvError
-from insenv.core.runner import make_runner
 from insenv.estimators import get, lssvm
 from insenv.estimators.lssvm import TrainedMachine
 from insenv.estimators.settings import tuning
 from insenv.reproduce import large_misalignment
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
 from insenv.studies.learning.training import digest
 
 MODEL = lssvm.MODEL
 EMPTY = {row.name: np.zeros(row.shape) for row in lssvm.MACHINE}
 
 
-def fed(seconds, seed=3, **tuned):
-    """Parameters and input rows of a run of `large-misalignment`."""
+def driven(seconds, seed=3, **tuned):
+    """Parameters and columns of a run of `large-misalignment`."""
     plant = build(load("large-misalignment"), seed=seed, duration_s=seconds)
-    columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples)))
-    columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    parameters = MODEL.parameters.pack({**get("lssvm").parameters(plant.knowledge), **tuned})
-    return parameters, input_rows(MODEL, columns, plant.samples), columns
+    return {**get("lssvm").parameters(plant.knowledge), **tuned}, columns_of(plant)
 
 
 @pytest.mark.parametrize(("raw", "seconds"), [(1.0, 60.0), (2.0, 1.0)])
 def test_raw_inputs_are_the_differences_of_velocity_and_position(raw, seconds):
     """From (20, 20, 60) deg: (R - I) times specific force at rest, integrated once and twice."""
-    parameters, rows, columns = fed(60.0, **EMPTY | {"raw_inputs": raw})
-    shown = MODEL.outputs.unpack(make_runner(MODEL, parameters).run(len(rows), rows, 1))
+    parameters, columns = driven(60.0, **EMPTY | {"raw_inputs": raw})
+    shown = fed_outputs(MODEL, columns, parameters)
     assert shown["ready"][-1] == 1.0
     start, true = (attitude.numeric.to_dcm(q[-1]) for q in (shown["q_nb"], columns["q_nb"]))
     up = np.array([0.0, 0.0, -float(geodesy.numeric.normal_gravity(np.sin(np.radians(32.0)), 0.0))])
@@ -75,9 +71,7 @@ def test_inputs_against_closed_form(phi_deg):
     given = numeric.to_euler(numeric.multiply(numeric.from_rotation_vector(np.radians(phi_deg)), q_nb))
     known = {"latitude": latitude, "longitude": 0.3, "height": 10.0, "antenna_lever_arm": arm}
     known |= dict(zip(("start_roll", "start_pitch", "start_heading"), given, strict=True))
-    runner = make_runner(MODEL, known | EMPTY)
-    runner.run(n, input_rows(MODEL, columns, n), 0)
-    shown = runner.outputs()
+    shown = fed(MODEL, columns, known | EMPTY).outputs()
     R, features = numeric.to_dcm(numeric.multiply(shown["q_nb"], numeric.conjugate(q_nb))), shown["features"]
     # the chain takes the rate as constant: its own change, of the Earth's turn squared, is left out where R is large
     size = np.linalg.norm(R - np.eye(3))
@@ -88,13 +82,13 @@ def test_inputs_against_closed_form(phi_deg):
 
 def test_sway_shows_the_heading():
     """With a large stated gyro bias the share of the sway grows, and the share of the rate falls as much."""
-    parameters, rows, columns = fed(150.0, gyro_bias_sigma=1e-5, **EMPTY)
-    y = MODEL.outputs.unpack(make_runner(MODEL, parameters).run(len(rows), rows, len(rows)))
+    parameters, columns = driven(150.0, gyro_bias_sigma=1e-5, **EMPTY)
+    y = fed(MODEL, columns, parameters).outputs()
     numeric = attitude.numeric
-    R = numeric.to_dcm(numeric.multiply(y["q_nb"][0], numeric.conjugate(columns["q_nb"][-1])))
-    by_sway = y["features"][0, 5]
+    R = numeric.to_dcm(numeric.multiply(y["q_nb"], numeric.conjugate(columns["q_nb"][-1])))
+    by_sway = y["features"][5]
     heading = np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
-    assert abs(by_sway - np.sin(heading)) < 0.06 and abs(y["features"][0, 3]) < 0.05
+    assert abs(by_sway - np.sin(heading)) < 0.06 and abs(y["features"][3]) < 0.05
 
 
 def test_training_and_evaluation_have_other_scenarios_and_seeds():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from interpreted import interpreted  # noqa: F401
 from places import ROOT
 from simulated_log import simulated_log
 

@@ -6,13 +6,13 @@ import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from driven import columns_of, fed, of_model
 from scipy.spatial.transform import Rotation
 from simulated_log import simulated_log
 
 from insenv import attitude, geodesy, replay, run
 from insenv.base.errors import InputError
 from insenv.core.batch import make_batch
-from insenv.core.runner import make_runner
 from insenv.estimators.parts.rows import MOTION_ERRORS, NOISES
 from insenv.estimators.velocity_integration import estimator as velocity_integration
 from insenv.estimators.velocity_integration.estimator import BY_FIXES, BY_LOG
@@ -39,8 +39,7 @@ def driven(name, seconds):
     """
     sensor, keys, rate = ("gnss", {}, 100.0) if name == CAR else ("dvl", {"latency_s": 0.0}, 50.0)
     plant = build(perfect(name, sensor, **keys).model_copy(update={"rate_hz": rate}), seed=1, duration_s=seconds)
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    columns = columns_of(plant)
     model = (BY_FIXES if name == CAR else BY_LOG).model
     known = plant.knowledge.rows_of(model.parameters) | dict.fromkeys((*NOISES.names, *MOTION_ERRORS.names), 0.0)
     known |= {"memory_time": 30.0} if name == CAR else {"memory_time": 3600.0, "dvl_noise": 0.05}
@@ -51,10 +50,7 @@ def driven(name, seconds):
 
 def found(model, columns, parameters, **told):
     """Attitude (4) at the end of columns, and its stated standard deviations (3, rad)."""
-    n = len(columns["dt"])
-    runner = make_runner(model, {name: value for name, value in {**parameters, **told}.items() if name in model.parameters})
-    runner.run(n, input_rows(model, columns, n), 0)
-    outputs = runner.outputs()
+    outputs = fed(model, columns, of_model(model, {**parameters, **told})).outputs()
     return outputs["q_nb"], outputs["attitude_sigma"]
 
 
@@ -86,7 +82,7 @@ def test_against_the_formula_of_the_paper_in_the_navigation_frame():
     """Wu and Pan's vectors in n at the start, with the transport rate, and SciPy's solution of Wahba's problem."""
     scenario = perfect("aircraft-inflight-alignment", "gnss", latency_s=0.0, lever_arm_m=[0.0, 0.0, 0.0])
     plant = build(scenario, seed=1, duration_s=80.0)
-    c = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    c = columns_of(plant)
     dt = plant.sample_interval
     C_ib, alpha, C_n0n, part = Rotation.identity(), np.zeros(3), Rotation.identity(), np.zeros(3)
     alphas, betas, rate, before, last = [], [], np.zeros(3), 0.0, np.zeros(3)
@@ -111,7 +107,7 @@ def test_against_the_formula_of_the_paper_in_the_navigation_frame():
     Q, _ = Rotation.align_vectors(betas - betas.mean(axis=0), alphas - alphas.mean(axis=0))
     expected = C_n0n.inv() * Q * C_ib
     known = {**driven(CAR, 46.0)[2], "memory_time": 1e9, "antenna_lever_arm": np.zeros(3)}
-    q, _ = found(BY_FIXES.model, {**c, "dt": np.full(plant.samples, dt)}, known)
+    q, _ = found(BY_FIXES.model, c, known)
     apart = (Rotation.from_quat(q[[1, 2, 3, 0]]) * expected.inv()).as_rotvec()
     assert np.degrees(np.abs(apart)).max() < 2e-3
     error = attitude.numeric.error_rotation_vector(q, c["q_nb"][-1])
@@ -198,7 +194,7 @@ def test_what_white_noise_does_is_what_is_stated(name, column, size, told):
     n, count, rng = len(columns["dt"]), 192, np.random.default_rng(4)
     u = np.broadcast_to(input_rows(model, columns, n), (count, n, model.inputs.size)).copy()
     u[:, :, model.inputs.slice(column)] += size * rng.normal(size=(count, n, 3))
-    parameters = {key: value for key, value in {**known, **told}.items() if key in model.parameters}
+    parameters = of_model(model, {**known, **told})
     batch = make_batch(model, count, np.tile(model.parameters.pack(parameters), (count, 1)))
     shown = model.outputs.unpack(batch.run(n, u, every=n)[:, -1])
     errors = np.array([attitude.numeric.error_rotation_vector(q, columns["q_nb"][-1]) for q in shown["q_nb"]])

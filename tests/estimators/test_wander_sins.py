@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from driven import fed, fed_outputs
 from resting import samples
 
 from insenv import geodesy
@@ -10,7 +11,6 @@ from insenv.bench.truth import drift_ned
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.parts import vertical_channel
-from insenv.scenario.chunks import input_rows
 
 
 def test_the_plain_form_is_of_first_order(monkeypatch):
@@ -30,8 +30,7 @@ def test_drift_with_a_perfect_unit_is_of_second_order(vehicle):
 def test_only_the_papers_gravity_moves_the_plain_form_at_rest():
     """Its formula (5) differs from normal gravity: half the difference times the square of the time."""
     latitude, model = 0.8, get("wander-sins-plain").model
-    runner = make_runner(model, {"start_latitude": latitude})
-    runner.run(3000, input_rows(model, samples([1.0, 0, 0, 0], latitude, 60.0, 0.02), 3000), 0)
+    runner = fed(model, samples([1.0, 0, 0, 0], latitude, 60.0, 0.02), {"start_latitude": latitude})
     gravities = geodesy.numeric.normal_gravity_paper, geodesy.numeric.normal_gravity
     paper, normal = (float(gravity(np.sin(latitude), 0.0)) for gravity in gravities)
     assert -runner.outputs()["height"] == pytest.approx((paper - normal) * 60.0**2 / 2, rel=0.01, abs=1e-4)
@@ -57,8 +56,7 @@ def test_height_diverges_with_the_stated_time_constant():
 def test_the_plain_form_takes_the_mean_of_the_last_two_increments():
     """(7): a step of velocity in one sample arrives in two halves."""
     model, dt, latitude = get("wander-sins-plain").model, 0.01, 0.6
-    columns, count = samples([1.0, 0, 0, 0], latitude, 6 * dt, dt), 6
+    columns = samples([1.0, 0, 0, 0], latitude, 6 * dt, dt)
     columns["delta_velocity"][3, 0] += 1.0
-    runner = make_runner(model, {"start_latitude": latitude}, "interpreter")
-    north = model.outputs.unpack(runner.run(count, input_rows(model, columns, count)))["velocity_n"][:, 0]
+    north = fed_outputs(model, columns, {"start_latitude": latitude})["velocity_n"][:, 0]
     assert np.allclose(north, [0.0, 0.0, 0.0, 0.5, 1.0, 1.0], atol=1e-4)

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from driven import outputs_of
 from navigation import FUNCTIONS, MODEL, error_state, random_state, with_error
 
 from insenv import geodesy
@@ -15,7 +16,7 @@ from insenv.evaluation.errors import nees
 
 def nees_of(id, estimate, truth):
     """NEES as computed by the campaign's model, from a state vector and that of a navigation filter which is the truth."""
-    outputs = MODEL.outputs.unpack(np.array(MODEL.kernels["output"].function(MODEL.parameters.start_vector(), truth)).ravel())
+    outputs = outputs_of(MODEL, truth)
     x = get(id).model.state.symbols(ca.SX(ca.DM(estimate)))
     rows = {name: outputs[name] for name in ("q_nb", "velocity_n", "latitude", "longitude", "height")}
     true = type(x)(**{name: ca.SX(ca.DM(np.atleast_1d(value))) for name, value in rows.items()})

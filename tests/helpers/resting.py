@@ -1,12 +1,11 @@
 """Estimators on the samples of a unit at rest."""
 
 import numpy as np
+from driven import fed
 from scipy.spatial.transform import Rotation
 
 from insenv import attitude, geodesy
-from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.scenario.chunks import input_rows
 
 ATTITUDES = [
     *np.eye(4),
@@ -27,10 +26,8 @@ def samples(q_nb, latitude, seconds, dt=0.05, gyro_bias=(0, 0, 0), accel_bias=(0
 
 def at_rest(id, q_nb, latitude, seconds, dt=0.05, parameters=None, backend=None, **errors):
     """The runner of an estimator after `seconds` of `samples`."""
-    model, columns = get(id).model, samples(q_nb, latitude, seconds, dt, **errors)
-    runner = make_runner(model, {"latitude": latitude, **(parameters or {})}, backend)
-    runner.run(len(columns["dt"]), input_rows(model, columns, len(columns["dt"])), 0)
-    return runner
+    columns = samples(q_nb, latitude, seconds, dt, **errors)
+    return fed(get(id).model, columns, {"latitude": latitude, **(parameters or {})}, backend)
 
 
 def attitude_error(runner, q_nb):

@@ -1,6 +1,7 @@
 """The unit of a log without a grade: noise from the log itself, biases by class."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -66,6 +67,7 @@ def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
         assert taken.velocity_random_walk == pytest.approx(float(np.max(own["velocity_random_walk"])), rel=0.3)
 
 
+@cache
 def flying(shake, seconds=120.0, dt=0.01):
     """A log whose second half moves at 20 m/s, with white noise of `shake` (m/s^1.5) on the accelerometers there."""
     log = simulated_log(still_car("tactical"), duration_s=seconds, grade="tactical", initial={"static_until_s": 25.0})

@@ -48,7 +48,7 @@ def lost(result):
 
 
 def test_rest_that_is_not_told_and_no_longer_found_is_noted(tmp_path):
-    scenario = changed("car-parked", rate_hz=100.0, imu={"grade": "industrial"})
+    scenario = changed("car-parked", rate_hz=60.0, imu={"grade": "industrial"})
     parked = read(insenv.record(scenario, seed=10001, duration_s=120.0), tmp_path)
     found = replayed(parked, None)
     assert abs(found.errors["vn_mps"][-1]) > 1.0

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from simulated_log import simulated_log
 
 from insenv import replay
@@ -12,7 +13,7 @@ from insenv.runs.reference_check import turning
 
 @pytest.fixture(scope="module")
 def log():
-    return simulated_log("car-city-drive", duration_s=130.0)
+    return simulated_log(changed("car-city-drive", rate_hz=60.0), duration_s=130.0)
 
 
 def codes(log, reference):

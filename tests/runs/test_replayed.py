@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from functools import cache
 from unittest import mock
 
 import numpy as np
@@ -31,9 +32,10 @@ def test_the_real_log_is_at_least_as_good_as_kf_gins_in_position():
     assert np.abs(result.errors["heading_deg"][(result.time > 220) & (result.time < 600)]).max() < 1.0
 
 
-def parked(gnss=True, **initial):
+@cache
+def parked(gnss=True):
     """A log at rest with fixes, without a reference."""
-    log = simulated_log("car-parked", duration_s=30.0, initial={"static_until_s": 30.0} | initial)
+    log = simulated_log("car-parked", duration_s=30.0, initial={"static_until_s": 30.0})
     fixes = simulated_log("car-city-drive", duration_s=25.0)
     return replace(log, gnss=fixes.gnss if gnss else None, reference=None)
 

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from driven import columns_of, fed_outputs
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -13,7 +14,6 @@ import insenv
 from insenv import geodesy
 from insenv.base.errors import InputError
 from insenv.core import symmetric
-from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.loosely_coupled import SMOOTHING
 from insenv.estimators.parts.error_model import ACCEL, GYRO, TILT, Interval, navigation_transition
@@ -24,7 +24,6 @@ from insenv.runs.ensemble import ensemble
 from insenv.runs.simulated import track_of
 from insenv.runs.smoothed import Smoother, smooth, smoother_outputs
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
 
 PLACE = ("latitude", "longitude", "height")
 
@@ -37,8 +36,7 @@ def drive(duration_s=40.0, outages=((15.0, 25.0),), seed=0, **gnss):
     for key in plant.parameters:
         if "scale_factor" in key or "misalignment" in key:
             plant.parameters[key] = np.zeros_like(np.asarray(plant.parameters[key], dtype=float))
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    columns = columns_of(plant)
     columns["standing"] = np.zeros(plant.samples)
     unmoved = {"rotation_error": 0.0, "thrust_error": 0.0}
     return columns, {**get("smoother").parameters(plant.knowledge), **unmoved}
@@ -110,9 +108,7 @@ def test_both_forms_agree_on_a_drive_with_an_outage_and_a_stop():
 def test_from_an_unknown_start_both_forms_agree_from_where_the_attitude_is_found():
     """Before that the states are the filter's; after it the covariance also holds what is of second order."""
     plant = build(load("ship-at-sea"), seed=4, duration_s=15.0)
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    few = plant.adapted(insenv.fusion((), ("gnss",), "few", smoother=True))
+    columns, few = columns_of(plant), plant.adapted(insenv.fusion((), ("gnss",), "few", smoother=True))
     p = {**plant.parameters_of(few), "rotation_error": 0.0, "thrust_error": 0.0}
     run_ = Smoother(p, few.smoothing)
     run_.take(columns, np.ones(plant.samples, dtype=bool))
@@ -139,8 +135,7 @@ def test_from_an_unknown_start_both_forms_agree_from_where_the_attitude_is_found
 def test_the_forward_pass_is_bit_identical_to_the_filter():
     columns, p = drive(12.0, ((4.0, 8.0),))
     models = [get(id).model for id in ("loosely-coupled", "smoother")]
-    rows = [input_rows(m, columns, len(columns["dt"])) for m in models]
-    runs = [m.outputs.unpack(make_runner(m, p).run(len(u), u, 100)) for m, u in zip(models, rows, strict=True)]
+    runs = [fed_outputs(m, columns, p, 100) for m in models]
     smoothed = smooth(p, columns, every=len(columns["dt"]))
     for name in models[0].outputs.names:
         assert np.array_equal(runs[0][name], runs[1][name]), name

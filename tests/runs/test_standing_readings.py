@@ -60,7 +60,7 @@ def test_a_field_that_is_not_that_of_the_earth_shows_no_heading():
 
 @pytest.mark.parametrize("offset", [-199.0, 5.0])
 def test_a_barometer_with_another_datum_starts_with_the_difference_as_sigma(tmp_path, offset):
-    report = replay(written_log(tmp_path, duration_s=60.0, barometer=offset), "fusion")
+    report = replay(written_log(tmp_path, duration_s=35.0, barometer=offset), "fusion")
     said = [note for note in report.notes if "reads" in note and "below the fixes at the start" in note]
     assert len(said) == (offset < -100)
     (result,) = report.results

@@ -3,15 +3,14 @@
 import gymnasium
 import numpy as np
 import pytest
+from driven import columns_of, fed_outputs
 
 import insenv
 from insenv.base.errors import InputError
-from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.geodesy import POLAR_RADIUS
 from insenv.mavlink.simulation import Simulation
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
 
 
 def ship(latitude_deg=89.995, heading_deg=0.0, duration_s=100.0, speed=6.0, **more):
@@ -57,11 +56,8 @@ def test_a_stream_that_goes_on_ends_there():
 def test_the_truth_is_exact_as_near_as_it_is_allowed(latitude, heading, largest):
     """Against a mechanization in a frame that does not turn at the pole, fed with the increments; m in 60 s."""
     plant = build(ship(latitude, heading, 60.0, rate_hz=100.0, knowledge={"draw_errors": False}))
-    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    columns = {**shown, "dt": np.full(plant.samples, plant.sample_interval)}
-    free = get("wander-sins")
-    runner = make_runner(free.model, free.parameters(plant.knowledge))
-    found = free.model.outputs.unpack(runner.run(plant.samples, input_rows(free.model, columns, plant.samples)))
+    shown, free = columns_of(plant), get("wander-sins")
+    found = fed_outputs(free.model, shown, free.parameters(plant.knowledge))
 
     def level(place):  # in the plane of the equator, m
         away = (np.pi / 2 - place["latitude"]) * POLAR_RADIUS

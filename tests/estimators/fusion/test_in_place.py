@@ -32,7 +32,7 @@ def table(grade, legs=LEGS, **fusion):
 
 @cache
 def calibrated():
-    return insenv.run(table("tactical"))
+    return insenv.run(table("tactical") | {"rate_hz": 50.0})
 
 
 @pytest.mark.slow
@@ -79,7 +79,7 @@ def test_a_run_and_a_replay_show_the_errors_of_the_unit():
     assert shown.columns[1:] == ("estimate", "stated", "true", "error") and len(shown.rows) == 27
     assert "accel_misalignment zy [urad]" in report._repr_html_()
 
-    replayed = insenv.replay(insenv.record(table("tactical")), "fusion", start="stated").results[0]
+    replayed = insenv.replay(insenv.record(table("tactical") | {"rate_hz": 50.0}), "fusion", start="stated").results[0]
     assert [error.estimate for error in replayed.unit] == [error.estimate for error in result.unit]
     assert all(error.true is None is error.error for error in replayed.unit)
     assert unit_columns(replayed)[1:] == ("estimate", "stated") and {len(row) for row in unit_rows(replayed)} == {3}

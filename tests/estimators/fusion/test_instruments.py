@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from driven import columns_of, fed_outputs
 
-from insenv.core.runner import make_runner
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.available import all_states
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
 
 HILL = {"radius_m": 60.0, "grade_percent": 8.0}
 CAR = {
@@ -51,9 +50,6 @@ def test_each_error_alone_is_found_with_its_sign(states):
     parameters = plant.parameters_of(filter) | {row.name: np.full(row.shape, largest[state]) for state, row in rows.items()}
     for state in states:
         row, value, *_ = ERRORS[state]
-        runner = make_runner(plant.model, {**plant.parameters, row: value})
-        columns = plant.model.outputs.unpack(runner.run(plant.samples)) | {"dt": np.full(plant.samples, plant.sample_interval)}
-        inputs = input_rows(filter.model, columns, plant.samples)
-        shown = filter.model.outputs.unpack(make_runner(filter.model, parameters).run(plant.samples, inputs, plant.samples))
+        shown = fed_outputs(filter.model, columns_of(plant, **{row: value}), parameters, plant.samples)
         share = (shown[state][-1] / true[state])[shown[f"{state}_estimate_sigma"][-1] < 0.3 * largest[state]]
         assert share.size and np.all((share > 0.7) & (share < 1.3)), (state, share)

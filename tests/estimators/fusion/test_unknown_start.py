@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from driven import columns_of, fed, fed_outputs
 from scipy.spatial.transform import Rotation
 
 import insenv
@@ -19,13 +20,6 @@ from insenv.scenario.chunks import input_rows
 
 UNKNOWN = {"heading_sigma_deg": 180.0}
 NAVIGATION = ("north_m", "east_m", "down_m", "vn_mps", "ve_mps", "vd_mps")
-
-
-def columns_of(scenario, seed, duration_s):
-    """The plant of a scenario, and its outputs by name."""
-    plant = build(scenario, seed=seed, duration_s=duration_s)
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    return plant, {**columns, "dt": np.full(plant.samples, plant.sample_interval)}
 
 
 def seconds_of(result):
@@ -43,7 +37,7 @@ def ratio(result, names, until=None):
     ("name", "seconds", "sigma"), [("car-unknown-heading", 80.0, 0.5), ("aircraft-inflight-alignment", 60.0, 0.02)]
 )
 def test_a_car_and_an_aircraft_find_their_attitude(name, seconds, sigma):
-    scenario = changed(name, knowledge=UNKNOWN)
+    scenario = changed(name, knowledge=UNKNOWN, rate_hz=60.0)
     (result,) = insenv.run(scenario, "fusion", seed=20001, duration_s=seconds).results
     assert ratio(result, ("roll_deg", "pitch_deg", "heading_deg")) < 4.5
     assert result.sigma["heading_deg"][-1] < sigma
@@ -55,10 +49,10 @@ def test_a_run_and_a_replay_say_when_the_heading_was_found():
     scenario, duration_s = load("ship-at-sea"), 20.0
     result, alignment = insenv.run(scenario, ["fusion", "velocity-integration"], seed=20001, duration_s=duration_s).results
     assert any("by the velocity of GNSS; from then on the filter runs with all its aids" in note for note in result.notes)
-    plant, columns = columns_of(scenario, 20001, duration_s)
+    plant = build(scenario, seed=20001, duration_s=duration_s)
     filter = plant.adapted("fusion")
     runner = make_runner(filter.model, plant.parameters_of(filter))
-    rows = input_rows(filter.model, columns, plant.samples)
+    rows = input_rows(filter.model, columns_of(plant), plant.samples)
     sought = 0
     while runner.state["alignment_seeking"]:
         runner.run(10, rows[sought : sought + 10], 0)
@@ -87,7 +81,7 @@ def test_before_the_attitude_is_found_velocity_and_place_have_honest_sigmas(name
 
 def test_each_fix_counts_where_no_attitude_is_found():
     """Gyros of a degree a second: the heading stays unknown, the place that of the fixes."""
-    scenario = changed("car-unknown-heading", knowledge=UNKNOWN, imu={"grade": "autopilot"})
+    scenario = changed("car-unknown-heading", knowledge=UNKNOWN, imu={"grade": "autopilot"}, rate_hz=60.0)
     (result,) = insenv.run(scenario, "fusion", duration_s=60).results
     assert np.hypot(result.errors["north_m"], result.errors["east_m"]).max() < 20.0
     assert result.sigma["heading_deg"][-1] > 60.0
@@ -107,11 +101,10 @@ def test_an_outlier_is_not_the_first_fix():
 
 def test_fixes_that_go_on_far_away_are_taken():
     """A place that is told wrong by far more than its sigma: after ten refused fixes the filter starts from the next."""
-    plant, columns = columns_of(changed("ship-at-sea", knowledge=UNKNOWN), 1, 20.0)
-    filter = plant.adapted("fusion")
-    model, told = filter.model, plant.parameters_of(filter)
-    runner = make_runner(model, told | {"start_latitude": told["start_latitude"] + 1e-3})
-    outputs = model.outputs.unpack(runner.run(plant.samples, input_rows(model, columns, plant.samples), 50))
+    plant = build(changed("ship-at-sea", knowledge=UNKNOWN), seed=1, duration_s=20.0)
+    columns, filter = columns_of(plant), plant.adapted("fusion")
+    told = plant.parameters_of(filter)
+    outputs = fed_outputs(filter.model, columns, told | {"start_latitude": told["start_latitude"] + 1e-3}, 50)
     assert outputs["fix_refused_count"].max() == outputs["fix_refused_count"][-1] == 10
     assert abs(outputs["latitude"][-1] - columns["latitude"][-1]) * 6.4e6 < 10.0
 
@@ -119,12 +112,11 @@ def test_fixes_that_go_on_far_away_are_taken():
 @cache
 def sailing():
     """(model, parameters, state and inputs by name at a velocity of the log) after 40 s: the level is found, no heading."""
-    plant, columns = columns_of(load("ship-log-alignment"), 1, 40.0)
-    filter = plant.adapted("fusion")
-    model, last = filter.model, int(np.flatnonzero(columns["dvl_new"])[-1])
-    runner, rows = make_runner(model, plant.parameters_of(filter)), input_rows(model, columns, plant.samples)
-    runner.run(last, rows[:last], 0)
-    return model, plant.parameters_of(filter), runner.state, model.inputs.unpack(rows[last])
+    plant = build(load("ship-log-alignment"), seed=1, duration_s=40.0)
+    columns, filter = columns_of(plant), plant.adapted("fusion")
+    model, told, last = filter.model, plant.parameters_of(filter), int(np.flatnonzero(columns["dvl_new"])[-1])
+    state = fed(model, {name: column[:last] for name, column in columns.items()}, told).state
+    return model, told, state, {name: columns[name][last] for name in model.inputs.names if name in columns}
 
 
 def started(share, **parameters):
@@ -189,7 +181,7 @@ def test_errors_of_a_level_without_a_heading_belong_to_biases_in_body_axes():
 )
 def test_the_way_by_a_log_is_as_uncertain_as_stated(knowledge, dvl, seconds):
     """Of a heading known to 12 deg, in which the way was not laid before: 28 sigma off; of velocities a minute apart."""
-    scenario = changed("ship-log-alignment", knowledge=knowledge, dvl=dvl)
+    scenario = changed("ship-log-alignment", knowledge=knowledge, dvl=dvl, rate_hz=20.0)
     (result,) = insenv.run(scenario, "fusion", seed=502 if knowledge else 500, duration_s=seconds).results
     assert ratio(result, NAVIGATION[:3]) < 4.0
 

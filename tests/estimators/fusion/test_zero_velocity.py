@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from driven import columns_of, fed
 from resting import samples
 
 from insenv.core.runner import make_runner
@@ -13,14 +14,13 @@ from insenv.scenario.chunks import input_rows
 
 MODEL = get("loosely-coupled").model
 FLAG = MODEL.state.slice("standing_now").start
-WINDOW = 200  # samples: one second
+WINDOW = 60  # samples: one second
 
 
 def drive(seed, duration_s=260.0, **tuning):
     """(largest speed, whether rest was detected) by windows of a second."""
-    plant = build(load("car-city-drive"), seed=seed, duration_s=duration_s)
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    plant = build(load("car-city-drive").model_copy(update={"rate_hz": float(WINDOW)}), seed=seed, duration_s=duration_s)
+    columns = columns_of(plant)
     tuned = {**plant.tunings["loosely-coupled"], **tuning}
     runner = make_runner(MODEL, {**get("loosely-coupled").parameters(plant.knowledge), **tuned})
     rows = input_rows(MODEL, columns, plant.samples)
@@ -46,9 +46,7 @@ def still(count, dt, velocity_n=(0.0, 0.0, 0.0), vibration=0.0, **parameters):
     latitude = 0.6
     columns = samples([1.0, 0, 0, 0], latitude, count * dt, dt, accel_noise=vibration)
     known = {"start_latitude": latitude, "start_velocity_n": velocity_n, "tilt_sigma": 1e-3, "velocity_sigma": 0.1}
-    runner = make_runner(MODEL, {**known, **parameters}, "interpreter")
-    runner.run(count, input_rows(MODEL, columns, count), 0)
-    return runner.x[FLAG] != 0
+    return fed(MODEL, columns, {**known, **parameters}, "interpreter").x[FLAG] != 0
 
 
 def test_conditions_of_rest():

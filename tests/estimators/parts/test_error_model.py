@@ -13,20 +13,19 @@ import earth_fixed
 import numpy as np
 import pytest
 from changed_scenario import changed
+from driven import fed, of_model
 from earth_fixed import ACCEL, GYRO, PHI, POSITION, SCALE, VELOCITY, Motion, matrix_of, quaternion_of, skew, stored, tangent
 from scipy.spatial.transform import Rotation
 
 import insenv
 from insenv import geodesy
 from insenv.core import symmetric
-from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.available import all_states
 from insenv.estimators.fusion.inertial import COUPLINGS
 from insenv.estimators.parts.error_model import TILT, aligned, covariance_after
 from insenv.estimators.parts.kalman import Update
-from insenv.scenario.chunks import input_rows
 
 FLIGHT, DURATION, DT = Motion(), 100.0, 0.025
 STRAIGHT = Motion(
@@ -60,21 +59,12 @@ def navigated(id, motion, duration, covariance=None, **parameters):
     """The state of an estimator at the end of a motion, on its exact increments, from its true start."""
     model, columns, start = get(id).model, inputs(motion, duration), motion.start()
     start |= {name.removeprefix("start_"): value for name, value in start.items()}
-    given = {
-        name: np.maximum(model.parameters[name].lower, value)
-        for name, value in {**start, **EXACT, **parameters}.items()
-        if name in model.parameters
-    }
-    runner = make_runner(model, given, "interpreter")
-    rows = {}
-    if covariance is not None:
-        rows["covariance"] = stored(covariance)
+    given = of_model(model, {**start, **EXACT, **parameters})
+    given = {name: np.maximum(model.parameters[name].lower, value) for name, value in given.items()}
+    rows = {} if covariance is None else {"covariance": stored(covariance)}
     if id == "ecef-kf":
         rows["fix_sigma"] = 1.0  # of fixes that never come
-    runner.x[:] = model.state.pack(rows, base=runner.x)
-    count = len(columns["dt"])
-    runner.run(count, input_rows(model, columns, count), 0)
-    return runner.state
+    return fed(model, columns, given, "interpreter", **rows).state
 
 
 def carried(id, motion, duration, directions, scale, **parameters):
@@ -271,13 +261,15 @@ def test_a_parked_car_learns_no_heading_from_being_level(monkeypatch, filter):
     """The told attitude is 0.5 deg off level and 3 deg off in heading; zero velocities and fixes level the unit."""
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     for seed in (1, 2, 3):
-        (result,) = insenv.run("car-city-drive", filter, seed=seed, duration_s=31.0).results
+        (result,) = insenv.run(changed("car-city-drive", rate_hz=60.0), filter, seed=seed, duration_s=31.0).results
         assert result.sigma["heading_deg"][-1] > 0.9 * result.limit_sigma["heading_deg"][-1]
         assert abs(result.errors["heading_deg"][-1]) < 3 * result.sigma["heading_deg"][-1]
 
 
-def test_a_heading_30_deg_off_is_found_while_driving():
-    scenario = changed("car-unknown-heading", knowledge={"heading_sigma_deg": 30.0, "heading_error_deg": 30.0})
+def test_a_heading_30_deg_off_is_found_while_driving(monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+    known = {"heading_sigma_deg": 30.0, "heading_error_deg": 30.0}
+    scenario = changed("car-unknown-heading", knowledge=known, rate_hz=60.0)
     found = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=60.0).results[0] for seed in range(300, 308)]
     errors = np.abs([result.errors["heading_deg"][-1] for result in found])
     assert np.median(errors) < 0.4

@@ -4,14 +4,13 @@ import earth_fixed
 import numpy as np
 import pytest
 from changed_scenario import changed
+from driven import fed, of_model
 from earth_fixed import with_fixes
 
 import insenv
 from insenv.base.errors import InputError
-from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.scenario import build
-from insenv.scenario.chunks import input_rows
 
 ARM, MAST = np.array([2.0, -1.0, -3.0]), np.array([0.0, 0.0, -15.0])
 FLIGHT = earth_fixed.Motion()
@@ -39,12 +38,10 @@ def test_an_exact_fix_leaves_no_innovation(id, motion, arm, age, place, speed):
     What is left: acceleration and angular acceleration are taken as constant over the age of the fix.
     """
     dt, model = 0.01, get(id).model
-    columns, count = with_fixes(motion, arm, 8.0, dt, {800: age})
+    columns, _ = with_fixes(motion, arm, 8.0, dt, {800: age})
     known = {**motion.start(), **{k.removeprefix("start_"): v for k, v in motion.start().items()}, **SURE}
     known["antenna_lever_arm"] = arm
-    runner = make_runner(model, {k: v for k, v in known.items() if k in model.parameters}, "interpreter")
-    runner.run(count, input_rows(model, columns, count), 0)
-    innovation = np.abs(runner.outputs()["innovation"])
+    innovation = np.abs(fed(model, columns, of_model(model, known), "interpreter").outputs()["innovation"])
     assert 0.0 < innovation[-3:].max() < speed
     assert id == "ecef-kf" or 0.0 < innovation[:3].max() < place
 

@@ -7,6 +7,7 @@ import earth_fixed
 import navigation
 import numpy as np
 import pytest
+from driven import fed, of_model, outputs_of
 from earth_fixed import ACCEL, GYRO, PHI, POSITION, VELOCITY, matrix_of, quaternion_of, stored, tangent
 from resting import samples
 from scipy.linalg import expm
@@ -17,7 +18,6 @@ from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import aqe, ecef_kf, get
 from insenv.estimators.parts import kalman
-from insenv.scenario.chunks import input_rows
 
 MOTION, WANDER = earth_fixed.Motion(latitude=-0.7, speed=180.0), 0.8
 
@@ -229,7 +229,7 @@ def test_outputs_are_turned_by_the_wander_angle(id):
     else:
         P, blocks = own, {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
     state = model.state.pack(rows | {"covariance": stored(P)})
-    shown = model.outputs.unpack(np.array(model.kernels["output"].function(model.parameters.start_vector(), state)).ravel())
+    shown = outputs_of(model, state)
     C_en = earth_fixed.frame_n(r)
     assert np.allclose(shown["velocity_n"], C_en.T @ v, atol=1e-7)
     assert np.allclose(matrix_of(shown["q_nb"]), C_en.T @ C, atol=1e-9)
@@ -255,12 +255,11 @@ def test_fixes_with_a_slow_error_have_the_information_of_least_squares(id, count
     n = every * count
     columns = samples([1.0, 0, 0, 0], 0.5, n * dt, dt) | {"gnss_valid": (np.arange(1, n + 1) % every == 0).astype(float)}
     columns |= {"gnss_age": np.full(n, age), "gnss_latitude": np.full(n, 0.5), "gnss_position_sigma": np.full((n, 3), sigma)}
-    runner = make_runner(model, {k: v for k, v in known.items() if k in model.parameters}, "interpreter")
-    runner.run(n, input_rows(model, columns, n), 0)
+    found = fed(model, columns, of_model(model, known), "interpreter").outputs()
     at = interval * np.arange(count)
     R = sigma**2 * np.exp(-np.abs(at[:, None] - at) / time)
     expected = 1 / np.sqrt(np.linalg.inv(R).sum())
-    assert np.allclose(runner.outputs()["position_sigma"], expected, rtol=0.002)
+    assert np.allclose(found["position_sigma"], expected, rtol=0.002)
 
 
 DT = 0.05
@@ -287,17 +286,13 @@ NONE = dict.fromkeys(("angle_random_walk", "velocity_random_walk", "gyro_bias_si
 def grown(id, seconds, rate=(0.0, 0.0, 0.0), force=LEVEL, **parameters):
     """Covariance after some time from 0: nothing is uncertain at the start; and the state."""
     model, count = get(id).model, round(seconds / DT)
-    given = {name: value for name, value in {**SETTINGS[id], **NONE, **parameters}.items() if name in model.parameters}
-    runner = make_runner(model, given, "interpreter")
+    given = of_model(model, {**SETTINGS[id], **NONE, **parameters})
     rows = {"covariance": np.zeros(model.state["covariance"].size), **({"fix_sigma": 1.0} if id == "ecef-kf" else {})}
-    runner.x[:] = model.state.pack(rows, base=runner.x)
-    columns = {
-        "delta_angle": np.tile(np.multiply(rate, DT), (count, 1)),
-        "delta_velocity": np.tile(np.multiply(force, DT), (count, 1)),
-    }
-    runner.run(count, input_rows(model, columns | {"dt": np.full(count, DT)}, count), 0)
+    columns = {"delta_angle": np.tile(np.multiply(rate, DT), (count, 1)), "dt": np.full(count, DT)}
+    columns["delta_velocity"] = np.tile(np.multiply(force, DT), (count, 1))
+    state = fed(model, columns, given, "interpreter", **rows).state
     n = {"ecef-kf": 12, "aqe-ekf": 16, "aqe-sukf": 16}.get(id, 15)
-    return symmetric.full_array(runner.state["covariance"], n), runner.state
+    return symmetric.full_array(state["covariance"], n), state
 
 
 def tilt_of(id, P, state):

@@ -4,13 +4,12 @@ import casadi as ca
 import earth_fixed
 import numpy as np
 import pytest
+from driven import fed
 from earth_fixed import matrix_of, with_fixes
 from scipy.integrate import solve_ivp
 
-from insenv.core.runner import make_runner
 from insenv.estimators import lssvm
 from insenv.estimators.parts import sins_gnss_differences as differences
-from insenv.scenario.chunks import input_rows
 
 ARM = np.array([2.0, -1.0, -3.0])
 MODEL = lssvm.MODEL
@@ -21,14 +20,12 @@ AWAY = earth_fixed.Motion(speed=0.0, height=20.0, swings=((20.0, 0.5, -np.pi / 2
 
 def followed(motion, seconds, ages, **parameters):
     """The state of `lssvm` without a machine, from the true attitude."""
-    columns, count = with_fixes(motion, ARM, seconds, 0.01, ages)
+    columns, _ = with_fixes(motion, ARM, seconds, 0.01, ages)
     start = motion.start()
     latitude, longitude, height = earth_fixed.geodetic(motion.position(0.0))
     known = {name: start[name] for name in ("start_roll", "start_pitch", "start_heading")}
     known |= {"latitude": latitude, "longitude": longitude, "height": height, "antenna_lever_arm": ARM, **EMPTY, **parameters}
-    runner = make_runner(MODEL, known, "interpreter")
-    runner.run(count, input_rows(MODEL, columns, count), 0)
-    return runner.state
+    return fed(MODEL, columns, known, "interpreter").state
 
 
 @pytest.mark.parametrize("ages", [{450: 0.0}, {450: 0.3}, {250: 0.3, 450: 0.3}])

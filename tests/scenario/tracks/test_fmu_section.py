@@ -11,7 +11,7 @@ QUATERNION = [f"q_nb[{k}]" for k in (1, 2, 3, 4)]
 VELOCITY = [f"velocity_n[{k}]" for k in (1, 2, 3)]
 PLACE = {"latitude": "latitude", "longitude": "longitude", "height": "height"}
 OUTPUTS = {**PLACE, "quaternion": QUATERNION}
-RUN_S = 50.0
+RUN_S = 30.0
 
 
 def car():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from changed_scenario import changed
 from closed_track import closed_form, scenario, truth_of
 from places import ROOT
 
@@ -12,9 +13,13 @@ from insenv.report import OutputFolder, write_files
 PLAIN = ROOT / "examples" / "logs"
 
 
-def test_one_of_several_tracks_is_named(tmp_path):
+@pytest.fixture(scope="module")
+def report():
+    return insenv.run(changed("car-city-drive", rate_hz=60.0), "loosely-coupled", duration_s=10.0)
+
+
+def test_one_of_several_tracks_is_named(tmp_path, report):
     """What `insenv run --gpx --kml` writes: the truth and an estimate."""
-    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=10.0)
     insenv.write(report, tmp_path, ["gpx", "kml"], name="two")
 
     def track(path, which):
@@ -29,8 +34,7 @@ def test_one_of_several_tracks_is_named(tmp_path):
             track(path, "trth")
 
 
-def test_results_and_logs_are_tracks(tmp_path):
-    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=10.0)
+def test_results_and_logs_are_tracks(tmp_path, report):
     (npz, *_) = write_files(report, OutputFolder(tmp_path / "run"), figure=False).paths
     loaded = scenario(npz)
     assert loaded.duration_s == pytest.approx(10.0, abs=0.5)
