@@ -198,23 +198,6 @@ def test_the_printed_machine(tmp_path, monkeypatch):
     assert np.abs(samples.inputs[:, 3:]).max() > 1e4  # m: the SINS runs free
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("aqe-sukf", TRAINING), ("aqe-sukf", "lssvm")),
-        (("lssvm", TRAINING, "--seeds", "5-1"), ("5-1", "FIRST-LAST")),
-        (("lssvm", TRAINING, "--seeds", "1-3"), ("at least 5 seeds",)),
-        (("lssvm", TRAINING, "--seeds", "1-9", "--support", "1000"), ("support", "1000")),
-        (("lssvm", "car-city-drive", "--seeds", "1-9"), ("moves",)),
-        (("lssvm", TRAINING, "-o", "no/m.json"), ("No such file",)),
-    ],
-)
-def test_wrong_calls_are_refused(tmp_path, monkeypatch, arguments, words):
-    monkeypatch.chdir(tmp_path)
-    refused(call("train", *arguments, *(() if "-o" in arguments else ("-o", "m.json"))), *words)
-    assert not list(tmp_path.iterdir())
-
-
 def test_missing_packages_are_named(monkeypatch):
     real = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "pywt" else real(name, *rest))
