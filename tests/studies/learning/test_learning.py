@@ -126,6 +126,7 @@ def trained(tmp_path_factory):
     return machine, path, told
 
 
+@pytest.mark.slow
 def test_a_trained_machine_aligns_what_it_has_not_seen(trained):
     """From initial errors of any size; without the machine the SINS keeps its initial error."""
     _, path, _ = trained
@@ -142,6 +143,7 @@ def test_a_trained_machine_aligns_what_it_has_not_seen(trained):
     assert last_errors(EMPTY)[:, 2].max() > 90.0
 
 
+@pytest.mark.slow
 def test_conditions_are_kept(trained):
     machine, path, told = trained
     loaded = lssvm.load(path)
