@@ -88,7 +88,7 @@ def test_variances_are_the_integrals_of_the_spectra():
     for tau in (1.0, 30.0, 3000.0):
         window = 2.0 * np.sin(np.pi * frequency * tau) ** 4 / (np.pi * frequency * tau) ** 2
         for term in ({WHITE: 0.3}, {FLICKER: 0.2}, {WALK: 0.1}, {MARKOV: 0.5, TIME: 300.0}):
-            value = np.trapezoid(spectrum(term, frequency) * window * frequency, np.log(frequency))
+            value = np.trapezoid(spectrum(term, 1.0 / RATE, frequency) * window * frequency, np.log(frequency))
             assert float(total(term, np.array(tau))) == pytest.approx(value, rel=2e-3), term
     small = total({MARKOV: 1.0, TIME: 300.0}, np.array([0.2999, 0.3001]))
     assert small[1] / small[0] == pytest.approx(0.3001 / 0.2999, rel=1e-5)

@@ -31,7 +31,7 @@ def document(monkeypatch):
     return lambda scenario, estimators, duration_s: live_document(live(scenario, estimators, duration_s=duration_s))
 
 
-@pytest.mark.parametrize(("kind", "page"), [("ship", SHIP), ("car", CAR)])
+@pytest.mark.parametrize(("kind", "page"), [("ship", SHIP), pytest.param("car", CAR, marks=pytest.mark.slow)])
 def test_a_broken_link_is_one_sentence(document, kind, page, tmp_path):
     found = answers("address.js", SAID, [document(*page), list(BROKEN[kind])], tmp_path)
     told = dict(zip(BROKEN[kind], found, strict=True))
