@@ -8,7 +8,6 @@ from insenv.scenario import load
 from insenv.web.controls import setting_of, with_values
 from insenv.web.live import live
 
-
 pytestmark = pytest.mark.slow
 
 
