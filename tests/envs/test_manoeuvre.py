@@ -39,6 +39,7 @@ def driven(env, pattern, seconds, seed):
     return {name: np.array([info[name] for info in infos]) for name in infos[0]}
 
 
+@pytest.mark.slow
 def test_a_turntable_and_another_reward_conform():
     testing.check_id(ID, **SHORT, scenario=PARKED, reward="dense", estimator="loosely-coupled")
 

@@ -6,7 +6,6 @@ from command_line import call, refused
 
 from insenv.base.errors import InputError
 from insenv.cli.fmu import _settings
-from insenv.fmu import export_fmu
 from insenv.fmu.reading import read_description
 from insenv.fmu.subject import subject
 
@@ -42,24 +41,3 @@ def test_states_and_aids_of_an_fmu_are_chosen_as_in_a_run():
     with pytest.raises(InputError, match="unknown name 'sonar'"):
         subject("fusion", _settings(['aids=["sonar"]']))
     refused(call("fmu", "export", "fusion", "--set", 'aids=["gnss"', "-o", "x.fmu"), "is no list: allowed is")
-
-
-@pytest.mark.parametrize(
-    ("what", "settings", "words"),
-    [
-        ("qakff", {}, ("no estimator or scenario 'qakff'", "did you mean 'qakf'")),
-        ("qakf", {"latitud": 1}, ("no parameter 'latitud'", "did you mean 'latitude'")),
-        ("qakf", {"latitude": 10}, ("latitude = 10 rad", "from -1.5708 to 1.5708")),
-        ("qakf", {"start_quaternion": [1, 0]}, ("start_quaternion", "shape (4,)")),
-        ("qakf", {"angle_random_walk": 1e-5, "arw_deg_sqrt_h": 1.0}, ("angle_random_walk is set twice",)),
-        ("ship-swaying", {"seed": 1.5}, ("seed = 1.5", "whole number")),
-        ("ship-swaying", {"sample_interval": 0.01}, ("the scenario's rate_hz sets it",)),
-        (("qakf", "qakf"), {}, ("allowed is a scenario and an estimator",)),
-    ],
-)
-def test_what_cannot_be_exported_is_named(tmp_path, what, settings, words):
-    what, behind = what if isinstance(what, tuple) else (what, None)
-    with pytest.raises(InputError) as raised:
-        export_fmu(what, tmp_path / "x.fmu", estimator=behind, settings=settings)
-    assert all(word in str(raised.value) for word in words), raised.value
-    assert not (tmp_path / "x.fmu").exists()

@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 from command_line import ROOT, call, strict
 from peers import lacking, package, program
-from pymavlink import mavutil
 from pymavlink.dialects.v20 import common
 from streamed_vehicle import PROGRAM, SILENT, free_port, records
 
@@ -133,15 +132,6 @@ def flight(tmp_path_factory):
         patch.setenv("INSENV_BACKEND", "interpreter")
         sent = Counter(strict(call("stream", "car-city-drive", *arguments)[1])["sent"])
     return log, sent + Counter(PARAM_VALUE=len(Vehicle(load("car-city-drive")).parameters))
-
-
-def test_pymavlink_reads_a_whole_log(flight):
-    log, recorded = flight
-    reader, types = mavutil.mavlogfile(str(log)), Counter()
-    while (message := reader.recv_match()) is not None:
-        types[message.get_type()] += 1
-    assert types == recorded and (reader.mav_loss, reader.mav_count) == (0, recorded.total())
-    reader.close()
 
 
 @pytest.mark.slow

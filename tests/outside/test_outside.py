@@ -114,8 +114,9 @@ def test_an_instrument_in_one_file_is_measured_estimated_and_bounded():
 
 
 @pytest.mark.usefixtures("compass")
-def test_its_log_its_error_budget_and_its_campaign_follow(tmp_path):
-    log, report = insenv.record(SHORT, seed=5), insenv.run(SHORT, "fusion", seed=5)
+def test_its_log_and_its_error_budget_follow(tmp_path):
+    quick = {**SHORT, "duration_s": 8, "rate_hz": 50}
+    log, report = insenv.record(quick, seed=5), insenv.run(quick, "fusion", seed=5)
     insenv.write(report, tmp_path, ["log"], log=log)
     (path,) = tmp_path.glob("*.toml")
     again = insenv.replay(path, "fusion", start="stated")
@@ -124,7 +125,7 @@ def test_its_log_its_error_budget_and_its_campaign_follow(tmp_path):
     path.write_text(path.read_text().replace('heading = "heading_rad"\nheading_unit', 'heading = "course_rad"\nheading_unit'))
     with pytest.raises(InputError, match=r"compass.*course_rad"):
         insenv.replay(path, "fusion")
-    sources = insenv.budget(SHORT, "fusion", runs=2, duration_s=15.0).as_json()["sources"]
+    sources = insenv.budget(quick, "fusion", runs=2, duration_s=2.0).as_json()["sources"]
     assert {"compass noise", "compass deviation", "compass drift"} <= {source["name"] for source in sources}
 
 
@@ -166,6 +167,7 @@ def test_every_interface_takes_it(installed, tmp_path):
     assert log.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_the_command_line_knows_what_is_installed(installed, tmp_path):
     quick, rail = {**installed, "INSENV_BACKEND": "interpreter"}, PACKAGE / "rail.toml"
     listed = json.loads(call(quick, "-m", "insenv", "list", "--json"))

@@ -17,7 +17,7 @@ import pytest
 from places import ROOT
 from readme_links import ReadmeLinks, absolute
 
-FIRST = ("README.md", "docs/cli.md", "docs/api.md", "docs/scenarios.md")
+FIRST = ("README.md", "docs/index.md", "docs/api.md", "docs/scenarios.md")
 AS_INSTALLED = ("README.md", "docs/cli.md")  # with the packages that README.md installs alone
 PAGES = [
     ROOT / "README.md",

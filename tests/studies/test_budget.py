@@ -85,8 +85,8 @@ def test_a_fixed_bias_falls_freely():
 
 def test_all_sources_are_the_runs_of_the_seeds():
     scenario = changed("car-city-drive", rate_hz=100.0)
-    found = insenv.budget(scenario, "loosely-coupled", 2, seed=7, duration_s=3.0)
-    results = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=3.0).results[0] for seed in (7, 8)]
+    found = insenv.budget(scenario, "loosely-coupled", 2, seed=7, duration_s=1.5)
+    results = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=1.5).results[0] for seed in (7, 8)]
     at = np.searchsorted(results[0].time, found.time - 1e-9)
     for place, name in enumerate(found.channels):
         rms = np.sqrt(np.mean([result.errors[name][at] ** 2 for result in results], axis=0))
@@ -171,25 +171,13 @@ def test_runs_that_diverge_are_left_out_and_said(monkeypatch):
     assert document["sources"][0]["alone"]["roll_deg"] is None
 
 
-@pytest.mark.parametrize(
-    ("scenario", "estimator", "more", "message"),
-    [
-        ("ship-swaying", "q-method", {"runs": 1}, "runs = 1: allowed is a whole number from 2 to"),
-        ("ship-swaying", "loosely-coupled", {}, "needs GNSS"),
-        ("car-city-drive", "smoother", {"duration_s": 5.0}, "smooths a whole run"),
-        ("ship-swaying", "q-method", {"runs": 99_999}, "keeps every error: allowed is up to"),
-        ("ship-swaying", "q-method", {"settings": {"q-methd": {}}}, "not an estimator of this run"),
-    ],
-)
-def test_bad_input_is_refused(scenario, estimator, more, message):
-    with pytest.raises(InputError, match=message):
-        insenv.budget(scenario, estimator, **more)
+def test_what_has_no_error_is_refused():
     with pytest.raises(InputError, match="has no source of error"):
         insenv.budget(changed("static-ecef", imu=PERFECT, knowledge=TRUE_START), "wander-sins", 2, duration_s=1.0)
 
 
 def test_the_command_prints_writes_and_is_json(tmp_path):
-    given = ("budget", "ship-swaying", "-e", "q-method", "-n", "2", "--duration", "2")
+    given = ("budget", "ship-swaying", "-e", "q-method", "-n", "2", "--duration", "1")
     status, text, _ = call(*given, "--out", tmp_path / "found")
     assert status == 0 and "root sum of squares" in text
     names = {path.name for path in (tmp_path / "found").iterdir()}

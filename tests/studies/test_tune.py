@@ -105,21 +105,6 @@ def test_noises_and_gates_are_tuned_by_default_and_nothing_else():
     assert not rows & {"tilt_sigma", "heading_sigma", "position_sigma", "standing_window", "rotation_error", "fix_wander_time"}
 
 
-@pytest.mark.parametrize(
-    ("source", "estimator", "more", "said"),
-    [
-        ("car-city-drive", "loosely-coupled", {"keys": ["arw_deg_sqrt_g"]}, "did you mean 'arw_deg_sqrt_h'"),
-        ("car-city-drive", "loosely-coupled", {"runs": 1}, "runs = 1: allowed is a whole number from 2"),
-        ("car-city-drive", "loosely-coupled",
-         {"keys": ["innovation_gate"], "settings": {"loosely-coupled": {"innovation_gate": 0.0}}}, "needs a value above 0"),
-        ("ship-swaying", "loosely-coupled", {}, "needs GNSS"),
-    ],
-)  # fmt: skip
-def test_bad_input_is_refused(source, estimator, more, said):
-    with pytest.raises(InputError, match=said):
-        insenv.tune(source, estimator, duration_s=2.0, **more)
-
-
 def test_a_log_without_fixes_or_with_few_is_refused():
     log = log_of_car(30.0)
     with pytest.raises(InputError, match="30 fixes: tuning on a log needs at least 40"):

@@ -3,9 +3,9 @@
 from urllib.parse import quote
 
 import pytest
-from live_pages import CAR, SHIP, answers, live_page
+from live_pages import CAR, SHIP, answers
 
-from insenv.web.live import live_document
+from insenv.web.live import live, live_document
 
 WINDOWS = ("5", "[[5,1]]", "[[-5,1]]")
 BROKEN = {  # by scenario: fragment and what is said
@@ -24,17 +24,24 @@ BROKEN = {  # by scenario: fragment and what is said
 SAID = "given[1].map((f) => { try { module_address.stateOf(f, given[0]); return null; } catch (e) { return e.message; } })"
 
 
-@pytest.mark.parametrize(("kind", "page"), [("ship", SHIP), ("car", CAR)])
-def test_a_broken_link_is_one_sentence(kind, page, tmp_path):
-    found = answers("address.js", SAID, [live_document(live_page(*page)), list(BROKEN[kind])], tmp_path)
+@pytest.fixture
+def document(monkeypatch):
+    """Documents of live pages without their WebAssembly, by the arguments of a page."""
+    monkeypatch.setattr("insenv.web.live.wasm", lambda source: b"")
+    return lambda scenario, estimators, duration_s: live_document(live(scenario, estimators, duration_s=duration_s))
+
+
+@pytest.mark.parametrize(("kind", "page"), [("ship", SHIP), pytest.param("car", CAR, marks=pytest.mark.slow)])
+def test_a_broken_link_is_one_sentence(document, kind, page, tmp_path):
+    found = answers("address.js", SAID, [document(*page), list(BROKEN[kind])], tmp_path)
     told = dict(zip(BROKEN[kind], found, strict=True))
     wrong = {fragment: said for fragment, said in told.items() if BROKEN[kind][fragment] not in (said or "")}
     assert wrong == {}
 
 
-def test_a_state_is_written_and_read_alike(tmp_path):
+def test_a_state_is_written_and_read_alike(document, tmp_path):
     values = {"imu.grade": "navigation", "gnss.outages_s": [[1.5, 20]], "start.latitude_deg": -3.25}
     state = {"seed": 7, "values": values, "commands": [{"sample": 3, "values": {"speed": 2.5}}]}
     code = "[module_address.addressOf(given[1], 1)].flatMap((link) => [link, module_address.stateOf(link, given[0])])"
-    link, back = answers("address.js", code, [live_document(live_page(*CAR)), state], tmp_path)
+    link, back = answers("address.js", code, [document(*CAR), state], tmp_path)
     assert back == state and "seed=7" in link and "imu.grade=navigation" in link

@@ -8,13 +8,14 @@ from insenv.scenario import load
 from insenv.web.controls import setting_of, with_values
 from insenv.web.live import live
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def uncompiled(monkeypatch):
     monkeypatch.setattr("insenv.web.live.wasm", lambda source: b"")
 
 
-@pytest.mark.slow
 def test_keys_with_another_effect_are_no_controls():
     found = {control.key: control for control in live("ship-irregular-sea", "q-method", duration_s=10.0).controls}
     assert "start.latitude_deg" in found and "start.heading_deg" not in found  # the heading changes every wave

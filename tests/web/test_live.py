@@ -79,6 +79,7 @@ def test_run_to_the_end_shows_the_numbers_of_insenv_run_also_after_changes_and_b
     assert figures(browser) == printed(report, limit=False) and browser.console() == []
 
 
+@pytest.mark.slow
 def test_another_grade_alone_has_the_notes_of_insenv_run(browser):
     notes = "[...document.querySelectorAll('.notes li')].map((one) => one.textContent)"
     told = "document.getElementById('changed').textContent"
@@ -99,6 +100,7 @@ def test_another_grade_alone_has_the_notes_of_insenv_run(browser):
     assert browser.value(notes) == said() and browser.console() == []
 
 
+@pytest.mark.slow
 def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
     browser.open(page_file(*SHIP), fragment="#seed=999999")
     told = browser.until("document.getElementById('wrong')?.textContent")
@@ -111,6 +113,7 @@ def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
     assert browser.console() == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
 def test_the_page_is_accessible_and_fits(browser, size, dark):
     ready(browser, page_file(*SHIP), size, dark=dark)
@@ -164,6 +167,7 @@ def test_the_page_of_a_run_becomes_live(browser, tmp_path):
     assert figures(browser) == printed(report) and browser.console() == []
 
 
+@pytest.mark.slow
 def test_a_finger_on_the_field_commands_and_a_run_after_a_cloud_goes_on(browser):
     ready(browser, page_file(*SHIP), PHONE)
     click(browser, "cloud")

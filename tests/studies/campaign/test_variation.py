@@ -33,31 +33,6 @@ def test_values_have_their_distribution(text, law):
     assert stats.kstest(numbers, law.cdf).pvalue > 1e-3 and np.allclose(law.cdf(numbers), uniforms, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("imu.gyro_bias_deg_h=1", "key=low:high"),
-        ("imu.gyro_bias_deg_h=2:1", "lower first"),
-        ("imu.gyro_bais_deg_h=0:1", "did you mean 'gyro_bias_deg_h'"),
-        ("imu.accel_bias_ug=gauss(0, 1)", "no such distribution"),
-        ("imu.accel_bias_ug=normal(0, -1)", "sigma of 0 or more"),
-        ("imu.accel_bias_ug=loguniform(0, 1)", "first number above 0"),
-        ("imu.accel_bias_ug=normal(0, inf)", "two finite numbers"),
-        ("imu.grade=choice(tactical)", "two or more different values"),
-        ("imu.grade=choice(tactical, tactcal)", "did you mean 'tactical'"),
-        ("imu.drop_probability=choice(a, b)", "is a name, which the value of this key is not"),
-        ("imu.grade=0:1", "value is a number"),
-        ("start.latitude_deg=0:100", "latitude_deg = 100"),
-        ("gnss.position_noise_m.3=0:1", "not an element of a list of 3"),
-        ("gnss.position_noise_m.0=normal(2, 1)", r"m.0=normal\(2, 1\), the smallest of 64 values drawn: .*must be"),
-        ("seed=0:100", "every run has a seed of its own, .*--seed"),
-    ],
-)
-def test_wrong_variations_are_refused(text, said):
-    with pytest.raises(InputError, match=said):
-        plan_of(text)
-
-
 def test_values_that_some_runs_refuse_are_named():
     with pytest.raises(InputError, match="the whole or its elements"):
         plan_of("gnss.position_noise_m=1:2", "gnss.position_noise_m.0=1:2")
@@ -158,16 +133,3 @@ def test_the_seeds_of_a_saltelli_design_are_stated_as_they_are():
     plan = plan_of("start.latitude_deg=0:1", runs=12, design="saltelli")
     assert [plan.seed_of(run) for run in range(plan.runs)] == [5, 5, 6, 7, 7, 8, 9, 9, 10, 11, 11, 12]
     assert "seeds 5 to 12," in campaign_facts(SimpleNamespace(plan=plan))
-
-
-@pytest.mark.parametrize(
-    ("design", "runs", "vary", "said"),
-    [
-        ("latn", 8, ("start.height_m=0:1",), "allowed is one of random, latin, sobol, saltelli"),
-        ("latin", 8, (), "a design spreads varied keys"),
-        ("saltelli", 10, ("start.height_m=0:1",), "of 1 key has groups of 3 runs, and their number is a power of 2"),
-    ],
-)
-def test_designs_that_do_not_fit_are_refused(design, runs, vary, said):
-    with pytest.raises(InputError, match=said):
-        plan_of(*vary, runs=runs, design=design)

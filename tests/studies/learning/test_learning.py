@@ -126,6 +126,7 @@ def trained(tmp_path_factory):
     return machine, path, told
 
 
+@pytest.mark.slow
 def test_a_trained_machine_aligns_what_it_has_not_seen(trained):
     """From initial errors of any size; without the machine the SINS keeps its initial error."""
     _, path, _ = trained
@@ -142,6 +143,7 @@ def test_a_trained_machine_aligns_what_it_has_not_seen(trained):
     assert last_errors(EMPTY)[:, 2].max() > 90.0
 
 
+@pytest.mark.slow
 def test_conditions_are_kept(trained):
     machine, path, told = trained
     loaded = lssvm.load(path)
@@ -196,23 +198,6 @@ def test_the_printed_machine(tmp_path, monkeypatch):
     found = np.exp(-square) @ machine.coefficients + machine.offset
     assert np.allclose(found, plain.predict(here / size), rtol=1e-6, atol=1e-7)
     assert np.abs(samples.inputs[:, 3:]).max() > 1e4  # m: the SINS runs free
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("aqe-sukf", TRAINING), ("aqe-sukf", "lssvm")),
-        (("lssvm", TRAINING, "--seeds", "5-1"), ("5-1", "FIRST-LAST")),
-        (("lssvm", TRAINING, "--seeds", "1-3"), ("at least 5 seeds",)),
-        (("lssvm", TRAINING, "--seeds", "1-9", "--support", "1000"), ("support", "1000")),
-        (("lssvm", "car-city-drive", "--seeds", "1-9"), ("moves",)),
-        (("lssvm", TRAINING, "-o", "no/m.json"), ("No such file",)),
-    ],
-)
-def test_wrong_calls_are_refused(tmp_path, monkeypatch, arguments, words):
-    monkeypatch.chdir(tmp_path)
-    refused(call("train", *arguments, *(() if "-o" in arguments else ("-o", "m.json"))), *words)
-    assert not list(tmp_path.iterdir())
 
 
 def test_missing_packages_are_named(monkeypatch):
