@@ -40,6 +40,7 @@ export function notesAtEnd(live, estimator, at, history, known) {
   const health = healthNow(live, estimator, at, history);
   if (estimator.health?.fixes && !health?.own) notes.push(sentences[health ? "no-fix-but-aids" : "no-fix"]);
   if (health) notes.push(...healthNotes(live.rule, health, !known || estimator.health.slow, estimator.health.causes));
+  if (known && estimator.health?.less) notes.push(...countedLess(live.rule, estimator, at, history));
   const left = unjudged(live, estimator, at, history);
   if (left.channels.length) notes.push(filled(sentences["steep-pitch"], { pitch: left.pitch }));
   if (!estimator.settled) return notes;
@@ -49,6 +50,32 @@ export function notesAtEnd(live, estimator, at, history, known) {
     .map(({ channel, rms, stated }) => `${channel.replace(/_.*/, "")} ${significant(rms / (stated ?? NaN), 3)}`);
   if (ratios.length) notes.push(filled(sentences["too-sure"], { ratios: ratios.join(", ") }));
   return notes;
+}
+
+/** Whether a filter that does not estimate slow errors of the fixes is worse than one fix: `fixes_count_less` of
+ * insenv/evaluation/health.py.
+ * @param {{larger: number, sentences: Record<string, string>}} rule
+ * @param {any} estimator
+ * @param {(name: string) => any} at
+ * @param {import("./history.js").Recorded} history
+ * @returns {string[]} */
+export function countedLess({ larger, sentences }, { prefix }, at, history) {
+  const count = (/** @type {number} */ record) => history.value(at(`${prefix}fix_count`).at, record);
+  const fixed = Array.from({ length: history.count() }, (_, record) => record).filter((k) => k > 0 && count(k) > count(k - 1));
+  const recent = fixed.slice(Math.floor(fixed.length / 2));
+  const [own, one] = [at(`${prefix}position_sigma`), at("gnss_position_sigma")].map(({ at: place }) =>
+    [0, 1, 2].map((axis) => median(recent.map((record) => history.value(place + axis, record)))),
+  );
+  const [stated, fix] = own.map((sigma, axis) => [sigma, one[axis]]).reduce((a, b) => (b[0] / b[1] > a[0] / a[1] ? b : a));
+  return stated > larger * fix ? [filled(sentences["fixes-count-less"], { stated, fix })] : [];
+}
+
+/** @param {number[]} values  empty: NaN
+ * @returns {number} */
+function median(values) {
+  const sorted = [...values].sort((a, b) => a - b);
+  const middle = sorted.length / 2;
+  return 0.5 * ((sorted[Math.ceil(middle) - 1] ?? NaN) + (sorted[Math.floor(middle)] ?? NaN));
 }
 
 /**

@@ -255,6 +255,12 @@ def models_slow_errors(parameters: Mapping[str, Any]) -> bool:
     return bool(np.any(parameters.get("fix_wander_sigma", 0.0)))
 
 
+def counts_fixes_less(parameters: Mapping[str, Any], outputs: Iterable[str]) -> bool:
+    """Whether a filter with these parameters and outputs (by row name) is told of slow errors of the fixes without estimating
+    them.  Its records count that a fix came."""
+    return models_slow_errors(parameters) and "fix_count" in outputs and "gnss_wander" not in outputs
+
+
 LARGER = 1.2
 """Ratio of the stated sigma of a position to that of one fix from which it is said."""
 
@@ -267,9 +273,9 @@ LARGER = 1.2
 def fixes_count_less(parameters: Mapping[str, Any], outputs: Mapping[str, Array], fix_sigma: Array) -> dict[str, float] | None:
     """A filter that is told of slow errors of the fixes and does not estimate them is worse than one fix.
 
-    fix_sigma (k, 3): standard deviations of its fixes, m.  The records count that a fix came just before.
+    fix_sigma (k, 3): standard deviations of its fixes, m.
     """
-    if not models_slow_errors(parameters) or not len(fix_sigma) or "gnss_wander" in outputs or "fix_count" not in outputs:
+    if not len(fix_sigma) or not counts_fixes_less(parameters, outputs):
         return None
     recent = np.flatnonzero(np.diff(np.ravel(outputs["fix_count"])) > 0) + 1
     if not len(recent):

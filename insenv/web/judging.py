@@ -29,6 +29,7 @@ SAID = (
     "fixes-diverged",
     "fixes-overconfident",
     "fixes-slow-errors",
+    "fixes-count-less",
     "aid-misfit",
     "steep-pitch",
     "too-sure",
@@ -52,6 +53,7 @@ def rule(groups: int) -> dict[str, Any]:
             **{code: TEXTS[code] for code in SAID},
         },
         "too_sure": TOO_SURE,
+        "larger": health.LARGER,
         "steep": STEEP,
         "blocks": nis.BLOCKS,
         "notable": nis.NOTABLE,
@@ -64,13 +66,15 @@ def rule(groups: int) -> dict[str, Any]:
 def health_rows(estimator: Estimator, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """The outputs that tell its health: of fixes (None: it takes none) and of aids by id; None if it tells none.
 
-    With them, what its notes need: whether it models slow errors with these parameters (by row name); causes by id of an aid.
+    With them, what its notes need: whether it models slow errors with these parameters (by row name), and without estimating
+    them; causes by id of an aid.
     """
     if not estimator.reports_health:
         return None
     aids = {id: aid_health(id) for id in reported_aids(estimator.model.outputs.names)}
     fixes = FIX_HEALTH.names if estimator.reports_fixes else None
-    return {"fixes": fixes, "aids": aids, "slow": health.models_slow_errors(parameters), "causes": dict(estimator.causes)}
+    slow, less = health.models_slow_errors(parameters), health.counts_fixes_less(parameters, estimator.model.outputs.names)
+    return {"fixes": fixes, "aids": aids, "slow": slow, "less": less, "causes": dict(estimator.causes)}
 
 
 def groups_of(estimator: Estimator) -> int:

@@ -6,7 +6,7 @@ from live_pages import answers
 
 from insenv.estimators import get
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health
-from insenv.evaluation.health import VERDICTS, health
+from insenv.evaluation.health import VERDICTS, fixes_count_less, health
 from insenv.evaluation.nis import sums_of
 from insenv.scenario import build, load
 from insenv.web.judging import findings, rule
@@ -80,3 +80,18 @@ def test_findings_are_those_of_a_run(scenario, id, scales, tmp_path):
       { count: () => records.length, value: (place, record) => records[record][place] }, true))"""
     assert answers("judge.js", code, [rule(0), given, told, places], tmp_path) == expected
     assert [] in expected and len({sentence for one in expected for sentence in one}) > 1
+
+
+def test_a_filter_that_is_worse_than_one_fix_is_told_as_in_a_run(tmp_path):
+    random, given, expected = np.random.default_rng(5), [], []
+    for case in range(20):
+        count = np.cumsum(random.integers(0, 2, 12 + case)).astype(float)
+        outputs = {"fix_count": count, "position_sigma": np.exp(random.normal(0.0, 0.3, (len(count), 3)))}
+        fix_sigma = np.tile(np.exp(random.normal(0.0, 0.2, 3)), (len(count), 1))
+        given.append(np.column_stack([count, outputs["position_sigma"], fix_sigma]).tolist())
+        expected.append([str(one) for one in fixes_count_less({"fix_wander_sigma": 1.0}, outputs, fix_sigma)])
+    places = {"fix_count": {"at": 0}, "position_sigma": {"at": 1}, "gnss_position_sigma": {"at": 4}}
+    code = """given[1].map((records) => module_judge.countedLess(given[0], { prefix: "" }, (name) => given[2][name],
+      { count: () => records.length, value: (place, record) => records[record][place] }))"""
+    assert answers("judge.js", code, [rule(0), given, places], tmp_path) == expected
+    assert 3 < expected.count([]) < 17
