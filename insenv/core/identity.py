@@ -15,7 +15,7 @@ import sys
 from collections.abc import Iterator, Mapping, ValuesView
 from enum import Enum
 from pathlib import Path
-from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType, SimpleNamespace
+from types import BuiltinFunctionType, CodeType, FunctionType, GenericAlias, MethodType, ModuleType, SimpleNamespace, UnionType
 from typing import Any
 
 import casadi as ca
@@ -109,6 +109,8 @@ def _parts(thing: Any, met: dict[int, int], described: set[int]) -> Iterator[str
         yield f"equations {hashlib.sha256(thing.serialize().encode()).hexdigest()}"
     elif isinstance(thing, ca.SX) and thing.is_constant():
         yield f"constant {ca.evalf(thing).serialize()}"
+    elif isinstance(thing, (GenericAlias, UnionType)) or kind.__module__ == "typing":
+        yield "annotation"  # which values a key of a file allows: it decides no equation
     else:
         yield from _of_object(thing, met, described)
 

@@ -13,6 +13,7 @@ from insenv.core.identity import identity
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import get, registered
+from insenv.scenario import build, load
 
 STATE = Table((Row("a", "A number", "m", start=1.0),))
 STEP = """
@@ -108,6 +109,12 @@ class Unknown:
 )  # fmt: skip
 def test_what_may_depend_on_anything_has_no_identity(step):
     assert identity(model(step)) is None
+
+
+@pytest.mark.parametrize("scenario", ["car-odometer", "multirotor-hover", "ship-dvl"])
+def test_plants_and_filters_with_instruments_have_one(scenario):
+    plant = build(load(scenario))
+    assert None not in [identity(one) for one in (plant.model, plant.adapted(get("fusion"), None, offline=False).model)]
 
 
 def test_every_estimator_has_one_of_its_own():
