@@ -293,7 +293,10 @@ def judged(one: Case, folder: Path) -> tuple[str, str]:
             level = 3 if said["gnss.velocity_vertical"].confidence != "assumed" else 2
             if np.abs(log.gnss.velocity_n - true.gnss.velocity_n)[:, :level].max() > 1e-3:
                 faults.append("velocities")
-        ratio = np.median(log.gnss.position_sigma / true.gnss.position_sigma, axis=0)
+        # the slow part is assumed, and said to be: the scatter is what the log shows
+        assumed = np.array(gnss.get("wander_sigma_m", 0.0))
+        scatter = np.sqrt(np.maximum(log.gnss.position_sigma**2 - assumed**2, 0.0))
+        ratio = np.median(scatter / true.gnss.position_sigma, axis=0)
         if np.any((ratio < 0.5) | (ratio > 2.0)):
             faults.append(f"sigmas {np.round(ratio, 2)} times the true ones")
     if not forward_open:

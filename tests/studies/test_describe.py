@@ -93,12 +93,12 @@ def test_a_flight_log_gets_what_it_does_not_say(tmp_path):
 @pytest.mark.slow
 def test_accelerometers_that_show_minus_the_force_and_gyros_in_another_order(tmp_path):
     """An aircraft, whose turns and climbs tell all orders and signs apart: both are found, and the samples loaded are right."""
-    one = tool.case(4)
+    one = tool.case(16)
     header, *rows = [line.split(",") for line in one.files["imu.csv"].splitlines()]
-    for place in (header.index(name) for name in ("fx", "fy", "fz")):
+    for place in (header.index(name) for name in ("accel_x", "accel_y", "accel_z")):
         for row in rows:
             row[place] = row[place].removeprefix("-") if row[place].startswith("-") else f"-{row[place]}"
-    header = [{"wx": "wy", "wy": "wx"}.get(name, name) for name in header]
+    header = [{"gyro_x": "gyro_y", "gyro_y": "gyro_x"}.get(name, name) for name in header]
     one.files["imu.csv"] = "\n".join(",".join(row) for row in [header, *rows]) + "\n"
     assert tool.judged(one, tmp_path)[0] == "recovered"
 
