@@ -142,7 +142,7 @@ def all_columns(
         values = np.loadtxt(lines, delimiter=text.separator, comments=comment or None, ndmin=2, encoding="latin1")
     except ValueError:
         rows = [text.fields_of(int(number)) for number in text.rows]
-        values = np.array([[float(part) if _is_number(part) else np.nan for part in row] for row in rows])
+        values = np.array([[float(part) if is_number(part) else np.nan for part in row] for row in rows])
     return AllColumns(text.names(fields), values)
 
 
@@ -196,7 +196,7 @@ class _Text:
             return heading, rows[rows >= header_rows]
         if rows.size:
             first = self.line(rows[0])
-            if not any(_is_number(field) for field in first.split(_separator_of(first, delimiter))):
+            if not any(is_number(field) for field in first.split(_separator_of(first, delimiter))):
                 return first, rows[1:]
         before = np.flatnonzero(commented[: rows[0]]) if rows.size else np.zeros(0, int)
         return (self.line(before[-1]) if before.size else ""), rows
@@ -294,7 +294,7 @@ class _Text:
                 parts = self.fields_of(number)
                 for column, place in zip(columns, places, strict=True):
                     part = parts[place] if place < len(parts) else ""
-                    if not _is_number(part) and not (column in optional and part.lower() in MISSING):
+                    if not is_number(part) and not (column in optional and part.lower() in MISSING):
                         what = f"{part[:40]!r} is not a number" if part else "the value is missing"
                         what += "; skip_empty = true skips such rows" if part.lower() in MISSING else ""
                         raise InputError(f"{self.label}: line {number + 1}, column {_quoted(column)}: {what}") from None
@@ -310,7 +310,8 @@ class _Text:
         return (_CUT_OFF.filled(label=self.label),)
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a field of a text file is a number."""
     try:
         float(text)
     except ValueError:

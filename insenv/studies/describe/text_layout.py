@@ -14,7 +14,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.logs.columns import Column
-from insenv.logs.formats.csv_table import AllColumns, all_columns
+from insenv.logs.formats.csv_table import AllColumns, all_columns, is_number
 from insenv.studies.describe.finding import Finding, UnclearError
 from insenv.studies.describe.tables import LogTable
 
@@ -87,15 +87,7 @@ def _is_row(line: str, separator: str | None, fields: int) -> bool:
     if len(parts) != fields:
         return False
     filled = [part for part in parts if part]
-    return bool(filled) and sum(map(_is_number, filled)) >= NUMBERS_SHARE * len(filled)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return bool(filled) and sum(map(is_number, filled)) >= NUMBERS_SHARE * len(filled)
 
 
 def _names(
