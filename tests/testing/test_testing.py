@@ -27,7 +27,12 @@ DRIVEN = {
         "engine": [{"frequency_hz": 20.0, "roll_deg": 0.01, "pitch_deg": 0.01, "down_m": 1e-5}],
         "gust_roll_sigma_deg": 1.0, "gust_yaw_sigma_deg": 0.5, "gust_velocity_sigma_mps": 0.3,
     },
-    "turntable": {},
+    "turntable": {
+        "legs": [
+            {"duration_s": 3, "heading_deg": 30, "rate_deg_s": 40}, {"duration_s": 5, "roll_deg": 90, "rate_deg_s": 40},
+            {"duration_s": 10, "pitch_deg": 340, "rate_deg_s": 60},
+        ],
+    },
 }  # fmt: skip
 
 
