@@ -1,4 +1,4 @@
-"""velocity-integration by GNSS and by a Doppler log: exact without errors, an independent reference, stated accuracy."""
+"""velocity-integration by GNSS and by a Doppler log: exact without errors, stated accuracy."""
 
 from functools import cache
 
