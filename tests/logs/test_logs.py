@@ -1,13 +1,11 @@
-"""Recorded logs: formats, units, axes, references; the car log of the examples."""
+"""Recorded logs: formats, units, axes, references."""
 
 import math
 
 import numpy as np
 import pytest
-from places import ROOT
 from text_logs import RATE, N, as_text, gnss_rows, imu_rows, increments, si
 
-from insenv.logs import load
 from insenv.logs.units import axes_matrix
 
 
@@ -135,12 +133,3 @@ def test_speed_and_course(folder):
     np.testing.assert_allclose(gnss.velocity_sigma[:, 2], 100.0)
     folder.write("gnss.csv", text.replace("10,90", "-10,90"))
     folder.error("speed is -10, must be from 0 up")
-
-
-def test_the_car_log_of_the_examples_is_whole():
-    """Units, axes, signs and stamps are judged by its replay (tests/runs/test_replayed.py)."""
-    car = load(ROOT / "examples/n380-car.toml")
-    assert car.imu_time.shape == (69144,) and car.gnss.time.shape == (673,) and car.reference.time.shape == (66946,)
-    assert car.rate_hz == pytest.approx(100.0, abs=0.01) and car.duration_s == pytest.approx(691.4, abs=0.1)
-    assert (car.gaps.count, car.gaps.samples) == (1, 1) and car.notes == ()
-    assert car.gaps.intervals[0][0] == pytest.approx(38.188, abs=1e-3)
