@@ -70,7 +70,7 @@ def test_sources_of_a_ship_are_those_of_closed_forms_and_sum_in_variance_to_the_
 
 
 def test_a_fixed_bias_falls_freely():
-    """An accelerometer bias of 100 ug down, alone: g b t^2 / 2 of height in 20 s, and nothing else moves."""
+    """An accelerometer bias of 100 ug down, alone: g b t^2 / 2 of height in 20 s, and nothing else moves.  None is refused."""
     imu = {**PERFECT, "accel_bias_ug": [0.0, 0.0, 100.0]}
     scenario = changed("static-ecef", imu=imu, start={"heading_deg": 0.0}, knowledge=TRUE_START, rate_hz=50.0)
     found = insenv.budget(scenario, "wander-sins", 2, duration_s=20.0)
@@ -81,6 +81,8 @@ def test_a_fixed_bias_falls_freely():
     assert np.sqrt(found.alone[0, -1, found.channels.index("heading_deg")]) < 1e-6
     assert np.sqrt(found.without[0, -1, down]) < 1e-4  # without it, the method alone
     assert np.array_equal(found.without[0], found.none)
+    with pytest.raises(InputError, match="has no source of error"):
+        insenv.budget(changed("static-ecef", imu=PERFECT, knowledge=TRUE_START), "wander-sins", 2, duration_s=1.0)
 
 
 def slow_car():
@@ -171,11 +173,6 @@ def test_runs_that_diverge_are_left_out_and_said(small, monkeypatch):
     assert np.isfinite(found.whole).all() and not np.array_equal(found.whole, small.whole)
     document = strict(json.dumps(found.document().as_json()))
     assert document["sources"][0]["alone"]["roll_deg"] is None
-
-
-def test_what_has_no_error_is_refused():
-    with pytest.raises(InputError, match="has no source of error"):
-        insenv.budget(changed("static-ecef", imu=PERFECT, knowledge=TRUE_START), "wander-sins", 2, duration_s=1.0)
 
 
 def test_the_command_prints_writes_and_is_json(tmp_path):
