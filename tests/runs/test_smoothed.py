@@ -42,11 +42,6 @@ class Scalars:
     weight: np.ndarray
     left: np.ndarray
 
-    @property
-    def correction(self) -> np.ndarray:
-        """The error state estimated and fed back, (n,)."""
-        return self.left @ self.gain
-
 
 @dataclass(frozen=True)
 class Pass:
@@ -65,10 +60,6 @@ class Pass:
     covariance: np.ndarray
     scalars: Sequence[Scalars]
 
-    def predicted(self, k: int) -> np.ndarray:
-        """Covariance at instant k before its measurements."""
-        return self.transition[k] @ self.covariance[k - 1] @ self.transition[k].T + self.noise[k]
-
 
 def rts(run: Pass) -> tuple[np.ndarray, np.ndarray]:
     """Smoothed error states (K, n) about the fed-back states, and their covariances (K, n, n).
@@ -79,12 +70,13 @@ def rts(run: Pass) -> tuple[np.ndarray, np.ndarray]:
     state, covariance = np.zeros(run.covariance.shape[-1]), run.covariance[-1]
     states[-1], covariances[-1] = state, covariance
     for k in reversed(range(len(run.covariance) - 1)):
-        predicted, P = run.predicted(k + 1), run.covariance[k]
+        Phi, P, scalars = run.transition[k + 1], run.covariance[k], run.scalars[k + 1]
+        predicted = Phi @ P @ Phi.T + run.noise[k + 1]
         scale = np.sqrt(np.diag(predicted))
-        solved = np.linalg.solve(predicted / np.outer(scale, scale), (run.transition[k + 1] @ P) / scale[:, None])
+        solved = np.linalg.solve(predicted / np.outer(scale, scale), (Phi @ P) / scale[:, None])
         gain = (solved / scale[:, None]).T
         # the smoothed state at k + 1 less the predicted one: beyond the fed-back state, and the jump to that
-        state = gain @ (state + run.scalars[k + 1].correction)
+        state = gain @ (state + scalars.left @ scalars.gain)
         covariance = P + gain @ (covariance - predicted) @ gain.T
         states[k], covariances[k] = state, covariance
     return states, covariances
