@@ -102,7 +102,7 @@ def case(label: str, model: Model, parameters: Vector, inputs: Vector) -> Case:
 
 
 @cache
-def drive(name: str, left_out: tuple[str, ...] = ()) -> tuple[Plant, tuple[Case, ...]]:
+def drive(name: str, *left_out: str) -> tuple[Plant, tuple[Case, ...]]:
     """The plant of a line of the table, and the cases of the plant and its estimators, but for those left out."""
     rate, duration, ids = TABLE[name]
     scenario = load(name).model_copy(update={"rate_hz": rate})
@@ -132,7 +132,7 @@ def test_native_code_at_any_level_of_optimisation(monkeypatch, name, left_out, l
     monkeypatch.setenv("INSENV_OPTIMIZATION", level)
     for id in left_out:
         native_source(registered()[id].model)  # which refuses operations that are not exactly rounded
-    for one in drive(name, left_out)[1]:
+    for one in drive(name, *left_out)[1]:
         runner = NativeRunner(one.model, one.parameters)
         assert runner.run(len(one.inputs), one.inputs).tobytes() == one.shown.tobytes(), one.label
         for step in one.forced:
