@@ -85,12 +85,8 @@ def test_a_fixed_bias_falls_freely():
         insenv.budget(changed("static-ecef", imu=PERFECT, knowledge=TRUE_START), "wander-sins", 2, duration_s=1.0)
 
 
-def slow_car():
-    return changed("car-city-drive", rate_hz=50.0, vehicle={"engine": []})
-
-
 def test_all_sources_are_the_runs_of_the_seeds():
-    scenario = slow_car()
+    scenario = changed("car-city-drive", rate_hz=100.0)
     found = insenv.budget(scenario, "loosely-coupled", 2, seed=7, duration_s=1.5)
     results = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=1.5).results[0] for seed in (7, 8)]
     at = np.searchsorted(results[0].time, found.time - 1e-9)
@@ -148,7 +144,7 @@ def test_a_sensor_of_another_package_is_part_of_the_method(monkeypatch):
         patched = lambda scenario: tuple(unknown["gnss"] if s.id == "gnss" else s for s in real(scenario))  # noqa: E731
         monkeypatch.setattr(module, "sensors_of", patched)
     settings = {"loosely-coupled": {"rotation_error": 0.0}}
-    found = insenv.budget(slow_car(), "loosely-coupled", 2, duration_s=3.0, settings=settings)
+    found = insenv.budget(changed("car-city-drive", rate_hz=100.0), "loosely-coupled", 2, duration_s=3.0, settings=settings)
     assert any(note.startswith("rotation_error = 0 mrad is set") for note in found.notes)
     assert not any(name.startswith("GNSS") for name in found.sources)
     assert any("the errors of gnss are not known" in note for note in found.notes)
