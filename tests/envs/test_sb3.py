@@ -48,14 +48,9 @@ def trained(example, figure, folder, *arguments):
     """Run a training example, check its figure, and return what it printed."""
     peers.package("stable_baselines3", HOW)
     environment = {name: value for name, value in os.environ.items() if name != "INSENV_BACKEND"}
-    done = subprocess.run(
-        [sys.executable, ROOT / "examples" / f"{example}.py", *arguments, "--out", "figure"],
-        cwd=folder,
-        env={**environment, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=3000,
-    )
+    environment["PYTHONPATH"] = str(ROOT)
+    command = [sys.executable, ROOT / "examples" / f"{example}.py", *arguments, "--out", "figure"]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=3000)
     assert done.returncode == 0, done.stderr
     assert (folder / "figure" / figure).stat().st_size > 10_000
     return done.stdout
