@@ -62,8 +62,8 @@ TARGETS = (
         "statistics, all interfaces on all models",
         pytest=(*SIDE_BY_SIDE, "-m", "slow", *(f"--ignore={path}" for path in NAMED)),
     ),
-    Target("fmu", "FMUs: all models, platforms, importers", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/fmu")),
-    Target("mavlink", "streams: MAVProxy, tshark, floods", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/mavlink")),
+    Target("fmu", "FMUs: all models, platforms", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/fmu")),
+    Target("mavlink", "streams: MAVSDK, MAVProxy, flat memory", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/mavlink")),
     Target("web", "pages in Chromium and Node, TypeScript", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/web")),
     Target(
         "pages",
@@ -98,7 +98,6 @@ TARGETS = (
 PACKAGES = {
     "chromium": "chromium",
     "chromedriver": "chromium-driver",
-    "tshark": "tshark",
     "node": "nodejs",
     "qemu-aarch64": "qemu-user",
     "aarch64-linux-gnu-gcc": "gcc-aarch64-linux-gnu",
