@@ -63,7 +63,7 @@ TARGETS = (
         pytest=(*SIDE_BY_SIDE, "-m", "slow", *(f"--ignore={path}" for path in NAMED)),
     ),
     Target("fmu", "FMUs: all models, platforms", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/fmu")),
-    Target("mavlink", "streams: MAVSDK, MAVProxy, flat memory", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/mavlink")),
+    Target("mavlink", "streams: MAVProxy, tshark, floods", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/mavlink")),
     Target("web", "pages in Chromium and Node, TypeScript", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/web")),
     Target(
         "pages",
@@ -98,6 +98,7 @@ TARGETS = (
 PACKAGES = {
     "chromium": "chromium",
     "chromedriver": "chromium-driver",
+    "tshark": "tshark",
     "node": "nodejs",
     "qemu-aarch64": "qemu-user",
     "aarch64-linux-gnu-gcc": "gcc-aarch64-linux-gnu",

@@ -1,19 +1,22 @@
-"""What programs of others make of the stream: MAVSDK discovers and reads; MAVProxy links up."""
+"""What programs of others make of the stream: MAVSDK discovers and reads; MAVProxy links up; tshark reads a log."""
 
 import json
 import os
 import re
 import signal
+import struct
 import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from pathlib import Path
 
 import pytest
-from command_line import ROOT, strict
-from peers import lacking, package
-from streamed_vehicle import PROGRAM, SILENT, free_port
+from command_line import ROOT, call, strict
+from peers import lacking, package, program
+from pymavlink.dialects.v20 import common
+from streamed_vehicle import PROGRAM, SILENT, free_port, records
 
 from insenv.mavlink import Vehicle
 from insenv.scenario import load
@@ -102,3 +105,56 @@ def test_mavproxy_links_up_reads_all_parameters_and_lists_waypoints(tmp_path):
         _, err = vehicle.communicate(timeout=30)
     assert lost == "0" and vehicle.returncode == 0, err
     assert received == len(Vehicle(load("car-city-drive")).parameters)
+
+
+LINKTYPE_IPV4 = 228
+PORT = 14550  # of the dissector
+FIELDS = ("sequence", "crc", "msgid", "rawpayload", "rawheader")
+
+
+def capture(frames):
+    """The frames as a capture of UDP datagrams over IPv4."""
+    parts = [struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, LINKTYPE_IPV4)]
+    for time_us, frame in frames:
+        udp = struct.pack(">HHHH", PORT + 1, PORT, 8 + len(frame), 0) + frame
+        place = bytes((127, 0, 0, 1))
+        packet = struct.pack(">BBHHHBBH4s4s", 0x45, 0, 20 + len(udp), 0, 0, 64, 17, 0, place, place) + udp
+        parts += [struct.pack("<IIII", *divmod(time_us, 10**6), len(packet), len(packet)), packet]
+    return b"".join(parts)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """A log of 6 s, and how many messages of each kind were sent or recorded: it begins with all parameters."""
+    log = tmp_path_factory.mktemp("flight") / "flight.tlog"
+    arguments = ("--to", "udpout:127.0.0.1:9", "--speed", 0, "--duration", 6, "--tlog", log, "--json")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("INSENV_BACKEND", "interpreter")
+        sent = Counter(strict(call("stream", "car-city-drive", *arguments)[1])["sent"])
+    return log, sent + Counter(PARAM_VALUE=len(Vehicle(load("car-city-drive")).parameters))
+
+
+@pytest.mark.slow
+def test_tshark_decodes_a_whole_log(flight, tmp_path):
+    """With the dissector that pymavlink generates."""
+    tshark, dissector = program("tshark", how="Debian: tshark"), tmp_path / "mavlink.lua"
+    log, recorded = flight
+    frames = list(records(log))
+    (tmp_path / "flight.pcap").write_bytes(capture(frames))
+    definitions = Path(common.__file__).with_suffix(".xml")
+    generate = ["-m", "pymavlink.tools.mavgen", "--no-validate", "--lang", "WLua", "--wire-protocol", "2.0", "-o", dissector]
+    subprocess.run([sys.executable, *generate, definitions], check=True, capture_output=True, timeout=120)
+    shown = subprocess.run(
+        [tshark, "-r", tmp_path / "flight.pcap", "-X", f"lua_script:{dissector}", "-Y", "mavlink_proto", "-T", "fields"]
+        + [word for name in FIELDS for word in ("-e", f"mavlink_proto.{name}")],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    rows = [dict(zip(FIELDS, line.split("\t"), strict=True)) for line in shown.stdout.splitlines()]
+    names = {number: kind.msgname for number, kind in common.mavlink_map.items()}
+    assert Counter(names[int(row["msgid"])] for row in rows) == recorded
+    assert [int(row["sequence"]) for row in rows] == [number % 256 for number in range(len(rows))]
+    assert [int(row["crc"], 16) for row in rows] == [int.from_bytes(frame[-2:], "little") for _, frame in frames]
+    assert not any(row["rawpayload"] or row["rawheader"] for row in rows)
