@@ -82,7 +82,7 @@ def test_a_trained_aligner_is_better_than_analytic_on_held_out_seeds(tmp_path):
 
 @pytest.mark.slow
 def test_a_trained_driver_is_as_good_as_the_best_fixed_pattern_on_held_out_seeds(tmp_path):
-    printed = trained("train_manoeuvre", "manoeuvre-curve.png", tmp_path, "--steps", "240000", "--seeds", "128")
+    printed = trained("train_manoeuvre", "manoeuvre-curve.png", tmp_path, "--steps", "400000", "--seeds", "128")
     gain, error = number_after("PPO minus the pattern chosen, seed by seed:", printed)
     assert gain > -2.0 * error, printed
     learnt = number_after("PPO", printed)[0]
