@@ -270,7 +270,7 @@ def test_a_heading_30_deg_off_is_found_while_driving(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     known = {"heading_sigma_deg": 30.0, "heading_error_deg": 30.0}
     scenario = changed("car-unknown-heading", knowledge=known, rate_hz=60.0)
-    found = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=60.0).results[0] for seed in range(300, 304)]
+    found = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=60.0).results[0] for seed in range(300, 308)]
     errors = np.abs([result.errors["heading_deg"][-1] for result in found])
     assert np.median(errors) < 0.4
     assert (errors < 3.5 * np.array([result.sigma["heading_deg"][-1] for result in found])).all()
