@@ -10,7 +10,7 @@ import typer
 
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.output import check_output_file
-from insenv.cli.options import Output, command, given_path
+from insenv.cli.options import Output, command, given_path, out_option
 from insenv.cli.signals import DONE, FAILED
 
 
@@ -20,14 +20,7 @@ class DescriptionOutput(Output):
 
     out: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(
-            "--out",
-            "--output",
-            "-o",
-            parser=given_path,
-            metavar="LOG.toml",
-            help="The description to write; without it nothing is written or run.",
-        ),
+        out_option("LOG.toml", "Write the description to this file and run fusion on it; otherwise only print what is found."),
     ] = None
     run_out: Annotated[
         Optional[Path],  # noqa: UP045

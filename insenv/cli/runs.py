@@ -26,7 +26,7 @@ from insenv.cli.options import (
     changed_scenario,
     command,
     each_once,
-    given_path,
+    out_option,
 )
 from insenv.cli.signals import DONE, FAILED
 
@@ -214,7 +214,7 @@ def page(
     estimators: Estimators = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--output", "--out", "-o", parser=given_path, metavar="X.html", help="File; without it the page opens."),
+        out_option("X.html", "File; without it the page opens."),
     ] = None,
     seed: Seed = None,
     duration: Duration = None,

@@ -13,7 +13,7 @@ import typer
 from insenv.base.errors import InputError
 from insenv.cli.dashboard import dashboard
 from insenv.cli.lockstep import lockstep as run_lockstep
-from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, given_path, one
+from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, given_path, one, out_option
 from insenv.cli.options import Scenario as ScenarioName
 from insenv.cli.signals import DONE, FAILED
 
@@ -93,14 +93,7 @@ def stream(
     ] = False,
     out: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(
-            "--out",
-            "--output",
-            "-o",
-            parser=given_path,
-            metavar="DIR",
-            help="With --score: write the results there.",
-        ),
+        out_option("DIR", "With --score: write the results there."),
     ] = None,
     as_json: Json = False,
 ) -> int:
