@@ -31,6 +31,7 @@ class DescriptionOutput(Output):
             help="Write the run, its page and its figure there.",
         ),
     ] = None
+    no_figure: Annotated[bool, typer.Option("--no-figure", help="With --run-out: write no figure and no page.")] = False
     no_run: Annotated[bool, typer.Option("--no-run", help="Do not run fusion on the described log.")] = False
 
     def __post_init__(self) -> None:

@@ -32,7 +32,7 @@ from insenv.cli.options import (
 
 @command
 def tune(
-    source: Annotated[str, typer.Argument(metavar="SCENARIO|LOG", help="A scenario, or a recorded log as of `insenv replay`.")],
+    source: Annotated[str, typer.Argument(metavar="SCENARIO|LOG", help="A scenario, or a log that `insenv replay` reads.")],
     estimator: Estimator,
     output: Output,
     keys: Annotated[
