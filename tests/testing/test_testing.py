@@ -23,9 +23,18 @@ DRIVEN = {
     "ship": {},
     "car": {"legs": [{"wait_s": 1}, {"accelerate_to_mps": 5}, {"turn_deg": 90, "radius_m": 10}]},
     "aircraft": {"legs": [{"fly_s": 3}]},
-    "multirotor": {},
-    "turntable": {},
-}
+    "multirotor": {
+        "legs": [{"hover_s": 1}, {"fly_s": 3, "forward_mps": 8.0}, {"turn_deg": 180, "duration_s": 4}],
+        "engine": [{"frequency_hz": 20.0, "roll_deg": 0.01, "pitch_deg": 0.01, "down_m": 1e-5}],
+        "gust_roll_sigma_deg": 1.0, "gust_yaw_sigma_deg": 0.5, "gust_velocity_sigma_mps": 0.3,
+    },
+    "turntable": {
+        "legs": [
+            {"duration_s": 3, "heading_deg": 30, "rate_deg_s": 40}, {"duration_s": 5, "roll_deg": 90, "rate_deg_s": 40},
+            {"duration_s": 10, "pitch_deg": 340, "rate_deg_s": 60},
+        ],
+    },
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])

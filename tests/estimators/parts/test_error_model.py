@@ -260,7 +260,7 @@ def test_what_is_unknown_about_the_vertical_of_the_platform_stays_so():
 def test_a_parked_car_learns_no_heading_from_being_level(monkeypatch, filter):
     """The told attitude is 0.5 deg off level and 3 deg off in heading; zero velocities and fixes level the unit."""
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         (result,) = insenv.run(changed("car-city-drive", rate_hz=60.0), filter, seed=seed, duration_s=31.0).results
         assert result.sigma["heading_deg"][-1] > 0.9 * result.limit_sigma["heading_deg"][-1]
         assert abs(result.errors["heading_deg"][-1]) < 3 * result.sigma["heading_deg"][-1]
@@ -270,7 +270,7 @@ def test_a_heading_30_deg_off_is_found_while_driving(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     known = {"heading_sigma_deg": 30.0, "heading_error_deg": 30.0}
     scenario = changed("car-unknown-heading", knowledge=known, rate_hz=60.0)
-    found = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=60.0).results[0] for seed in range(300, 308)]
+    found = [insenv.run(scenario, "loosely-coupled", seed=seed, duration_s=60.0).results[0] for seed in range(300, 304)]
     errors = np.abs([result.errors["heading_deg"][-1] for result in found])
     assert np.median(errors) < 0.4
     assert (errors < 3.5 * np.array([result.sigma["heading_deg"][-1] for result in found])).all()
