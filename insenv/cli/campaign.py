@@ -39,8 +39,9 @@ def campaign(
         typer.Option("--workers", "--jobs", "-j", metavar="N", help="Use N processes instead of threads."),
     ] = None,
     scheduler: Annotated[
-        Optional[str], typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler, tcp://HOST:PORT.")
-    ] = None,  # noqa: UP045
+        Optional[str],  # noqa: UP045
+        typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler, tcp://HOST:PORT."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue from the results in the folder of --out.")] = False,
     table: Annotated[
         Optional[str],  # noqa: UP045
