@@ -1,4 +1,8 @@
-"""What feeds the inputs of estimators, and what is wrong with an input that does not fit it."""
+"""What feeds the inputs of estimators, and what is wrong with an input that does not fit it.
+
+Inputs are bound by name: one whose name is misspelt would keep its start value, and one in another unit or frame would be taken
+as it comes, both without an error.  `Estimator.check` asks here before a run, and so does the conformance suite.
+"""
 
 from __future__ import annotations
 
