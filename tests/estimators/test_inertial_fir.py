@@ -10,7 +10,7 @@ from scipy.signal import freqz
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get, inertial_fir
-from insenv.estimators.inertial_fir import BLOCK_S
+from insenv.estimators.inertial_fir import BLOCK_S, FILTERS, STRIDES
 from insenv.evaluation.limits import closed_forms as limits
 from insenv.geodesy import OMEGA_IE
 from insenv.scenario.chunks import input_rows
@@ -22,7 +22,7 @@ QUIET = dict.fromkeys(("accel_bias_sigma", "gyro_bias_sigma", "angle_random_walk
 def impulse_response():
     """Of the cascade of low-passes as one filter at the rate of the blocks, (span,)."""
     total = np.ones(1)
-    for h, stride in zip(inertial_fir.FILTERS, inertial_fir.STRIDES, strict=True):
+    for h, stride in zip(FILTERS, STRIDES, strict=True):
         spread = np.zeros((len(h) - 1) * stride + 1)
         spread[::stride] = h
         total = np.convolve(total, spread)
