@@ -8,7 +8,8 @@ import casadi as ca
 import pytest
 from places import ROOT
 
-from insenv import testing
+from insenv import run, testing
+from insenv.base.errors import InputError
 from insenv.base.shipped import ESTIMATORS, SENSORS
 from insenv.base.toml import Number, Section, key
 from insenv.core.tables import Row, Table
@@ -91,6 +92,9 @@ def test_an_estimator_that_breaks_a_promise_is_found(changes, promise):
     broken = replace(whole, model=replace(whole.model, id="broken", **changes))
     with pytest.raises(AssertionError, match=f"'broken'.*{re.escape(promise)}"):
         testing.check_estimator(broken, "static-ecef", compiled=False)
+    if "inputs" in changes:
+        with pytest.raises(InputError, match=f"'broken'.*{re.escape(promise)}"):
+            run("static-ecef", broken, duration_s=2.0)
 
 
 def test_an_estimator_that_runs_on_no_scenario_is_found_with_the_reason():
