@@ -31,16 +31,23 @@ def lockstep(
     duration_s: float | None,
     tlog: Path | None,
     rates: Sequence[str],
+    parameters: Path | None,
     as_json: bool,
 ) -> None:
     """Run in lockstep until the duration is over or an end is requested, and print the counts.
 
     kind: a key of `AUTOPILOTS`.  speed: None is 1 for PX4, which has no pace of its own, and 0 for ArduPilot, which keeps that
-    of its --speedup.
+    of its --speedup.  parameters: where those for ArduPilot are written (`insenv.mavlink.lockstep.ardupilot.PARAMETERS`).
     """
+    from insenv.base.output import atomic, check_output_file
     from insenv.cli.output import is_quiet, print_json, print_line, working
     from insenv.cli.signals import ending, written
+    from insenv.mavlink.lockstep.ardupilot import parameter_file
 
+    if parameters is not None:
+        check_output_file(parameters)
+        with atomic(parameters) as stream:
+            stream.write(parameter_file().encode("ascii"))
     with ending() as request:
         with ExitStack() as stack:
             vehicle, simulator, address = AUTOPILOTS[kind](
@@ -50,7 +57,9 @@ def lockstep(
             if sys.stderr.isatty() and not is_quiet():
                 print_line(f"waiting for {kind} on {address}; Ctrl-C ends", stderr=True)
                 if kind != "px4":
-                    print_line(f"start it with --home={home_option(vehicle)}", stderr=True)
+                    file = "" if parameters is None else f" --defaults {parameters}"
+                    print_line(f"start it with --home={home_option(vehicle)}{file}", stderr=True)
+                    print_line("without --home its vehicle is in Canberra, and nothing says so", stderr=True)
             total = None if duration_s is None else max(1, round(duration_s / vehicle.simulation.interval))
             begun = time.monotonic()
             request.orderly = True

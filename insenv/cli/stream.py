@@ -86,6 +86,14 @@ def stream(
         Optional[Lockstep],  # noqa: UP045
         typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
     ] = None,
+    write_parameters: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            parser=given_path,
+            metavar="FILE",
+            help="With --lockstep ardupilot-json: write parameters with which ArduPilot adds no sensor errors of its own.",
+        ),
+    ] = None,
     settings: Settings = None,
     score: Annotated[
         bool,
@@ -109,6 +117,8 @@ def stream(
 
     addresses, rates = to or [], rate or []
     _check_addresses(addresses)
+    if write_parameters is not None and lockstep is not Lockstep.ardupilot_json:
+        raise InputError("--write-parameters: allowed with --lockstep ardupilot-json")
     if lockstep is not None:
         if signing_key_file is not None:
             raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
@@ -130,7 +140,7 @@ def stream(
     if lockstep is not None:
         run_lockstep(
             loaded, id, kind=lockstep.value, to=addresses[0] if addresses else None, seed=seed, speed=speed,
-            duration_s=duration, tlog=tlog, rates=rates, as_json=as_json,
+            duration_s=duration, tlog=tlog, rates=rates, parameters=write_parameters, as_json=as_json,
         )  # fmt: skip
         return DONE
     chosen = parse_rates(rates, loaded.rate_hz)

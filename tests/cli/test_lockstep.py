@@ -28,8 +28,8 @@ def test_px4(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
-def test_ardupilot_until_a_signal_ends_the_wait_for_it():
-    port, times = free_port(), []
+def test_ardupilot_until_a_signal_ends_the_wait_for_it(tmp_path):
+    port, times, file = free_port(), [], tmp_path / "good-unit.parm"
 
     def fly():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
@@ -45,13 +45,14 @@ def test_ardupilot_until_a_signal_ends_the_wait_for_it():
     handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         threading.Thread(target=fly, daemon=True).start()
-        arguments = ("--lockstep", "ardupilot-json", "--to", f"udpin:127.0.0.1:{port}", "--json")
+        arguments = ("--lockstep", "ardupilot-json", "--to", f"udpin:127.0.0.1:{port}", "--json", "--write-parameters", file)
         status, out, err = call("stream", "car-city-drive", *arguments)
     finally:
         signal.signal(signal.SIGTERM, handler)
     found = strict(out)
     assert (status, err) == (0, "") and found["interrupted"] is True and found["progress"]["steps"] == 200
     np.testing.assert_allclose(times, np.arange(1, 201) * 0.005, atol=1e-9)
+    assert "SIM_DRIFT_SPEED 0\n" in file.read_text() and "INS_ACCSCAL_Z 1\n" in file.read_text()
 
 
 def test_home_as_ardupilot_takes_it():

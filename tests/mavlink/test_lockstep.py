@@ -12,11 +12,12 @@ from autopilots import Px4StandIn, exchange, servo_frame
 from pymavlink.dialects.v20 import common as m
 from streamed_vehicle import Clock, wait_for
 
+from insenv import geodesy
 from insenv.base.errors import InputError
 from insenv.mavlink import Vehicle
 from insenv.mavlink.commands import answers
 from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_messages, px4_rates, steering
-from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
+from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, on_map, unpack
 from insenv.mavlink.lockstep.px4 import COMPONENT, Cadence
 from insenv.scenario import load
 
@@ -172,7 +173,7 @@ STILL = Motion(
     time=0.0,
     rate_ib_b=np.array([0.1, -0.2, 0.3]),
     specific_force_b=np.array([0.0, 0.0, -9.80665]),
-    position_n=np.array([1.0, 2.0, -3.0]),
+    position=np.array([1.0, 2.0, -3.0]),
     velocity_n=np.array([0.5, 0.0, 0.25]),
     q_nb=np.array([1.0, 0.0, 0.0, 0.0]),
 )
@@ -227,9 +228,11 @@ def test_ardupilot_gets_one_answer_per_frame(sockets):
             "quaternion": [1.0, 0.0, 0.0, 0.0],
         }
         assert exchange(link, 500, [1500] * 31 + [1900])["timestamp"] == pytest.approx(501 * INTERVAL)
-    assert taken[0].values == (0.0, -1.0, 1.0, -0.5, *[0.0] * 12)
+        exchange(link, 501, [0] * 16)
+    assert taken[0].values == (0.0, -1.0, 1.0, -0.5, *[0.0] * 12) and taken[0].armed
+    assert not taken.pop().armed  # no signal is no command: the script drives on
     assert len(taken[-1].values) == 32 and taken[-1].values[31] == pytest.approx(0.8)
-    assert simulator.progress.answers == 501
+    assert simulator.progress.answers == 502
 
 
 def test_ardupilot_repeated_and_lost_frames_and_a_restart(sockets):
@@ -267,11 +270,32 @@ def test_a_restarted_ardupilot_is_taken_at_once(sockets):
         times(first, 5)
         np.testing.assert_allclose(times(second, 0, 1, 2), [7, 8, 9], atol=1e-9)
         assert simulator.progress.connections == 2 and simulator.progress.refused == 1
+    simulator = ArduPilotLockstep(still(), address=UDP, clock=Clock(0.0))
+    with running(simulator) as port:
+        for restarts in (1, 2):  # after its first frame alone
+            assert times(sockets(to=port), 0) == pytest.approx([restarts]) and simulator.progress.connections == restarts
+
+
+@pytest.mark.parametrize("distance", [500.0, 1400.0, 10e3, 100e3])
+def test_ardupilot_finds_each_place_again_on_its_map(distance):
+    """By `Location::offset_latlng` in the integers and single precision that ArduPilot has."""
+    home, degree = (np.radians(47.3), np.radians(179.9), 400.0), 1e-7 * np.pi / 180.0
+    for azimuth in np.radians(range(0, 360, 45)):
+        latitude = home[0] + distance * np.cos(azimuth) / 6.37e6
+        place = latitude, home[1] + distance * np.sin(azimuth) / 6.39e6 / np.cos(home[0]), 250.0
+        north, east, down = on_map(place, home)
+        first, turn = round(home[0] / degree), int(north / 0.011131884502145034)
+        scale = max(np.cos(np.float32((first + turn // 2) * degree)), np.float32(0.01))
+        found = first + turn, round(home[1] / degree) + int(east / 0.011131884502145034 / scale)
+        assert np.abs((np.array(found) - np.array(place[:2]) / degree + 1.8e9) % 3.6e9 - 1.8e9).max() < 2.0 + 1e-6 * distance
+        assert home[2] - down == pytest.approx(250.0)
+        flat = np.ravel(geodesy.numeric.ned_offset(*place, *home))
+        assert np.hypot(*(flat - on_map(place, home))[:2]) > 9e-4 * distance  # a tangent plane is another map
 
 
 def test_ardupilot_gets_the_vehicle_in_finite_numbers(sockets):
     with pytest.raises(ValueError, match="Out of range"):
-        answer(replace(STILL, position_n=np.array([math.nan, 0.0, 0.0])))
+        answer(replace(STILL, position=np.array([math.nan, 0.0, 0.0])))
     car = Vehicle(load("car-city-drive"), rates=dict.fromkeys(px4_rates(200.0), 0.0))
     truth = car.simulation.truth
     with running(ArduPilotLockstep(moving(car), address=UDP)) as port:

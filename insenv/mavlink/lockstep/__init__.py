@@ -1,7 +1,7 @@
 """Lockstep with an autopilot: one simulated sample for each of its answers."""
 
-from insenv.mavlink.lockstep.ardupilot import ArduPilotLockstep
-from insenv.mavlink.lockstep.contract import Controls, Motion, Progress, moving, steering
+from insenv.mavlink.lockstep.ardupilot import ArduPilotLockstep, Motion, moving
+from insenv.mavlink.lockstep.contract import Controls, Progress, steering
 from insenv.mavlink.lockstep.px4 import Px4Lockstep, px4_messages, px4_rates
 
 __all__ = [

@@ -6,7 +6,7 @@ of JSON.
 A frame, little-endian: magic 18458, requested rate (Hz), frame number and 16 pulse widths (us); or magic 29569 and 32
 pulse widths.  The number reveals a repeated frame (ArduPilot received nothing for 1 s, older versions 10 s: the answer
 is repeated without a step) and a restarted autopilot.  The requested rate is not followed: the step is the scenario's
-sample interval, as the time stamp of the answer shows.
+sample interval, as the time stamp of the answer shows.  A pulse width of 0 is no signal.
 https://github.com/ArduPilot/ardupilot/tree/master/libraries/SITL/examples/JSON
 """
 
@@ -17,13 +17,18 @@ import select
 import socket
 import struct
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import cos, pi
 from typing import Any
 
+import numpy as np
+
 from insenv.base.errors import InputError
-from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, Motion, Move, ignore
+from insenv.core.tables import Vector
+from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, ignore
 from insenv.mavlink.stream import Pacer, Stop
+from insenv.mavlink.vehicle import Vehicle
 from insenv.mavlink.wire.link import Clock, parse_address, resolve
 
 CHANNELS = (1, 0, 2, 3)
@@ -38,6 +43,77 @@ SILENT_S = 15.0
 MAX_FIRST_NUMBER = 1
 """Largest number of a first frame: ArduPilot counts from 0, and on with each answer."""
 READS_PER_TURN = 256
+MAP_RADIUS = 0.011131884502145034e7 * 180.0 / pi
+"""Radius (m) of the sphere on which ArduPilot draws north and east (`LOCATION_SCALING_FACTOR`, metres per 1e-7 deg)."""
+LEAST_COSINE = 0.01
+PARAMETERS = {
+    "SIM_DRIFT_SPEED": 0.0,
+    "SIM_GYR1_RND": 0.0,
+    "SIM_ACC1_RND": 0.0,
+    **{f"INS_{name}_{axis}": value for name, value in (("ACCOFFS", 1e-5), ("ACCSCAL", 1.0)) for axis in "XYZ"},
+}
+"""With which ArduPilot's simulation adds nothing to the inertial unit's own errors: no drift, no noise, no calibration.
+
+An offset of exactly 0 counts as not calibrated and forbids arming: 1e-5 m/s^2 is a micro-g.
+"""
+
+
+def parameter_file() -> str:
+    """`PARAMETERS` as ``--add-param-file`` of ArduPilot's `sim_vehicle.py` and ``--defaults`` of its program read them."""
+    return "".join(f"{name} {value:g}\n" for name, value in PARAMETERS.items())
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The motion of a vehicle at the end of a sample.
+
+    time: simulation clock (s).  rate_ib_b (3, rad/s), specific_force_b (3, m/s^2): measured means over the sample.
+    position: true position from home on ArduPilot's map (3, m), see `on_map`.  velocity_n: true velocity (3, m/s).
+    q_nb: true attitude (4).
+    """
+
+    time: float
+    rate_ib_b: Vector
+    specific_force_b: Vector
+    position: Vector
+    velocity_n: Vector
+    q_nb: Vector
+
+
+Move = Callable[[], Motion]
+"""Advances by one sample and returns the motion at its end."""
+
+
+def on_map(place: Sequence[float], home: Sequence[float]) -> Vector:
+    """North, east and down (3, m) from home from which ArduPilot finds a place again: latitude, longitude (rad), height (m).
+
+    ArduPilot turns metres into degrees on a sphere, east by the cosine of the mean latitude (`Location::offset_latlng`), and
+    height into down by a difference (`Aircraft::update_position`).  A tangent plane would be on another place of this map: by
+    0.9 m at 0.5 km, 12 to 21 m at 10 km.
+    """
+    middle = 0.5 * (place[0] + home[0])
+    east = (place[1] - home[1] + pi) % (2.0 * pi) - pi
+    return np.array([MAP_RADIUS * (place[0] - home[0]), MAP_RADIUS * max(cos(middle), LEAST_COSINE) * east, home[2] - place[2]])
+
+
+def moving(vehicle: Vehicle) -> Move:
+    """The steps of a vehicle as its motion from home; its messages are discarded."""
+    simulation = vehicle.simulation
+
+    def step() -> Motion:
+        vehicle.step()
+        truth, increment = simulation.truth, simulation.last_increment
+        place = [float(truth[name]) for name in ("latitude", "longitude", "height")]
+        return Motion(
+            time=simulation.time,
+            rate_ib_b=increment[:3] / simulation.interval,
+            specific_force_b=increment[3:] / simulation.interval,
+            position=on_map(place, vehicle.view.home),
+            velocity_n=np.array(truth["velocity_n"]),
+            q_nb=np.array(truth["q_nb"]),
+        )
+
+    return step
 
 
 def unpack(datagram: bytes) -> tuple[int, tuple[int, ...]] | None:
@@ -52,11 +128,11 @@ def unpack(datagram: bytes) -> tuple[int, tuple[int, ...]] | None:
 
 
 def answer(motion: Motion) -> bytes:
-    """The line of JSON with the vehicle's state: SI, body axes FRD, NED from the origin, quaternion scalar first."""
+    """The line of JSON with the vehicle's state: SI, body axes FRD, NED from home, quaternion scalar first."""
     state = {
         "timestamp": motion.time,
         "imu": {"gyro": motion.rate_ib_b.tolist(), "accel_body": motion.specific_force_b.tolist()},
-        "position": motion.position_n.tolist(),
+        "position": motion.position.tolist(),
         "velocity": motion.velocity_n.tolist(),
         "quaternion": motion.q_nb.tolist(),
     }
@@ -67,10 +143,10 @@ class ArduPilotLockstep(Lockstep):
     """The simulator's side.
 
     move: the vehicle.  act: receives the outputs before each step: (pulse - 1500) / 500 by channel, 0 without a
-    pulse.  ArduPilot sends no arming state, so outputs count as armed.  There is one autopilot at a time: frames of
-    others are refused until it has been silent for 15 s, unless their numbers start over, as those of a restarted
-    autopilot do.  interval: of a sample (s), for speed: simulated seconds per second at most; 0: as fast as ArduPilot
-    asks.  Raises `InputError` for a wrong address, or a speed without an interval.
+    pulse.  ArduPilot sends no arming state, so outputs count as armed as soon as a channel has a pulse.  There is one
+    autopilot at a time: frames of others are refused until it has been silent for 15 s, unless their numbers start over,
+    as those of a restarted autopilot do.  interval: of a sample (s), for speed: simulated seconds per second at most;
+    0: as fast as ArduPilot asks.  Raises `InputError` for a wrong address, or a speed without an interval.
     """
 
     def __init__(
@@ -134,7 +210,7 @@ class ArduPilotLockstep(Lockstep):
     def _is_peer(self, source: Any, number: int) -> bool:
         now = self._clock()
         if source != self._peer:
-            restarted = number <= MAX_FIRST_NUMBER and self._number is not None and number < self._number
+            restarted = number <= MAX_FIRST_NUMBER and self._number is not None and number <= self._number
             if self._peer is not None and now - self._heard <= SILENT_S and not restarted:
                 return False
             self._peer, self._number = source, None
@@ -155,7 +231,7 @@ class ArduPilotLockstep(Lockstep):
         self._pacer.wait(lambda: True)
         values = tuple((pulse - CENTRE_US) / REACH_US if pulse else 0.0 for pulse in pulses)
         self.progress.answers += 1
-        self._act(Controls(self._time, values, armed=True))
+        self._act(Controls(self._time, values, armed=any(pulses)))
         motion = self._move()
         self.progress.steps += 1
         self._time, self._answer = motion.time, answer(motion)

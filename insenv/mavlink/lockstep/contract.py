@@ -1,4 +1,4 @@
-"""What the two lockstep protocols share: the loop, its counts, the vehicle's motion and the autopilot's outputs.
+"""What the two lockstep protocols share: the loop, its counts and the autopilot's outputs.
 
 The simulation advances by one sample, and the autopilot answers with its outputs.
 """
@@ -10,10 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-
-from insenv import geodesy
-from insenv.core.tables import Vector
 from insenv.mavlink.stream import Stop, never
 from insenv.mavlink.vehicle import FULL, Vehicle
 
@@ -31,23 +27,6 @@ class Controls:
     time: float
     values: tuple[float, ...]
     armed: bool
-
-
-@dataclass(frozen=True)
-class Motion:
-    """The motion of a vehicle at the end of a sample.
-
-    time: simulation clock (s).  rate_ib_b (3, rad/s), specific_force_b (3, m/s^2): measured means over the sample.
-    position_n: true position relative to the origin (3, m).  velocity_n: true velocity (3, m/s).  q_nb: true attitude
-    (4).
-    """
-
-    time: float
-    rate_ib_b: Vector
-    specific_force_b: Vector
-    position_n: Vector
-    velocity_n: Vector
-    q_nb: Vector
 
 
 @dataclass
@@ -72,8 +51,6 @@ class Progress:
 
 Act = Callable[[Controls], None]
 """Receives an autopilot's outputs, before the next step."""
-Move = Callable[[], Motion]
-"""Advances by one sample and returns the motion at its end."""
 
 
 def ignore(_: Controls) -> None:
@@ -106,26 +83,6 @@ class Lockstep(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def moving(vehicle: Vehicle) -> Move:
-    """The steps of a vehicle as its motion relative to home; its messages are discarded."""
-    simulation = vehicle.simulation
-
-    def step() -> Motion:
-        vehicle.step()
-        truth, increment = simulation.truth, simulation.last_increment
-        place = truth["latitude"], truth["longitude"], truth["height"]
-        return Motion(
-            time=simulation.time,
-            rate_ib_b=increment[:3] / simulation.interval,
-            specific_force_b=increment[3:] / simulation.interval,
-            position_n=np.array(geodesy.numeric.ned_offset(*place, *vehicle.view.home)),
-            velocity_n=np.array(truth["velocity_n"]),
-            q_nb=np.array(truth["q_nb"]),
-        )
-
-    return step
 
 
 def steering(vehicle: Vehicle, channels: tuple[int, int, int, int]) -> Act:
