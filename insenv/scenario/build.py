@@ -96,7 +96,10 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     }
     place = Place(rows["start_latitude"], rows["start_longitude"], rows["start_height"])
     for id, section in scenario.sensors.items():
-        rows |= _checked(f"sensor {id!r}", partial(section.rows_at, scenario.rate_hz, place), model.parameters)
+        try:
+            rows |= _checked(f"sensor {id!r}", partial(section.rows_at, scenario.rate_hz, place), model.parameters)
+        except InputError as error:
+            raise InputError(f"{error}{_fitting_rate(scenario)}") from None
     for row in vehicle.parameters:
         if row.name not in rows and not row.flat_start().any():
             raise InputError(
@@ -110,6 +113,28 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     model.parameters.pack(rows)
     commanded(model, scenario.commands, scenario.rate_hz)
     return model, rows
+
+
+SEARCHED_HZ = 1000
+
+
+def _fitting_rate(scenario: Scenario) -> str:
+    """What a message adds: the nearest rate, in whole Hz, that the times of all sensors fit; empty if none is near."""
+
+    def fits(rate: int) -> bool:
+        try:
+            for section in scenario.sensors.values():
+                section.rows(rate)
+        except InputError:
+            return False
+        return True
+
+    asked = round(scenario.rate_hz)
+    for apart in range(1, SEARCHED_HZ):
+        for rate in (asked + apart, asked - apart):
+            if rate >= 1 and fits(rate):
+                return f"; the nearest rate_hz that the times of all sensors fit is {rate}"
+    return ""
 
 
 def _checked(where: str, rows: Callable[[], Any], table: Table) -> Mapping[str, Any]:
