@@ -68,7 +68,7 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
             CAR,
             "rate_hz = 200.0",
             "rate_hz = 50.0",
-            "of 0.02 s, 0 or more; the nearest rate_hz that the times of all sensors fit is 60",
+            "the nearest rate_hz that the times of all sensors fit is 60",
         ),
         (CAR, "latency_s = 0.05", "latency_s = 1.0", "gnss.latency_s = 1 s: allowed is less than gnss.interval_s"),
         (CAR, "epoch_offset_s = 0.002", "epoch_offset_s = 0.006", "gnss.epoch_offset_s = 0.006 s"),
