@@ -351,7 +351,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "docs/json.md": {"remarks": remarks_table},
     "docs/estimators/index.md": {"table": estimators_table},
     "docs/write-your-own.md": {
-        name: code_of(f"tests/outside/rail/{path}", language)
+        name: code_of(f"examples/insenv-rail/{path}", language)
         for name, path, language in (
             ("pyproject", "pyproject.toml", "toml"),
             ("estimator", "insenv_rail/ahrs.py", "python"),

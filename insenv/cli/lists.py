@@ -213,7 +213,7 @@ def examples(
     ] = Path("examples"),
     as_json: Json = False,
 ) -> None:
-    """Copy the examples to a folder: scripts, a scenario, recorded logs."""
+    """Copy the examples to a folder: scripts, a scenario, recorded logs, a package of plug-ins."""
     from insenv.base.resources import examples_folder
     from insenv.cli.output import print_answer
 

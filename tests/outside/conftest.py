@@ -19,5 +19,5 @@ def only_here(monkeypatch):
 
 @pytest.fixture
 def rail(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / "tests" / "outside" / "rail")
+    monkeypatch.syspath_prepend(ROOT / "examples" / "insenv-rail")
     return {name: importlib.import_module(f"insenv_rail.{name}") for name in ("ahrs", "trolley", "compass")}

@@ -20,7 +20,7 @@ from insenv.estimators import Drive, registered
 from insenv.estimators.fusion.family import aids_of
 from insenv.sensors.instrument_section import section_of
 
-PACKAGE = ROOT / "tests" / "outside" / "rail"
+PACKAGE = ROOT / "examples" / "insenv-rail"
 CAR = {
     "title": "Car with a compass", "duration_s": 60, "rate_hz": 100,
     "start": {"latitude_deg": 50, "longitude_deg": 8, "height_m": 100},
