@@ -338,7 +338,6 @@ ACTIONS: dict[int, Callable[[Vehicle, Sequence[float]], Result | None]] = {
     510: _get_interval,  # GET_MESSAGE_INTERVAL
     511: _set_interval,  # SET_MESSAGE_INTERVAL: param2 in us; 0 the default, -1 never
     512: _request_message,  # REQUEST_MESSAGE
-    519: lambda vehicle, p: _make(vehicle, "PROTOCOL_VERSION"),  # REQUEST_PROTOCOL_VERSION
     520: lambda vehicle, p: _make(vehicle, "AUTOPILOT_VERSION"),  # REQUEST_AUTOPILOT_CAPABILITIES
     410: lambda vehicle, p: _make(vehicle, "HOME_POSITION"),  # GET_HOME_POSITION
 }

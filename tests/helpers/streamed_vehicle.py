@@ -11,7 +11,6 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.commands import answers
 from insenv.mavlink.messages import DEFAULT_HZ
 from insenv.mavlink.parameters import NEVER
-from insenv.mavlink.wire.frames import DEFINITIONS
 from insenv.scenario import load
 
 PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"
@@ -41,10 +40,9 @@ def sent(name, *values, system=245, component=190):
 
 
 def answered(vehicle, message):
-    """The answers as the client reads them; those that its pymavlink does not know as they are."""
+    """The answers as the client reads them."""
     reader, sender = development.MAVLink(None), common.MAVLink(None, 1, 1)
-    packed = [(m, bytearray(m.pack(sender))) for m in answers(vehicle, message)]
-    return [m if m.get_type() in DEFINITIONS else reader.decode(frame) for m, frame in packed]
+    return [reader.decode(bytearray(m.pack(sender))) for m in answers(vehicle, message)]
 
 
 def command(vehicle, number, *parameters):

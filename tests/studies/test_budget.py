@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from changed_scenario import changed
 from command_line import call, strict
+from interpreted import interpreted  # noqa: F401
 
 import insenv
 from insenv.base.errors import InputError
@@ -31,12 +32,6 @@ TRUE_START = {"draw_errors": False, **dict.fromkeys(("roll_error_deg", "pitch_er
 def small():
     """Four runs of a swaying ship, 2 s at 20 Hz."""
     return insenv.budget(changed("ship-swaying", rate_hz=20.0), "q-method", 4, duration_s=2.0)
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    """All other budgets are short: compiling would take longer."""
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
 
 
 def test_sources_of_a_ship_are_those_of_closed_forms_and_sum_in_variance_to_the_whole(monkeypatch):

@@ -66,7 +66,6 @@ DEFAULT_HZ = {name: message.hz for name, message in STREAMED.items()}
 MESSAGES: dict[str, Content] = {
     **{name: message.values for name, message in STREAMED.items()},
     "AUTOPILOT_VERSION": status.autopilot_version,
-    "PROTOCOL_VERSION": lambda view: (200, 200, 200, [0] * 8, [0] * 8),  # MAVLink 2 only
     "AVAILABLE_MODES": lambda view: status.available_modes(view)[0],
 }
 """Every message that the vehicle can make, by name."""

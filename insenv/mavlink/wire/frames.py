@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import re
-import struct
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import astuple, dataclass
@@ -24,17 +23,6 @@ from typing import Any
 
 from insenv.base.output import cannot_write, check_output_file
 
-Definition = tuple[int, int, str, tuple[tuple[str, str, int], ...]]
-"""Message number, CRC_EXTRA, layout of the payload, and type, name and length (0: no array) of each field."""
-
-DEFINITIONS: dict[str, Definition] = {
-    "PROTOCOL_VERSION": (300, 217, "<3H8B8B", (
-        ("uint16_t", "version", 0), ("uint16_t", "min_version", 0), ("uint16_t", "max_version", 0),
-        ("uint8_t", "spec_version_hash", 8), ("uint8_t", "library_version_hash", 8),
-    )),
-}  # fmt: skip
-"""Messages of the common message set that no module of pymavlink has."""
-
 
 @lru_cache(maxsize=1)
 def dialect() -> Any:
@@ -44,35 +32,9 @@ def dialect() -> Any:
     return development
 
 
-@lru_cache(maxsize=1)
-def defined() -> dict[str, Any]:
-    """The classes of `DEFINITIONS` by name, of the form of those that pymavlink generates."""
-    return {name: _defined(name, *definition) for name, definition in DEFINITIONS.items()}
-
-
-def _defined(name: str, number: int, crc_extra: int, layout: str, fields: tuple[tuple[str, str, int], ...]) -> Any:
-    base, names = dialect().MAVLink_message, [field for _, field, _ in fields]
-
-    def construct(self: Any, *values: Any) -> None:
-        base.__init__(self, number, name)
-        self._fieldnames = names
-        vars(self).update(zip(names, values, strict=True))
-
-    def pack(self: Any, mav: Any, force_mavlink1: bool = False) -> Any:
-        values = [getattr(self, field) for field in names]
-        flat = [item for value in values for item in (value if isinstance(value, (list, tuple)) else (value,))]
-        return self._pack(mav, crc_extra, struct.pack(layout, *flat), force_mavlink1=force_mavlink1)
-
-    return type(name, (base,), {
-        "id": number, "msgname": name, "crc_extra": crc_extra, "fieldnames": names,
-        "fieldtypes": [kind for kind, _, _ in fields], "orders": list(range(len(fields))),
-        "array_lengths": [length for _, _, length in fields], "__init__": construct, "pack": pack,
-    })  # fmt: skip
-
-
 def message_class(name: str) -> Any:
-    """The class of a message by name: pymavlink's, or ours where pymavlink has none.  Raises `KeyError`."""
-    return getattr(dialect(), f"MAVLink_{name.lower()}_message", None) or defined()[name]
+    """The class of a message by name."""
+    return getattr(dialect(), f"MAVLink_{name.lower()}_message")
 
 
 V2 = 0xFD
@@ -133,7 +95,7 @@ def _tools() -> tuple[dict[int, int], Callable[[bytes], int]]:
     """CRC_EXTRA by message number, and the checksum function."""
     from fastcrc import crc16
 
-    kinds = (*defined().values(), *dialect().mavlink_map.values())
+    kinds = dialect().mavlink_map.values()
     return {kind.id: kind.crc_extra for kind in kinds}, crc16.mcrf4xx
 
 
