@@ -2,19 +2,20 @@
 
 import { h } from "./dom.js";
 import { between } from "./history.js";
-import { roundDown } from "./numbers.js";
+import { roundUp } from "./numbers.js";
 import { timePlot } from "./timeplot.js";
 
 const AT_ONCE = 2;
 
-/** Up to which error the scale of a channel is about linear: some limits of its settled part; null without a limit.
+/** Up to which error the scale of a channel is linear: about what an optimal estimator ends with, two of the limits of the last
+ * quarter; null without a limit.
  * @param {any} live
  * @param {string} channel */
 export function thresholdOf(live, channel) {
   const limit = live.limit?.sigma[channel];
   if (!limit) return null;
-  const settled = Math.max(...limit.slice(Math.floor(limit.length / 4)));
-  return settled > 0 ? roundDown(4 * settled) : null;
+  const settled = Math.max(...limit.slice(Math.floor((3 * limit.length) / 4)));
+  return settled > 0 ? roundUp(2 * settled) : null;
 }
 
 /**

@@ -80,6 +80,13 @@ export function roundDown(value) {
   return step * power;
 }
 
+/** The smallest of 1, 2, 5, 10, ... that is not below `value`.
+ * @param {number} value */
+export function roundUp(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return ([1, 2, 5].find((one) => value <= one * power * (1 + 1e-9)) ?? 10) * power;
+}
+
 /** Round values from `low` to `high`, about `count` of them.
  * @param {number} low
  * @param {number} high

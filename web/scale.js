@@ -2,6 +2,25 @@
 
 import { roundDown, ticks } from "./numbers.js";
 
+/** Powers of ten that the linear part of a logarithmic scale takes at each side of 0, as in figures (insenv/report/figures.py):
+ * a `linscale` of 1.3 there. */
+const LINEAR = 1.3 / (1 - 1 / 10);
+
+/** A scale that is linear up to a threshold, logarithmic beyond it: to places, and back to values.
+ * @param {number} threshold */
+export function symlog(threshold) {
+  return {
+    fwd: (/** @type {number} */ value) => {
+      const size = Math.abs(value) / threshold;
+      return Math.sign(value) * (size <= 1 ? LINEAR * size : LINEAR + Math.log10(size));
+    },
+    bwd: (/** @type {number} */ place) => {
+      const size = Math.abs(place);
+      return Math.sign(place) * threshold * (size <= LINEAR ? size / LINEAR : 10 ** (size - LINEAR));
+    },
+  };
+}
+
 /**
  * The range of the values shown.
  * @param {{y: (number | null)[], kind: string}[]} shown  curves: "line", "points" and "crosses" count fully, "limit" (plus and

@@ -73,6 +73,11 @@ export function themeButton() {
     apply();
   });
   system.addEventListener("change", apply);
+  addEventListener("beforeprint", () => {
+    document.documentElement.dataset.theme = "light"; // paper is white
+    changed();
+  });
+  addEventListener("afterprint", apply);
   apply();
   return element;
 }

@@ -3,7 +3,7 @@
 import { columns, layout, ranged } from "./curves.js";
 import { h, onceAFrame } from "./dom.js";
 import { minus, number, tick, ticks } from "./numbers.js";
-import { marks, rangeOf } from "./scale.js";
+import { marks, rangeOf, symlog } from "./scale.js";
 import { TIME, along } from "./span.js";
 import { colour, groupColour, onTheme } from "./theme.js";
 
@@ -33,8 +33,6 @@ const SYNC = "time";
 const KEYS = "Drag or press plus and minus to zoom, arrow keys to move, 0 for the whole run.";
 const LABEL = 13; // px from one label of the vertical axis to the next
 const HEIGHT = 184;
-/** Part of the threshold up to which the scale is about linear: the settled errors then fill a third of a panel. */
-const BEND = 0.5;
 
 /**
  * @param {Panel} panel
@@ -60,7 +58,7 @@ export function timePlot(panel, span, names, axis = TIME) {
     return [panel.positive ? 0 : low, panel.most ?? high];
   };
   const threshold = panel.threshold;
-  const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 4, asinh: BEND * threshold };
+  const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 100, ...symlog(threshold) };
   const plot = new uPlot(
     {
       width: 300,
@@ -167,7 +165,7 @@ function background(u, panel) {
   if (panel.from_s !== null) block(panel.from_s, u.scales.x.max, colour("statistics"));
   for (const [from, to] of panel.shade) block(from, Math.min(to, u.scales.x.max), colour("outage"));
   if (panel.threshold !== null && u.scales.y.max > panel.threshold) {
-    const [top, bottom] = [u.valToPos(BEND * panel.threshold, "y", true), u.valToPos(-BEND * panel.threshold, "y", true)];
+    const [top, bottom] = [u.valToPos(panel.threshold, "y", true), u.valToPos(-panel.threshold, "y", true)];
     ctx.fillStyle = colour("linear");
     ctx.fillRect(bbox.left, top, bbox.width, bottom - top);
   }

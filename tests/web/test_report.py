@@ -7,6 +7,7 @@ import pytest
 from browser import LAPTOP, PHONE
 from changed_scenario import changed
 from live_pages import answers
+from matplotlib.scale import SymmetricalLogTransform
 from selenium.webdriver import ActionChains
 from selenium.webdriver.common.by import By
 
@@ -100,6 +101,15 @@ def test_the_page_opens_from_disk(browser, page, driven, size, dark):
     rows = "[...document.querySelectorAll('.summary tbody tr')].map((r) => [...r.cells].slice(1).map((c) => c.textContent))"
     cells = [[cell.replace("\N{MINUS SIGN}", "-") for cell in row] for row in browser.value(rows)]
     assert cells == [[number(v) for v in values.values()] for result in driven.results for _, values in error_rows(result)]
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    for width in (703, 725):  # A4 and Letter without their margins
+        browser.resize((width, 900))
+        wide = (
+            "[...document.querySelectorAll('canvas, table')].filter((e) => e.getBoundingClientRect().right > innerWidth).length"
+        )
+        pressed = "[...document.querySelectorAll('button:not(.entry), input')].filter((e) => e.offsetWidth).length"
+        assert browser.value(f"[{wide}, {pressed}]") == [0, 0]
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
 
 
 @pytest.mark.slow
@@ -122,6 +132,14 @@ def test_all_plots_zoom_together_by_drag_and_keys_and_estimators_hide(browser, p
     assert [entry.text for entry in entries] == ["loosely-coupled", "wander-sins"]
     entries[1].click()
     assert entries[1].get_attribute("aria-pressed") == "false" and browser.console() == []
+
+
+def test_the_scale_of_errors_is_that_of_the_figure(tmp_path):
+    values = [0.0, 0.0004, -0.001, 0.00100001, 0.03, -20.0]
+    code = "((scale) => given.map((v) => [scale.fwd(v), scale.bwd(scale.fwd(v))]))(module_scale.symlog(0.001))"
+    forward, back = np.transpose(answers("scale.js", code, values, tmp_path))
+    expected = SymmetricalLogTransform(10.0, 0.001, 1.3).transform(np.array(values)) / 0.001
+    assert np.allclose(forward, expected, rtol=1e-12) and np.allclose(back, values, rtol=1e-12)
 
 
 def test_numbers_in_the_page_are_written_as_in_the_terminal(tmp_path):

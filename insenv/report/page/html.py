@@ -23,7 +23,7 @@ LIMIT = 2_000_000
 """Bytes that a page may have."""
 ENTRY = "main.js"
 WORKER = "worker.js"
-STYLES = ("vendor/uPlot/uPlot.min.css", "colours.css", "page.css", "plots.css", "live.css", "sizes.css")
+STYLES = ("vendor/uPlot/uPlot.min.css", "colours.css", "page.css", "plots.css", "live.css", "sizes.css", "print.css")
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?:async )?(?:function|const|class) (\w+)", re.MULTILINE)
 _LEFT = re.compile(r"^\s*(?:import|export)\b", re.MULTILINE)
