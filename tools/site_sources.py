@@ -1,7 +1,7 @@
 """What the site changes in a page of docs/ before it is read: the repository shows the same files without it.
 
 The tables of an estimator are appended to its page, the public names of docs/api.md become links, links whose text is the name
-of a file get the title of its page, and links to an anchor ``<a id="health"></a>`` become links to the heading below it, because
+of a file get the title of its page, and links to an anchor ``<a id="health"></a>`` become links to the heading below it, as
 Sphinx knows headings alone.  A page that no table of contents names stands below the reference.
 """
 

@@ -12,6 +12,7 @@ import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
 import { changed, changesOf, conditions, copy, cutNow, download, notesOf, outagesOf, preparedState, shared } from "./livestate.js";
 import { notesPanel } from "./notes.js";
+import { origin } from "./origin.js";
 import { startSession } from "./session.js";
 import { makeSpan, spanControls } from "./span.js";
 import { onTheme, themeButton } from "./theme.js";
@@ -286,6 +287,15 @@ export function livePage(live) {
       "The equations of insenv as WebAssembly: the numbers are those of ",
       h("code", {}, "insenv run"),
       ", to the bit. The space key runs and pauses, unless a button, a list or a field has the focus of the keyboard. This page makes no request.",
+      origin(live.version),
+      h(
+        "p",
+        {},
+        h("code", {}, "insenv run FILE.toml"),
+        " runs the downloaded scenario. The estimators: ",
+        live.estimators.map((/** @type {any} */ { id, title }) => `${id}, ${title}`).join("; "),
+        ".",
+      ),
     ),
   );
 }

@@ -40,10 +40,10 @@ function decimal(value, decimals) {
   return /^50*$/.test(exact.slice(-further)) && /[02468]$/.test(cut) ? cut : value.toFixed(decimals);
 }
 
-/** A figure as it is printed, with a typographic minus.
+/** A figure as it is printed, with a typographic minus, in the exponent too.
  * @param {string} text */
 export function minus(text) {
-  return text.replace(/^-(?=\d)/, MINUS);
+  return text.replace(/(^|\de)-(?=\d)/g, `$1${MINUS}`);
 }
 
 /** A number for an axis: as short as it can be, with a typographic minus.

@@ -4,6 +4,7 @@ import { arraysOf, drawn } from "./arrays.js";
 import { h } from "./dom.js";
 import { intervalsPanel } from "./intervals.js";
 import { legend, othersOf } from "./legend.js";
+import { origin } from "./origin.js";
 import { TIME, makeSpan, spanControls } from "./span.js";
 import { summaryTable } from "./tables.js";
 import { themeButton } from "./theme.js";
@@ -66,7 +67,7 @@ export function reportPage(report, live = null) {
       bar,
       sections,
     ),
-    h("footer", {}, `insenv ${report.version}. Drag over a plot to zoom, double-click for the whole run.`),
+    h("footer", {}, "Drag over a plot to zoom, double-click for the whole run.", origin(report.version)),
   );
 }
 

@@ -53,7 +53,7 @@ def fast(browser):
 
 def figures(browser):
     """The numbers of the table at the end, with ASCII minus signs."""
-    texts = "map((row) => [...row.cells].slice(1).map((cell) => cell.textContent.replace('\u2212', '-')))"
+    texts = "map((row) => [...row.cells].slice(1).map((cell) => cell.textContent.replaceAll('\u2212', '-')))"
     return browser.value(f"[...document.querySelectorAll('.end tbody tr')].{texts}")
 
 
