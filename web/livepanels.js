@@ -223,7 +223,7 @@ function ratioPanel(add, live, at) {
     .map((/** @type {any} */ one, /** @type {number} */ group) => ({ ...one, group }))
     .filter((/** @type {any} */ one) => at(`${one.prefix}nis_used`));
   if (!filters.length) return null;
-  const made = add("Innovations over their stated sigmas, rms since the last record", "1", { log: true });
+  const made = add("Innovations over their stated sigmas, rms since the last record", "1", { log: true, level: 1 });
   for (const { prefix, group } of filters) {
     const points = { kind: "points", group, y: /** @type {(number | null)[]} */ ([]) };
     const crosses = { kind: "crosses", group, y: /** @type {(number | null)[]} */ ([]) };

@@ -25,7 +25,7 @@ export function reportPage(report, live = null) {
   const ends = timed.map((/** @type {any} */ panel) => array(panel.x));
   const end = Math.max(1e-9, ...ends.map((/** @type {Float32Array} */ x) => x[x.length - 1] ?? 0));
   const begin = Math.min(end, ...ends.map((/** @type {Float32Array} */ x) => x[0] ?? 0));
-  const span = makeSpan(begin < 0.02 * end ? 0 : begin, end);
+  const span = makeSpan(begin < 0.02 * end && !axis.log ? 0 : begin, end);
   /** @type {{element: HTMLElement, show: (group: number, shown: boolean) => void}[]} */
   const plots = [];
   const sections = report.sections.map((/** @type {any} */ section) => {

@@ -28,9 +28,10 @@ export function symlog(threshold) {
  * @param {number} first  first place shown
  * @param {number} last  last place shown
  * @param {boolean} log
+ * @param {number | null} level  a value that a logarithmic scale shows
  * @returns {[number, number]}
  */
-export function rangeOf(shown, first, last, log) {
+export function rangeOf(shown, first, last, log, level) {
   let [low, high] = [Infinity, -Infinity];
   const take = (/** @type {number} */ value) => {
     if (value < low) low = value;
@@ -53,7 +54,8 @@ export function rangeOf(shown, first, last, log) {
     }
   }
   if (low > high) return log ? [0.1, 10] : [-1, 1];
-  if (log) return [Math.min(0.5, low / 1.4), Math.max(5, high * 1.5)];
+  if (log && level === null) return [low / 1.4, high * 1.4];
+  if (log) return [Math.min(0.5 * Number(level), low / 1.4), Math.max(5 * Number(level), high * 1.5)];
   const room = high > low ? 0.08 * (high - low) : Math.max(1e-12, 0.05 * Math.abs(high));
   return [low - room, high + room];
 }

@@ -18,6 +18,7 @@ import { colour, groupColour, onTheme } from "./theme.js";
  * @property {number | null} from_s
  * @property {boolean} [positive]  the vertical scale begins at 0
  * @property {number | null} [most]  where the vertical scale ends; null: beyond the largest value
+ * @property {number | null} [level]  what is expected, of a logarithmic scale
  * @property {boolean} [wraps]  angles in degrees: lines have a gap where they wrap
  * @property {[number, number][]} shade
  * @property {number[]} x
@@ -54,7 +55,7 @@ export function timePlot(panel, span, names, axis = TIME) {
   const range = (/** @type {any} */ u) => {
     const [from, to] = span.shown();
     const x = /** @type {number[]} */ (u.data[0]);
-    const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log);
+    const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log, panel.level ?? null);
     return [panel.positive ? 0 : low, panel.most ?? high];
   };
   const threshold = panel.threshold;
@@ -65,9 +66,9 @@ export function timePlot(panel, span, names, axis = TIME) {
       height: HEIGHT,
       legend: { show: false },
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
-      scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
+      scales: { x: { time: false, range: () => span.shown(), ...(axis.log ? { distr: 3 } : {}) }, y: { auto: true, range, ...scale } },
       axes: [
-        { ...scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90, axis.whole)), gap: 6 },
+        { ...scaleOf(30, (u, _, low, high) => axis.log ? marks(low, high, null, true, 0) : ticks(low, high, u.width / 90, axis.whole)), gap: 6 },
         { ...scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)), values: apart },
       ],
       series: [{}, ...series],
@@ -148,7 +149,7 @@ function apart(u, values) {
   return values.map((value) => (kept.has(value) ? tick(value) : ""));
 }
 
-/** Shade times without fixes and before the statistics; draw the line of zero (or one on a logarithmic scale).
+/** Shade times without fixes and before the statistics; draw the line of zero (of the expected value on a logarithmic scale).
  * @param {any} u
  * @param {Panel} panel */
 function background(u, panel) {
@@ -169,8 +170,8 @@ function background(u, panel) {
     ctx.fillStyle = colour("linear");
     ctx.fillRect(bbox.left, top, bbox.width, bottom - top);
   }
-  const base = panel.log ? 1 : 0;
-  if (u.scales.y.min < base && u.scales.y.max > base) {
+  const base = panel.log ? (panel.level ?? null) : 0;
+  if (base !== null && u.scales.y.min < base && u.scales.y.max > base) {
     const height = Math.round(u.valToPos(base, "y", true)) + 0.5;
     ctx.strokeStyle = colour("zero");
     ctx.lineWidth = 1;
