@@ -1,7 +1,7 @@
 """Train PPO to drive a car so that its filter finds the heading, and compare it with fixed patterns on held-out seeds.
 
     pip install -e '.[rl,plot]'
-    python examples/train_manoeuvre.py --minutes 4 --out manoeuvre
+    python examples/train_manoeuvre.py --steps 800000 --out manoeuvre
 
 The best fixed pattern is chosen on seeds of its own.  The bound is that of the fixes alone: a perfect inertial unit, a start
 known without error, and the largest change of velocity that the commands allow.
@@ -9,7 +9,6 @@ known without error, and the largest change of velocity that the commands allow.
 
 import argparse
 import sys
-import time
 from pathlib import Path
 
 import gymnasium
@@ -21,6 +20,7 @@ from insenv.base.errors import InputError
 ID = "insenv/Manoeuvre-v0"
 HELD_OUT, SEARCH, TRAINING = 1_000_000, 500_000, 0  # first seeds of the comparison, the choice of a pattern, training
 ROWS = 48
+EVERY = 100_000  # steps of training between two points of the learning curve
 
 
 def wave(period, k):
@@ -105,8 +105,8 @@ def bound(seeds, **options):
     return started - np.min(left + np.arange(1, limit + 1) / limit, axis=1)
 
 
-def train(minutes, seed):
-    """Return the policy trained for some minutes, and the learning curve: minutes, steps, mean return."""
+def train(steps, seed):
+    """Return the policy trained for some steps, and the learning curve: steps, mean return."""
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
@@ -126,30 +126,29 @@ def train(minutes, seed):
     def policy(k, observation):
         return model.predict(batch.normalize_obs(observation), deterministic=True)[0].astype(float)
 
-    curve, begun = [], time.perf_counter()
+    curve = []
 
-    class Clock(BaseCallback):
+    class Curve(BaseCallback):
         def _on_rollout_start(self):
-            spent = (time.perf_counter() - begun) / 60.0
-            if spent >= len(curve) * 0.5:
-                curve.append((spent, self.num_timesteps, episodes(policy, SEARCH + np.arange(64))[0].mean()))
-                print(f"{spent:5.2f} min {self.num_timesteps:8d} steps: return {curve[-1][2]:6.2f}", flush=True)
+            if self.num_timesteps >= len(curve) * EVERY:
+                curve.append((self.num_timesteps, episodes(policy, SEARCH + np.arange(64))[0].mean()))
+                print(f"{self.num_timesteps:8d} steps: return {curve[-1][1]:6.2f}", flush=True)
 
         def _on_step(self):
-            return time.perf_counter() - begun < minutes * 60.0
+            return True
 
-    model.learn(10**9, callback=Clock())
+    model.learn(steps, callback=Curve())
     return policy, np.array(curve)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=4.0, help="of training; 0: the fixed patterns only")
+    parser.add_argument("--steps", type=int, default=800_000, help="environment steps to train for; 0: the fixed patterns only")
     parser.add_argument("--seeds", type=int, default=256, help="held-out seeds to compare on")
     parser.add_argument("--seed", type=int, default=1, help="of the training")
     parser.add_argument("--out", type=Path, default=None, help="folder of the figure")
     given = parser.parse_args()
-    if given.minutes > 0.0:
+    if given.steps > 0:
         from insenv.envs import sb3  # noqa: F401
 
     held_out, search = HELD_OUT + np.arange(given.seeds), SEARCH + np.arange(64)
@@ -159,9 +158,9 @@ def main():
     print(f"insenv {insenv.__version__}: {ID}")
     print(f"best of {len(PATTERNS)} fixed patterns on {len(search)} seeds of the choice: {best} ({tried[best]:.2f})")
     policies = {"random commands": at_random(), **{name: always(pattern) for name, pattern in PATTERNS.items()}}
-    curve = np.zeros((0, 3))
-    if given.minutes > 0.0:
-        policies["PPO"], curve = train(given.minutes, given.seed)
+    curve = np.zeros((0, 2))
+    if given.steps > 0:
+        policies["PPO"], curve = train(given.steps, given.seed)
     found = {name: episodes(policy, held_out) for name, policy in policies.items()}
     print(f"{given.seeds} held-out seeds: return +- standard error, mean steps, median heading error at the end [deg]")
     for name, (total, steps, error) in sorted(found.items(), key=lambda item: item[1][0].mean()):
@@ -180,9 +179,9 @@ def main():
         given.out.mkdir(parents=True, exist_ok=True)
         with style.page(7.5, 4.2) as figure:
             axes = figure.subplots()
-            axes.plot(curve[:, 0], curve[:, 2], "o-", markersize=3, color=style.COLOURS[0], label="PPO")
+            axes.plot(curve[:, 0], curve[:, 1], "o-", markersize=3, color=style.COLOURS[0], label="PPO")
             axes.axhline(tried[best], linestyle="--", color=style.COLOURS[1], label=best)
-            axes.set(xlabel="training [min]", title="Return, mean of the 64 seeds on which the pattern is chosen")
+            axes.set(xlabel="steps of training", title="Return, mean of the 64 seeds on which the pattern is chosen")
             style.legend(figure, axes)
             style.save(figure, {"png": given.out / "manoeuvre-curve.png"})
 

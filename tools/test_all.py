@@ -62,7 +62,7 @@ TARGETS = (
         "statistics, all interfaces on all models",
         pytest=(*SIDE_BY_SIDE, "-m", "slow", *(f"--ignore={path}" for path in NAMED)),
     ),
-    Target("fmu", "FMUs: all models, platforms, importers", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/fmu")),
+    Target("fmu", "FMUs: all models, platforms", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/fmu")),
     Target("mavlink", "streams: MAVProxy, tshark, floods", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/mavlink")),
     Target("web", "pages in Chromium and Node, TypeScript", pytest=(*SIDE_BY_SIDE, "-m", "slow", "tests/web")),
     Target(

@@ -38,7 +38,10 @@ def campaign(
         Optional[int],  # noqa: UP045
         typer.Option("--workers", "--jobs", "-j", metavar="N", help="Use N processes instead of threads."),
     ] = None,
-    scheduler: Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:PORT.")] = None,  # noqa: UP045
+    scheduler: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler, tcp://HOST:PORT."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue from the results in the folder of --out.")] = False,
     table: Annotated[
         Optional[str],  # noqa: UP045

@@ -10,7 +10,7 @@ import typer
 
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.output import check_output_file
-from insenv.cli.options import Output, command, given_path
+from insenv.cli.options import Output, command, given_path, out_option
 from insenv.cli.signals import DONE, FAILED
 
 
@@ -20,14 +20,7 @@ class DescriptionOutput(Output):
 
     out: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(
-            "--out",
-            "--output",
-            "-o",
-            parser=given_path,
-            metavar="LOG.toml",
-            help="The description to write; without it nothing is written or run.",
-        ),
+        out_option("LOG.toml", "Write the description to this file and run fusion on it; otherwise only print what is found."),
     ] = None
     run_out: Annotated[
         Optional[Path],  # noqa: UP045
@@ -38,6 +31,7 @@ class DescriptionOutput(Output):
             help="Write the run, its page and its figure there.",
         ),
     ] = None
+    no_figure: Annotated[bool, typer.Option("--no-figure", help="With --run-out: write no figure and no page.")] = False
     no_run: Annotated[bool, typer.Option("--no-run", help="Do not run fusion on the described log.")] = False
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import HELP, Estimator, Json, OnceCommand, Scenario, Seed, command, given_path, one
+from insenv.cli.options import HELP, Estimator, Json, OnceCommand, Scenario, Seed, command, given_path, one, out_option
 
 if TYPE_CHECKING:
     from insenv.fmu.running import Outputs
@@ -48,7 +48,7 @@ def export_fmu(
     subject: Annotated[
         str, typer.Argument(metavar="ID|SCENARIO", help="An estimator's id, or a scenario, whose plant is exported.")
     ],
-    output: Annotated[Path, typer.Option("--output", "--out", "-o", parser=given_path, metavar="X.fmu", help="File to write.")],
+    output: Annotated[Path, out_option("X.fmu", "File to write.")],
     estimator: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(
@@ -96,7 +96,7 @@ def export_fmu(
 def ssp(
     scenario: Scenario,
     estimator: Estimator,
-    output: Annotated[Path, typer.Option("--output", "--out", "-o", parser=given_path, metavar="X.ssp", help="File to write.")],
+    output: Annotated[Path, out_option("X.ssp", "File to write.")],
     seed: Seed = None,
     fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs, which have scalars in both.")] = Version.two,
     platform: Platforms = None,
@@ -136,7 +136,7 @@ def run(
     ] = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--output", "--out", "-o", parser=given_path, metavar="CSV", help="Write the outputs there."),
+        out_option("CSV", "Write the outputs there."),
     ] = None,
     step: Annotated[
         Optional[float],  # noqa: UP045

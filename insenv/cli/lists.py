@@ -33,7 +33,9 @@ class What(str, Enum):
 def list_all(
     what: Annotated[
         Optional[What],  # noqa: UP045
-        typer.Argument(metavar="[WHAT]", help=f"{', '.join(What)}: these, with their titles; without it the names of all."),
+        typer.Argument(
+            metavar="[WHAT]", help=f"What to list with titles: {', '.join(What)}; without it only names, of all of them."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:

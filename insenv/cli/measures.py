@@ -60,7 +60,7 @@ def prove(
         Path, typer.Option("--data", parser=given_path, metavar="FOLDER", help="Folder that holds the data of the logs.")
     ] = Path("."),
 ) -> int:
-    """Run estimators on public logs; print what their references say, and fixes withheld. It fetches nothing."""
+    """Run estimators on public logs that you have downloaded; print errors against references and withheld fixes."""
     from insenv.studies.proof import prove as judge
 
     with output.working("proving") as progress:
@@ -80,11 +80,11 @@ def prove(
 def bench(
     only: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option(metavar="PREFIX", help="Only the figures whose names start with this."),
+        typer.Option(metavar="PREFIX", help="Measure only the figures whose names start with PREFIX."),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure speed and accuracy on this machine, each figure beside its floor."""
+    """Measure speed and accuracy on this machine; print each figure beside its lower bound."""
     from insenv.bench import document, figures
     from insenv.cli.output import print_blocks, print_json, working
 

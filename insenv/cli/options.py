@@ -88,16 +88,16 @@ Settings = Annotated[
         " (loosely-coupled.arw_deg_sqrt_h=0.3); may be given more than once.",
     ),
 ]
+
+
+def out_option(metavar: str, help: str) -> Any:
+    """The option that says where a command writes, under its three names; metavar: what is written, such as X.html."""
+    return typer.Option("--out", "--output", "-o", parser=given_path, metavar=metavar, help=help)
+
+
 Out = Annotated[
     Optional[Path],  # noqa: UP045
-    typer.Option(
-        "--out",
-        "--output",
-        "-o",
-        parser=given_path,
-        metavar="DIR",
-        help="Write the results (.npz, .json), the page (.html) and the figure (.png, .svg) there.",
-    ),
+    out_option("DIR", "Write the results (.npz, .json), the page (.html) and the figure (.png, .svg) there."),
 ]
 Strict = Annotated[
     bool,

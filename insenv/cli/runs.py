@@ -26,7 +26,7 @@ from insenv.cli.options import (
     changed_scenario,
     command,
     each_once,
-    given_path,
+    out_option,
 )
 from insenv.cli.signals import DONE, FAILED
 
@@ -140,13 +140,17 @@ def replay(
         typer.Option(
             "--outage",
             metavar="BEGIN:END",
-            help="Withhold the fixes from BEGIN to END [s] of the log's clock, or +BEGIN:+END from the start on, and compare "
-            "the estimate with them; may be given more than once.",
+            help="Withhold the fixes between two times in seconds, and compare the estimate with them: BEGIN:END by the log's "
+            "clock, +BEGIN:+END from the start of the run; may be given more than once.",
         ),
     ] = None,
     outages: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option("--outages", metavar="every=S,length=S", help="The same in regular outages."),
+        typer.Option(
+            "--outages",
+            metavar="every=S,length=S",
+            help="Withhold them regularly: every so many seconds, each time for so many.",
+        ),
     ] = None,
     strict: Strict = False,
 ) -> int:
@@ -214,7 +218,7 @@ def page(
     estimators: Estimators = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--output", "--out", "-o", parser=given_path, metavar="X.html", help="File; without it the page opens."),
+        out_option("X.html", "File to write; without it the page opens in a browser."),
     ] = None,
     seed: Seed = None,
     duration: Duration = None,

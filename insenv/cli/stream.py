@@ -13,7 +13,7 @@ import typer
 from insenv.base.errors import InputError
 from insenv.cli.dashboard import dashboard
 from insenv.cli.lockstep import lockstep as run_lockstep
-from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, given_path, one
+from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, given_path, one, out_option
 from insenv.cli.options import Scenario as ScenarioName
 from insenv.cli.signals import DONE, FAILED
 
@@ -57,7 +57,7 @@ def stream(
     ] = None,
     duration: Annotated[
         Optional[float],  # noqa: UP045
-        typer.Option(metavar="S", help="Simulated seconds; without it until Ctrl-C, with --speed 0 the scenario's duration."),
+        typer.Option(metavar="S", help="Simulated seconds; by default until Ctrl-C, with --speed 0 the scenario's duration."),
     ] = None,
     tlog: Annotated[
         Optional[Path],  # noqa: UP045
@@ -76,11 +76,11 @@ def stream(
         ),
     ] = None,
     system: Annotated[
-        int, typer.Option(metavar="N", help="MAVLink system of the vehicle, 1 to 255: several vehicles beside one another.")
+        int, typer.Option(metavar="N", help="MAVLink system ID of the vehicle, 1 to 255; each vehicle needs its own.")
     ] = 1,
     errors: Annotated[bool, typer.Option("--errors", help="Send the errors of the estimate too (NAMED_VALUE_FLOAT).")] = False,
     undulation: Annotated[
-        float, typer.Option(metavar="M", help="Height of the geoid above the ellipsoid, the same everywhere.")
+        float, typer.Option(metavar="M", help="Height of the geoid above the ellipsoid, taken as constant.")
     ] = 0.0,
     lockstep: Annotated[
         Optional[Lockstep],  # noqa: UP045
@@ -93,14 +93,7 @@ def stream(
     ] = False,
     out: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(
-            "--out",
-            "--output",
-            "-o",
-            parser=given_path,
-            metavar="DIR",
-            help="With --score: write the results there.",
-        ),
+        out_option("DIR", "With --score: write the results there."),
     ] = None,
     as_json: Json = False,
 ) -> int:

@@ -25,13 +25,14 @@ from insenv.cli.options import (
     command,
     given_path,
     one,
+    out_option,
     renamed,
 )
 
 
 @command
 def tune(
-    source: Annotated[str, typer.Argument(metavar="SCENARIO|LOG", help="A scenario, or a recorded log as of `insenv replay`.")],
+    source: Annotated[str, typer.Argument(metavar="SCENARIO|LOG", help="A scenario, or a log that `insenv replay` reads.")],
     estimator: Estimator,
     output: Output,
     keys: Annotated[
@@ -88,9 +89,7 @@ def train(
         bool,
         typer.Option("--as-printed", help="Raw differences as inputs, c = 15 and delta^2 = 0.2, as in the paper."),
     ] = False,
-    out: Annotated[
-        Path, typer.Option("--out", "--output", "-o", parser=given_path, metavar="FILE", help="File to write.")
-    ] = Path("lssvm.json"),
+    out: Annotated[Path, out_option("FILE", "File to write.")] = Path("lssvm.json"),
     as_json: Json = False,
 ) -> None:
     """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""

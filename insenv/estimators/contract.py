@@ -22,6 +22,7 @@ from insenv.core.model import Model, Values
 from insenv.core.tables import Table, Vector, check_rows
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import understated as motion_errors_understated
+from insenv.estimators.parts.fed import misfed
 from insenv.estimators.parts.finding import Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.sensors import registry as sensor_registry
@@ -320,8 +321,8 @@ class Estimator:
         return ""
 
     def check(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> None:
-        """Raise `InputError` if it cannot run on `drive` with the parameters `rows`."""
-        refusal = self.refusal(drive, rows)
+        """Raise `InputError` if it cannot run on `drive` with the parameters `rows`, or if an input is not what feeds it."""
+        refusal = self.refusal(drive, rows) or misfed(self.model)
         if refusal:
             raise InputError(refusal)
 

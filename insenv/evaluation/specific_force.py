@@ -76,9 +76,9 @@ class SpecificForce:
 
     @remark(
         "reference-contradicted",
-        "the log contradicts its reference: turned by the attitude of the reference, the specific force leaves {reference:.2g} "
-        "m/s2 of the changes of the receiver's velocity, turned by this estimate {estimate:.2g}: errors against such a "
-        "reference are not those of the estimate; look at its time, its axes and its heading",
+        "the log contradicts its reference: with the attitude of the reference, the measured specific force differs from the "
+        "receiver's changes of velocity by {reference:.2g} m/s2, with that of this estimate by {estimate:.2g}: differences "
+        "from such a reference are not errors of the estimate; check the reference's time, axes and heading",
     )
     def reference_contradicted(self) -> dict[str, Any] | None:
         """The reference leaves far more than the estimate."""

@@ -6,6 +6,7 @@ link cannot keep each other busy.
 
 from __future__ import annotations
 
+import struct
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from functools import lru_cache
@@ -13,7 +14,6 @@ from math import isfinite
 from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.mavlink.files import replies
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message
 from insenv.mavlink.messages.schedule import MAX_HZ
 from insenv.mavlink.messages.status import available_modes
@@ -31,6 +31,13 @@ _MISSION_TYPES = (0, 1, 2)  # MAV_MISSION_TYPE: mission, fence, rally points
 _NO_MISSION, _LOG_BYTES, _DO_SET_MODE = 1, 90, 176
 _MISSION_ACCEPTED, _MISSION_UNSUPPORTED, _MISSION_INVALID_SEQUENCE = 0, 3, 13
 _NAME_BYTES = 16
+
+_FILE_BYTES, _FILE_DONE, _FILE_REFUSED = 251, 128, 129
+_FILE_HEADER = struct.Struct("<HBBBBBxI")
+"""Of a payload of FILE_TRANSFER_PROTOCOL: sequence, session, opcode, size, opcode of the request, burst complete, offset."""
+_FILE_END, _NO_FILE_COMMAND, _FILES_READ_ONLY, _NO_FILE = 6, 7, 9, 10
+_FILE_ERRORS = {3: _FILE_END, 4: _NO_FILE, 14: _NO_FILE, **dict.fromkeys(range(6, 14), _FILES_READ_ONLY)}
+"""By opcode, the error that answers it: list, open, checksum, and all that write; the others are not known."""
 
 
 def answers(vehicle: Vehicle, message: Message) -> Answers:
@@ -160,8 +167,14 @@ def _manual_control(vehicle: Vehicle, message: Message) -> Answers:
 
 
 def _file_transfer(vehicle: Vehicle, message: Message) -> Answers:
-    payloads = replies(vehicle.files, bytes(message.payload))
-    return [vehicle.view.fields.message("FILE_TRANSFER_PROTOCOL", 0, *_to(message), list(payload)) for payload in payloads]
+    """There are no files: each request is answered at once, so that clients do not wait.  https://mavlink.io/en/services/ftp.html"""
+    sequence, session, opcode, *_ = _FILE_HEADER.unpack_from(bytes(message.payload))
+    if opcode == 0 or opcode >= _FILE_DONE:  # nothing, or an answer
+        return ()
+    ends_session = opcode in (1, 2)
+    kind, data = (_FILE_DONE, b"") if ends_session else (_FILE_REFUSED, bytes((_FILE_ERRORS.get(opcode, _NO_FILE_COMMAND),)))
+    payload = _FILE_HEADER.pack((sequence + 1) % 65536, session, kind, len(data), opcode, 0, 0) + data
+    return [vehicle.view.fields.message("FILE_TRANSFER_PROTOCOL", 0, *_to(message), list(payload.ljust(_FILE_BYTES, b"\0")))]
 
 
 def _mission_acknowledged(result: int) -> Handler:

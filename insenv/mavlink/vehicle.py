@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from insenv.base.errors import InputError
 from insenv.estimators import Estimator
-from insenv.mavlink.files import GENERAL, checksum, metadata
 from insenv.mavlink.messages import Message, Schedule, View, make
 from insenv.mavlink.messages.status import error_messages
 from insenv.mavlink.messages.view import MANUAL, MILLI_G, MM_S2
@@ -88,7 +87,6 @@ class Vehicle:
     Raises `InputError` for an estimator, rate, speed, sender, unit or undulation that is not allowed.
 
     score: judges the estimates that clients send, or None: they are ignored.
-    files: what clients can read by FTP, by name: names, units and ranges of the parameters.
     """
 
     def __init__(
@@ -124,8 +122,6 @@ class Vehicle:
         commands = self.simulation.commands
         self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in commands)
         self.parameters = Parameters(self._control_parameters(), self.simulation)
-        self.files = metadata(self.parameters.all)
-        self.view.metadata_crc = checksum(self.files[GENERAL])
         _ = self.view.air, self.view.values  # computed now, so that the first sample is not late
         self._texts: deque[Message] = deque(maxlen=_MAX_TEXTS)
         self._long_texts = 0

@@ -67,8 +67,8 @@ LEAST_SIGMA = float(np.radians(1.0))
 """Smallest standard deviation that is stated of a heading (rad): scale factors turn what is carried back."""
 BY_BANK = declared(
     "heading-by-bank",
-    "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of the one of twelve filters side by side "
-    "that fits the fixes, after {time:.3g} s",
+    "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of the one of twelve filters, started "
+    "with headings 30 deg apart, that fits the fixes after {time:.3g} s",
 )
 
 

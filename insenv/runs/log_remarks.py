@@ -142,8 +142,8 @@ LATE_SIGMAS, LATE_S = 5.0, 0.02
 
 @remark(
     "fixes-delayed",
-    "the fixes are valid {size:.2g} s {side} than the log says (1 sigma {sigma:.1g} s), which the filter takes out: "
-    "time_offset_s = {offset:.2g} in [gnss], or gnss_time_offset_s with a flight log, says it to all estimators",
+    "the fixes are valid {size:.2g} s {side} than the log says (1 sigma {sigma:.1g} s): this filter corrects "
+    "it; time_offset_s = {offset:.2g} in [gnss] (gnss_time_offset_s for a flight log) corrects it for all estimators",
 )
 def fixes_delayed(log: RecordedLog, outputs: Mapping[str, Array]) -> dict[str, Any] | None:
     """The time of validity of the fixes is not that of the log.  outputs: of a filter, by name (records, ...)."""

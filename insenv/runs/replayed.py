@@ -134,7 +134,9 @@ def replay(
 REFUSED = "estimator-refused"
 _REFUSED = declared(REFUSED, "{id} is left out: {why}")
 _BRIDGED = declared("gaps-bridged", "gaps bridged by interpolation: {count} ({samples} samples in all)")
-_UNSEEN = declared("outages-unseen", "outages with no record of the estimate between fixes that it used, left out: {count}")
+_UNSEEN = declared(
+    "outages-unseen", "outages left out, because no estimate was recorded while the fixes were withheld: {count}"
+)
 _EMPTY = declared("outages-empty", "outages left out, because the log itself has no fix in them: {count}")
 _DROPPED = declared("fixes-dropped", "fixes not used, because a later one is in the same sample: {count}")
 

@@ -8,10 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.model import Model
-from insenv.core.tables import Table
-from insenv.estimators.parts.rows import SAMPLE_INPUTS, SMOOTHED_INPUT, STANDING_INPUT
-from insenv.sensors import IMU
-from insenv.sensors import registry as sensor_registry
 
 Array = NDArray[np.float64]
 CHUNK = 20_000
@@ -43,21 +39,6 @@ def input_rows(model: Model, columns: Mapping[str, Array], *shape: int) -> Array
         if name in columns:
             rows[..., model.inputs.slice(name)] = columns[name].reshape(*shape, -1)
     return rows
-
-
-def feeds() -> dict[str, Table]:
-    """By what feeds them, all rows that `input_rows` may find for an estimator: a column has unit, frame and shape of its row.
-
-    They are the sample interval, what the inertial unit and each registered sensor measure, the rest that a log or a stream
-    states, and what the backward pass of a smoother is asked for.
-    """
-    sensors = (IMU, *(section.sensor for section in sensor_registry.registered().values()))
-    return {
-        "the clock": Table((SAMPLE_INPUTS["dt"],)),
-        **{f"sensor {sensor.id!r}": sensor.measured for sensor in sensors},
-        "a log or a stream": STANDING_INPUT,
-        "the backward pass": SMOOTHED_INPUT,
-    }
 
 
 def bridge_lost(columns: dict[str, Array]) -> int:

@@ -255,7 +255,10 @@ def _plants_without(case: _Case, part: range, off: Sequence[Source]) -> Sequence
     return reseeded(build(scenario, seed=plants[0].seed, duration_s=case.plant.duration_s), [plant.seed for plant in plants])
 
 
-_UNKNOWN = declared("errors-unknown", "the errors of {sensors} are not known: they are on in all runs, as part of the method")
+_UNKNOWN = declared(
+    "errors-unknown",
+    "the errors of {sensors} are not known to insenv: they are on in all runs, and the table counts them as part of the method",
+)
 _LOST = declared("budget-diverges", "the estimator diverges in most runs, and the figures are missing: {sources}")
 
 

@@ -225,7 +225,7 @@ def _consistency(judging: Seeds, first: Measures, second: Measures) -> dict[str,
 
 @remark(
     "tuning-diverges",
-    "the estimator diverges in {before} of {runs} held-out runs before and in {after} after: no interval",
+    "the estimator diverges in {before} of {runs} held-out runs before and in {after} after: no confidence interval is given",
 )
 def _diverged(first: Measures, second: Measures) -> dict[str, int] | None:
     """There are no intervals, because the estimator diverges in some of the held-out runs."""

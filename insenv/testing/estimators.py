@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from insenv.attitude import numeric as attitude
-from insenv.base.errors import nearest
-from insenv.core.model import Model
 from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
 from insenv.estimators import Estimator, get
+from insenv.estimators.parts.fed import misfed
 from insenv.scenario import Plant, ScenarioLike, build, load, names
-from insenv.scenario.chunks import feeds, input_rows
+from insenv.scenario.chunks import input_rows
 from insenv.testing.models import check_backends, check_inputs, check_snapshots, check_tables, promised
 
 DURATION_S = 2.0
@@ -44,13 +43,13 @@ def check_estimator(
     if pages is not None:
         described = [page.name for page in Path(pages).glob("*.md") if f"`{chosen.id}`" in page.read_text(encoding="utf-8")]
         assert described, f"{this}: no page in {pages} names it: one must have `{chosen.id}`"
-    check_fed(this, chosen.model)
+    wrong = misfed(chosen.model)
+    assert not wrong, wrong
     plant = _plant(chosen, scenario)
     with promised(this):
         adapted = plant.adapted(chosen)
         model = adapted.model
         check_tables(model)
-        check_fed(this, model)
         parameters = model.parameters.pack(plant.parameters_of(adapted))
         check_inputs(model, parameters)
         columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples))
@@ -60,18 +59,6 @@ def check_estimator(
         check_snapshots(model, parameters, rows)
         if compiled:
             check_backends(model, parameters, rows)
-
-
-def check_fed(this: str, model: Model) -> None:
-    """Check that each input is a row that a run feeds, with its unit, frame and shape.  this: the estimator, in messages."""
-    fed = {row.name: (source, row) for source, table in feeds().items() for row in table}
-    for row in model.inputs:
-        where = f"{this}, input {row.name!r}"
-        assert row.name in fed, f"{where}: nothing feeds it{nearest(row.name, fed, '`insenv.scenario.chunks.feeds()`')}"
-        source, given = fed[row.name]
-        for what in ("unit", "frame", "shape"):
-            declared, allowed = getattr(row, what), getattr(given, what)
-            assert declared == allowed, f"{where}: {what} = {declared!r}: allowed is {allowed!r}, as {source} gives it"
 
 
 def _plant(estimator: Estimator, scenario: ScenarioLike | None) -> Plant:

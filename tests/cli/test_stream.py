@@ -7,6 +7,7 @@ import re
 import signal
 import socket
 import threading
+from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from command_line import call, refused, strict
 from pymavlink.dialects.v20 import common
 from rich.console import Console
 from scipy.spatial.transform import Rotation
-from streamed_vehicle import Receiver, estimate, frame_of, logged, lost, quiet, wait_for
+from streamed_vehicle import Receiver, decoded, estimate, frame_of, logged, lost, quiet, wait_for
 
 from insenv.cli.dashboard import Rates, dashboard, picture
 from insenv.cli.signals import Ending
@@ -44,7 +45,9 @@ def test_one_document_and_a_log_of_all_that_was_sent(tmp_path):
     sensors = [message.time_usec for message in client.messages() if message.get_type() == "HIL_SENSOR"]
     assert sensors == [5000 * k for k in range(1, 601)]  # the simulation's clock, without gap or repetition
     parameters, frames = logged(log)
-    assert len(parameters) > 50 and len(frames) == total
+    assert Counter(message.get_type() for message in decoded(b"".join(frames))) == found["sent"]
+    assert {message.get_type() for message in decoded(b"".join(parameters))} == {"PARAM_VALUE"} and len(parameters) > 50
+    assert lost([*parameters, *frames]) == 0
     status, text, said = call("replay", log, "-e", "loosely-coupled")
     assert status == 0 and "is that of the magnetometer" in " ".join(text.split()), said
 

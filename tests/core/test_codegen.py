@@ -20,8 +20,12 @@ def test_rows_that_change_places_are_read_before_they_are_written(rows):
     assert batch.run(2, every=1).tolist() == [[[2.0, 3.0, 1.0], [3.0, 1.0, 2.0]]] * rows
 
 
-def test_an_operation_that_is_not_exactly_rounded_is_refused():
-    state, go = Table((Row("a", "a"),)), Step(lambda p, x, u: {"a": ca.sin(x.a)})
-    model = Model("sine", "sine", Table(), state, Table(), state, {"go": go}, lambda p, x: vars(x))
-    with pytest.raises(RuntimeError, match="'go' of a model uses SIN: not an exactly rounded operation"):
+@pytest.mark.parametrize("name", ["sin", "cos", "tan", "atan2", "asin", "exp", "log", "sinh", "tanh", "erf", "fmod", "power"])
+def test_an_operation_that_is_not_exactly_rounded_is_refused(name):
+    """Whose result may differ between machines."""
+    of = getattr(ca, name)
+    go = Step(lambda p, x, u: {"a": of(x.a, x.b) if name in ("atan2", "fmod", "power") else of(x.a)})
+    state = Table((Row("a", "a"), Row("b", "b")))
+    model = Model("one", "one", Table(), state, Table(), state, {"go": go}, lambda p, x: vars(x))
+    with pytest.raises(RuntimeError, match=r"'go' of a model uses \w+: not an exactly rounded operation"):
         native_source(model)

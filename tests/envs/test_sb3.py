@@ -48,14 +48,9 @@ def trained(example, figure, folder, *arguments):
     """Run a training example, check its figure, and return what it printed."""
     peers.package("stable_baselines3", HOW)
     environment = {name: value for name, value in os.environ.items() if name != "INSENV_BACKEND"}
-    done = subprocess.run(
-        [sys.executable, ROOT / "examples" / f"{example}.py", *arguments, "--out", "figure"],
-        cwd=folder,
-        env={**environment, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=3000,
-    )
+    environment["PYTHONPATH"] = str(ROOT)
+    command = [sys.executable, ROOT / "examples" / f"{example}.py", *arguments, "--out", "figure"]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=3000)
     assert done.returncode == 0, done.stderr
     assert (folder / "figure" / figure).stat().st_size > 10_000
     return done.stdout
@@ -80,14 +75,14 @@ def test_a_trained_tuner_is_better_than_the_untuned_filter_on_held_out_seeds(tmp
 
 @pytest.mark.slow
 def test_a_trained_aligner_is_better_than_analytic_on_held_out_seeds(tmp_path):
-    printed = trained("train_aligner", "aligner.png", tmp_path, "--minutes", "2")
+    printed = trained("train_aligner", "aligner.png", tmp_path, "--steps", "360000")
     learnt, classical = number_after("PPO", printed), number_after("analytic", printed)
     assert learnt[0] - classical[0] > 4.0 * np.hypot(learnt[1], classical[1]), printed
 
 
 @pytest.mark.slow
 def test_a_trained_driver_is_as_good_as_the_best_fixed_pattern_on_held_out_seeds(tmp_path):
-    printed = trained("train_manoeuvre", "manoeuvre-curve.png", tmp_path, "--minutes", "1.5", "--seeds", "128")
+    printed = trained("train_manoeuvre", "manoeuvre-curve.png", tmp_path, "--steps", "400000", "--seeds", "128")
     gain, error = number_after("PPO minus the pattern chosen, seed by seed:", printed)
     assert gain > -2.0 * error, printed
     learnt = number_after("PPO", printed)[0]

@@ -15,7 +15,6 @@ from insenv.envs.knowledge import KNOWN
 from insenv.envs.starts import InnerStarts, episode_limit
 from insenv.envs.units import UNITS
 from insenv.scenario import build, load, plant_of
-from insenv.sensors.data_sheet import data_sheets, imu_data_sheet
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 IDS = ("insenv/Tuning-v0", "insenv/Manoeuvre-v0")
@@ -98,6 +97,7 @@ def _made(id: str, **given) -> tuple[InnerStarts, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("id", IDS)
 def test_the_filter_of_each_row_starts_from_the_knowledge_of_that_row(id):
+    """One that computes its parameters is asked row by row."""
     starts, p, x = _made(id)
     parameters, filter = starts.task.model.parameters, starts._estimator
     done = starts.complete(p.copy(), x)
@@ -107,6 +107,11 @@ def test_the_filter_of_each_row_starts_from_the_knowledge_of_that_row(id):
         told = filter.model.parameters.pack(filter.parameters(known, starts._tunings))
         assert np.array_equal(row[starts._place], told)
         assert np.array_equal(row, starts.complete(p[i : i + 1].copy(), x[i : i + 1])[0])
+    calls = []
+    asking = replace(filter, prepare=lambda known: calls.append(known) or known.rows_of(filter.model.parameters))
+    assert asking.copied({}) is None
+    starts._estimator, starts._copied = asking, None
+    assert np.array_equal(starts.complete(p.copy(), x), done) and len(calls) == len(p)
 
 
 @pytest.mark.parametrize(("kind", "given"), [(ManoeuvreEnv, {}), (TuningEnv, {"scenario": "ship-underway"})])
@@ -122,40 +127,12 @@ def test_the_filter_knows_what_that_of_a_run_knows(kind, given):
         assert found[f"estimator_{name}"] == pytest.approx(value, rel=1e-12), name
 
 
-@pytest.mark.parametrize("id", IDS)
-def test_a_filter_that_computes_its_parameters_is_asked_row_by_row(id):
-    starts, p, x = _made(id)
-    copied = starts.complete(p.copy(), x)
-    calls = []
-
-    def prepare(known):
-        calls.append(known)
-        return known.rows_of(starts._estimator.model.parameters)
-
-    asking = replace(starts._estimator, prepare=prepare)
-    starts._estimator, starts._copied = asking, None
-    assert asking.copied({}) is None
-    assert np.array_equal(starts.complete(p.copy(), x), copied)
-    assert len(calls) == len(p)
-
-
 def test_a_value_that_the_filter_does_not_take_is_named():
     starts, p, x = _made("insenv/Tuning-v0")
     place = starts.task.model.state.slice("velocity_n")
     x[5, place] = 1e9
     with pytest.raises(InputError, match=r"start_velocity_n\[0\] = .* m/s: allowed is"):
         starts.complete(p, x)
-
-
-@pytest.mark.parametrize("in_place", [True, False])
-def test_data_sheets_of_many_units_are_those_of_each(in_place):
-    draw = np.random.default_rng(2)
-    rows = {row.name: np.abs(draw.normal(size=(9, *row.shape))) for row in IMU_PARAMETERS}
-    sheets = data_sheets(rows, in_place)
-    for i in range(9):
-        assert vars(imu_data_sheet({name: values[i] for name, values in rows.items()}, in_place)) == {
-            name: values[i] for name, values in sheets.items()
-        }
 
 
 def test_the_limit_is_that_of_the_scenario_at_the_end_or_over_the_episode():

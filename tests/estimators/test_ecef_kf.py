@@ -1,11 +1,11 @@
-"""ecef-kf: two samples against SciPy, Jacobians, starts; the printed filter against full matrices in NumPy."""
+"""ecef-kf: two samples against SciPy, Jacobians, its start; the printed filter against full matrices in NumPy."""
 
 import casadi as ca
 import numpy as np
 import pytest
 from driven import fed, outputs_of
 from earth_fixed import frame_n, skew
-from resting import ATTITUDES, at_rest, attitude_error, samples
+from resting import samples
 from scipy.spatial.transform import Rotation
 
 from insenv import attitude, geodesy, run
@@ -62,17 +62,6 @@ def test_observation_of_a_mean_against_integration(seed):
     H = np.array(ca.DM(ecef_kf.observation(ecef_kf.transition(ca.SX(T), ca.SX(C @ force * T), ca.SX(C * T)), 0.5)))
     # what is left out: the drift of phi within the window, force T^2 / 6 b_g, and 2 omega_ie T / 2 dv
     assert np.abs(H @ x - mean).max() < 1.1 * np.linalg.norm(force) * T**2 / 6 * np.linalg.norm(x[9:]) + 1e-3
-
-
-@pytest.mark.parametrize("q", ATTITUDES)
-def test_start_attitude_with_errors(q):
-    wrong = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.005, -0.004, 0.02])), q)
-    start = dict(zip(("start_roll", "start_pitch", "start_heading"), map(float, attitude.numeric.to_euler(wrong)), strict=True))
-    small = {"accel_bias_sigma": 1e-5, "gyro_bias_sigma": 1e-9, "velocity_random_walk": 1e-5, "angle_random_walk": 1e-8}
-    runner = at_rest("ecef-kf", q, -0.6, 200.0, parameters=start | small)
-    error = attitude_error(runner, q)
-    assert np.abs(error[:2]).max() < 2e-5
-    assert abs(error[2]) < 3 * runner.outputs()["attitude_sigma"][2] < 0.003
 
 
 def test_starts_from_its_own_coarse_alignment_unless_told_not_to():

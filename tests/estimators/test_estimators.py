@@ -68,7 +68,7 @@ def test_one_run_is_near_its_limit_and_states_its_error(id):
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("id", SMOOTHERS)
 def test_a_smoother_is_surer_than_its_filter_and_states_its_error(id):
-    filter, smoothed = results("car-city-drive", [SMOOTHERS[id], id], 80.0)
+    filter, smoothed = results("car-city-drive", [SMOOTHERS[id], id], 50.0)
     middle = len(smoothed.time) // 2
     for channel, error in smoothed.errors.items():
         assert smoothed.sigma[channel][middle] < 1.01 * filter.sigma[channel][middle], channel

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from cascade import impulse_response
 from driven import fed
 from resting import ATTITUDES, at_rest, attitude_error, drawn, samples
 from scipy.linalg import solve_continuous_are
@@ -11,13 +10,23 @@ from scipy.signal import freqz
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get, inertial_fir
-from insenv.estimators.inertial_fir import BLOCK_S
+from insenv.estimators.inertial_fir import BLOCK_S, FILTERS, STRIDES
 from insenv.evaluation.limits import closed_forms as limits
 from insenv.geodesy import OMEGA_IE
 from insenv.scenario.chunks import input_rows
 
 G, LATITUDE, LEVEL = 9.8, 0.6, np.array([1.0, 0.0, 0.0, 0.0])
 QUIET = dict.fromkeys(("accel_bias_sigma", "gyro_bias_sigma", "angle_random_walk", "velocity_random_walk"), 0.0)
+
+
+def impulse_response():
+    """Of the cascade of low-passes as one filter at the rate of the blocks, (span,)."""
+    total = np.ones(1)
+    for h, stride in zip(FILTERS, STRIDES, strict=True):
+        spread = np.zeros((len(h) - 1) * stride + 1)
+        spread[::stride] = h
+        total = np.convolve(total, spread)
+    return total
 
 
 def test_a_ramp_is_delayed_by_exactly_the_stated_delay():

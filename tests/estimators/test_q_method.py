@@ -4,13 +4,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
-from scipy.spatial.transform import Rotation
 
 from insenv import run
 from insenv.core.numeric import vectorized
 from insenv.estimators import q_method
 from insenv.estimators.parts.inertial_vectors import largest_eigenvector
-from insenv.estimators.q_method import FILTER, SECTIONS, davenport
+from insenv.estimators.q_method import FILTER, SECTIONS
 
 eigenvector = vectorized(largest_eigenvector, (4, 4))
 CLOSE, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(4, 4)))
@@ -35,17 +34,6 @@ def test_eigenvector_against_lapack(A):
     assert np.abs(A @ found - values[-1] * found).max() <= 1e-13 * np.abs(A).max()
     if gap > 1e-7:
         assert np.linalg.norm(found - vectors[:, -1] * (found @ vectors[:, -1])) < 1e-14 / gap
-
-
-def test_profile_and_davenport_signs():
-    """One rotation, many vectors: the quaternion that takes alpha to beta, by scipy."""
-    rng = np.random.default_rng(3)
-    rotation = Rotation.random(random_state=4)
-    alpha = rng.normal(size=(6, 3))
-    profile = sum(np.outer(rotation.apply(a), a) for a in alpha)
-    q = eigenvector(np.array(ca.DM(davenport(ca.SX(profile)))))
-    expected = rotation.as_quat(scalar_first=True)
-    assert abs(abs(q @ expected) - 1) < 1e-14
 
 
 def passed(signal, time_constant, dt):

@@ -5,12 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import binaries
 import numpy as np
 import pytest
 from fmu_host import hosted, input_csv, zig_host
 from fmu_tools import columns_for, in_process, scratch, unzipped
-from peers import lacking, program
+from peers import lacking, package, program
 
 from insenv.base.errors import InsenvError
 from insenv.base.resources import fmu_folder
@@ -49,12 +48,15 @@ def test_binaries_of_all_platforms_are_what_their_folders_say(fmi):
         if path.suffix == ".so":
             assert {62: "x86_64", 183: "arm64"}[path.read_bytes()[18]] in wanted
         if path.suffix == ".dylib":
-            parts = binaries.read(path)
-            assert {part.processor for part in parts} == wanted
-            for part in parts:
-                assert {name for name in part.exports if not name.startswith("_")} == standard(fmi)
-                assert part.needs <= {"/usr/lib/libSystem.B.dylib"}
-                assert part.name == f"@rpath/{path.name}"
+            library = package("macholib.MachO").MachO(str(path))
+            processors = package("macholib.mach_o").CPU_TYPE_NAMES
+            assert {processors[part.header.cputype].lower() for part in library.headers} == wanted
+            for part in library.headers:
+                exports = package("macholib.SymbolTable").SymbolTable(library, part).extdefsyms
+                names = {name.decode().removeprefix("_") for _, name in exports}
+                assert {name for name in names if not name.startswith("_")} == standard(fmi)
+                assert {needed for _, _, needed in part.walkRelocatables()} <= {"/usr/lib/libSystem.B.dylib"}
+                assert part.commands[part.id_cmd][2].rstrip(b"\0").decode() == f"@rpath/{path.name}"
 
 
 @pytest.mark.slow

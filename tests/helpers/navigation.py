@@ -1,12 +1,11 @@
-"""Helpers of the estimator tests: models as NumPy functions, and error states by the filter's own definition."""
+"""Helpers of the estimator tests: the feedback of an error as a function, and states with a known error."""
 
 import casadi as ca
 import numpy as np
 
-from insenv import attitude, geodesy
+from insenv import geodesy
 from insenv.estimators.fusion.navigation import corrected, navigation_corrected
 from insenv.estimators.loosely_coupled import FILTER
-from insenv.estimators.parts import strapdown
 
 MODEL = FILTER.model
 
@@ -21,7 +20,6 @@ def _functions():
     return {
         "fed_back": ca.Function("fed_back", [x, error], [without_error(corrected)]),
         "corrected": ca.Function("corrected", [x, error], [without_error(navigation_corrected)]),
-        "C_nw": ca.Function("C_nw", [x], [strapdown.C_nw(state.q_ew)]),
     }
 
 
@@ -31,21 +29,6 @@ FUNCTIONS = _functions()
 def with_error(x, error):
     """The state of an estimate that is off from the true state x by `error` (15), to first order."""
     return FUNCTIONS["corrected"](x, -np.asarray(error)).full().ravel()
-
-
-def error_state(estimate, truth):
-    """Error state (15) of a state vector relative to another: what `corrected` would have to take out."""
-    e, t = MODEL.state.unpack(estimate), MODEL.state.unpack(truth)
-    lle, llt = (geodesy.numeric.geodetic_from_q_ew(s["q_ew"]) for s in (e, t))
-    ned = geodesy.numeric.ned_offset(lle[0], lle[1], e["height"], llt[0], llt[1], t["height"])
-    dr = FUNCTIONS["C_nw"](estimate).full().T @ ned
-    theta = geodesy.numeric.transport_rate_w(dr, e["q_ew"], e["height"])
-    conjugate = e["q_wb"] * [1, -1, -1, -1]
-    turn = attitude.numeric.to_rotation_vector(attitude.numeric.multiply(t["q_wb"], conjugate))
-    back = t["velocity_w"] - np.cross(theta, t["velocity_w"])
-    return np.concatenate(
-        [dr, e["velocity_w"] - back, turn - theta, t["gyro_bias"] - e["gyro_bias"], t["accel_bias"] - e["accel_bias"]]
-    )
 
 
 def random_rows(rng):

@@ -1,13 +1,11 @@
-"""Recorded logs: formats, units, axes, references; and the real car log of the examples against physics."""
+"""Recorded logs: formats, units, axes, references."""
 
 import math
 
 import numpy as np
 import pytest
-from places import ROOT
 from text_logs import RATE, N, as_text, gnss_rows, imu_rows, increments, si
 
-from insenv.logs import load
 from insenv.logs.units import axes_matrix
 
 
@@ -135,40 +133,3 @@ def test_speed_and_course(folder):
     np.testing.assert_allclose(gnss.velocity_sigma[:, 2], 100.0)
     folder.write("gnss.csv", text.replace("10,90", "-10,90"))
     folder.error("speed is -10, must be from 0 up")
-
-
-@pytest.fixture(scope="module")
-def car():
-    return load(ROOT / "examples/n380-car.toml")
-
-
-def test_the_car_at_rest_feels_gravity(car):
-    """Specific force -g on the down axis (bias 2 mg found), pitch and roll from it as the unit says."""
-    assert car.imu_time.shape == (69144,) and car.gnss.time.shape == (673,) and car.reference.time.shape == (66946,)
-    assert car.rate_hz == pytest.approx(100.0, abs=0.01) and car.duration_s == pytest.approx(691.4, abs=0.1)
-    assert (car.gaps.count, car.gaps.samples) == (1, 1) and car.notes == ()
-    assert car.gaps.intervals[0][0] == pytest.approx(38.188, abs=1e-3)
-    rest = (car.imu_time > 60) & (car.imu_time < 150)
-    force = car.delta_velocity[rest].sum(axis=0) / car.dt[rest].sum()
-    s2 = math.sin(car.reference.latitude[0]) ** 2  # WGS-84 normal gravity with the free-air gradient
-    g = 9.7803253359 * (1 + 0.00193185265241 * s2) / math.sqrt(1 - 0.00669437999013 * s2) - 3.086e-6 * car.reference.height[0]
-    assert np.linalg.norm(force) == pytest.approx(g, abs=0.025) and force[2] < -9.8
-    at = np.searchsorted(car.reference.time, 100.0)
-    assert math.degrees(math.asin(force[0] / g)) == pytest.approx(math.degrees(car.reference.pitch[at]), abs=0.1)
-    assert math.degrees(math.asin(-force[1] / g)) == pytest.approx(math.degrees(car.reference.roll[at]), abs=0.1)
-
-
-def test_the_car_turns_as_its_reference(car):
-    """Down-gyro increments sum to the heading change; the stamp ends the interval."""
-    ref, psi = car.reference, np.unwrap(car.reference.heading)
-    rest = (car.imu_time > 60) & (car.imu_time < 150)
-    bias = car.delta_angle[rest, 2].sum() / car.dt[rest].sum()
-    angle = np.cumsum(car.delta_angle[:, 2] - bias * car.dt)
-    for span in ((165, 200), (300, 400), (500, 600)):
-        turned, told = (np.diff(np.interp(span, t, a)) for t, a in ((car.imu_time, angle), (ref.time, psi)))
-        assert np.degrees(turned) == pytest.approx(np.degrees(told), abs=0.6)
-    # heading rate is the down-gyro rate of the same interval, not of the one before or after
-    k, turn = np.searchsorted(car.imu_time, ref.time), np.diff(psi)
-    moving = np.flatnonzero((ref.time[1:] > 165) & (ref.time[1:] < 700))
-    rms = {lag: np.std(turn[moving] - car.delta_angle[k[1:][moving] + lag, 2]) for lag in (-1, 0, 1)}
-    assert rms[0] < 0.7 * min(rms[-1], rms[1])

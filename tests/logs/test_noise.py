@@ -50,10 +50,7 @@ def still_car(grade):
     return changed("car-city-drive", imu={"grade": grade}, vehicle=calm)
 
 
-@pytest.mark.parametrize(
-    ("grade", "assumed"),
-    [("marine", "tactical"), ("consumer", "consumer"), ("perfect", "consumer")],
-)
+@pytest.mark.parametrize(("grade", "assumed"), [("marine", "tactical"), ("consumer", "consumer"), ("perfect", "consumer")])
 def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
     log = simulated_log(still_car(grade), duration_s=25.0, initial={"static_until_s": 25.0})
     assert log.assumed is not None and f"class {assumed!r}" in log.assumed.remark

@@ -156,3 +156,18 @@ def test_all_parameters_requested_repeatedly_are_one_pending_list():
     while outbox.send(lambda peer, message: out.append(peer)):
         pass
     assert out.count("a") == out.count("b") == 40
+
+
+def test_requests_for_files_are_refused_with_the_next_number_and_the_same_session():
+    vehicle = quiet()
+
+    def replies(opcode, data=b""):
+        payload = (65535).to_bytes(2, "little") + bytes((7, opcode, len(data), 0, 0, 0)) + bytes(4) + data
+        found = answered(vehicle, sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(payload.ljust(251, b"\0"))))
+        assert all((m.target_system, m.target_component) == (245, 190) for m in found)
+        return [bytes(m.payload) for m in found]
+
+    for opcode, error in ((3, 6), (4, 10), (5, 7), (6, 9), (14, 10), (99, 7)):
+        (reply,) = replies(opcode, b"@PARAM/param.pck?withdefaults=1")
+        assert reply[:6] == bytes([0, 0, 7, 129, 1, opcode]) and reply[12] == error
+    assert replies(2)[0][3] == 128 and not replies(129)  # answers are not answered

@@ -125,7 +125,7 @@ def test_its_log_and_its_error_budget_follow(tmp_path):
     path.write_text(path.read_text().replace('heading = "heading_rad"\nheading_unit', 'heading = "course_rad"\nheading_unit'))
     with pytest.raises(InputError, match=r"compass.*course_rad"):
         insenv.replay(path, "fusion")
-    sources = insenv.budget(quick, "fusion", runs=2, duration_s=2.0).as_json()["sources"]
+    sources = insenv.budget(quick, "fusion", runs=2, duration_s=1.0).as_json()["sources"]
     assert {"compass noise", "compass deviation", "compass drift"} <= {source["name"] for source in sources}
 
 

@@ -17,8 +17,7 @@ from insenv.scenario import load
 
 
 @pytest.mark.parametrize(
-    ("grade", "seconds"),
-    [("navigation", 80.0), ("consumer", 80.0), pytest.param("industrial", 300.0, marks=pytest.mark.slow)],
+    ("grade", "seconds"), [("navigation", 80.0), ("consumer", 80.0), pytest.param("industrial", 300.0, marks=pytest.mark.slow)]
 )
 def test_without_a_grade_the_stated_sigma_is_honest(grade, seconds):
     """As a ship's navigator, 33 to 99 % of these errors would be beyond three sigma."""
@@ -42,10 +41,7 @@ def test_nothing_is_assumed_of_a_unit_that_the_description_gives():
 
 @pytest.mark.parametrize(
     ("calm", "wrong", "seconds"),
-    [
-        (False, (0.0, 60.0), 120.0),
-        pytest.param(True, (0.0, 2.6, -20.0, 60.0), 300.0, marks=pytest.mark.slow),
-    ],
+    [(False, (0.0, 60.0), 120.0), pytest.param(True, (0.0, 2.6, -20.0, 60.0), 300.0, marks=pytest.mark.slow)],
 )
 def test_any_heading_within_60_deg_ends_at_the_same_answer(calm, wrong, seconds):
     """A unit of 0.01 deg/h.  Taken as it is, 60 deg ends 5 deg wrong at a stated 0.026, and 35 m beside the road."""

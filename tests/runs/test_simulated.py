@@ -1,18 +1,22 @@
 """Runs of simulated scenarios."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from changed_scenario import changed
 
 from insenv import campaign, run
 from insenv.scenario import load
+from insenv.scenario.chunks import chunks
 
 
-def test_progress_is_reported_to_the_end():
-    """In pieces of 20,000 samples."""
+def test_progress_is_reported_to_the_end(monkeypatch):
+    """In pieces, here of 100 samples."""
+    monkeypatch.setattr("insenv.runs.simulated.chunks", partial(chunks, chunk=100))
     calls = []
-    run("static-ecef", ["analytic"], duration_s=105.0, progress=lambda done, total: calls.append((done, total)))
-    assert calls[-1] == (21000, 21000) and len(calls) > 1
+    run("static-ecef", ["analytic"], duration_s=1.0, progress=lambda done, total: calls.append((done, total)))
+    assert calls[:2] == [(100, 200), (200, 200)] and calls[-1] == (200, 200)
 
 
 def test_lost_samples_are_bridged_and_counted():

@@ -1,4 +1,7 @@
-"""Fixed-interval smoothing: the compiled form against that of Rauch, Tung and Striebel, and runs and replays."""
+"""Fixed-interval smoothing: the compiled form against Rauch, Tung and Striebel's (1965) in NumPy; runs and replays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -8,7 +11,6 @@ from driven import columns_of, fed_outputs
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from smoothers import Pass, Scalars, rts
 
 import insenv
 from insenv import geodesy
@@ -26,6 +28,58 @@ from insenv.runs.smoothed import Smoother, smooth, smoother_outputs
 from insenv.scenario import build, load
 
 PLACE = ("latitude", "longitude", "height")
+
+
+@dataclass(frozen=True)
+class Scalars:
+    """The scalar measurements of one instant in the order used.
+
+    gain (m, n). weight (m): inverse variances of the innovations; 0 with a gain of 0: not used. left (m): innovations minus
+    what the measurements before them explained.
+    """
+
+    gain: np.ndarray
+    weight: np.ndarray
+    left: np.ndarray
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A filter's pass over K instants of a system of n states.
+
+    The error state is relative to the filter's state after feedback: just after the measurements of an instant its estimate is
+    0, and at a measurement the state that it refers to jumps by the correction fed back.
+
+    transition (K, n, n), noise (K, n, n): of the interval that *ends* at each instant, so transition[k] takes the error
+    state at k - 1 to k; that of the first instant is not used. covariance (K, n, n): after the measurements of each instant.
+    scalars: of each instant.
+    """
+
+    transition: np.ndarray
+    noise: np.ndarray
+    covariance: np.ndarray
+    scalars: Sequence[Scalars]
+
+
+def rts(run: Pass) -> tuple[np.ndarray, np.ndarray]:
+    """Smoothed error states (K, n) about the fed-back states, and their covariances (K, n, n).
+
+    Every predicted covariance is inverted, scaled to a unit diagonal.
+    """
+    states, covariances = np.empty(run.covariance.shape[:2]), np.empty(run.covariance.shape)
+    state, covariance = np.zeros(run.covariance.shape[-1]), run.covariance[-1]
+    states[-1], covariances[-1] = state, covariance
+    for k in reversed(range(len(run.covariance) - 1)):
+        Phi, P, scalars = run.transition[k + 1], run.covariance[k], run.scalars[k + 1]
+        predicted = Phi @ P @ Phi.T + run.noise[k + 1]
+        scale = np.sqrt(np.diag(predicted))
+        solved = np.linalg.solve(predicted / np.outer(scale, scale), (Phi @ P) / scale[:, None])
+        gain = (solved / scale[:, None]).T
+        # the smoothed state at k + 1 less the predicted one: beyond the fed-back state, and the jump to that
+        state = gain @ (state + scalars.left @ scalars.gain)
+        covariance = P + gain @ (covariance - predicted) @ gain.T
+        states[k], covariances[k] = state, covariance
+    return states, covariances
 
 
 def drive(duration_s=40.0, outages=((15.0, 25.0),), seed=0, **gnss):

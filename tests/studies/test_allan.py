@@ -19,18 +19,7 @@ from insenv.logs.inertial import Gaps
 from insenv.sensors import IMU_GRADES
 from insenv.studies.allan import AXES, sensor_noise
 from insenv.studies.allan_result import grade_text
-from insenv.studies.noise_terms import (
-    FLICKER,
-    MARKOV,
-    QUANTIZATION,
-    TIME,
-    WALK,
-    WHITE,
-    curve,
-    fit,
-    spectrum,
-    total,
-)
+from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, curve, fit, spectrum, total
 from insenv.studies.rest import part_of
 
 RATE = 20.0
@@ -129,7 +118,7 @@ def test_terms_of_known_noise(case):
 
 
 def test_samples_at_instants_have_the_noise_of_the_unit():
-    """Means by the trapezoidal rule, as a log with stamp = "instant" has them, give the samples back."""
+    """Means by the trapezoidal rule, as a log with stamp = "instant" has them, give the samples back; others are told of."""
     samples = unit_rates(np.random.default_rng(3), 20001)
     log = log_of(0.5 * (samples[1:] + samples[:-1]), stamp="instant")
     part = part_of(log)
@@ -140,6 +129,8 @@ def test_samples_at_instants_have_the_noise_of_the_unit():
         "repeat the one before" in each
         for each in part_of(log_of(0.5 * (doubled[1:] + doubled[:-1]), stamp="instant")).warnings
     )
+    bridged = replace(log, bridged=np.arange(20000) % 50 == 0)
+    assert any("interpolated" in warning for warning in part_of(bridged).warnings)
 
 
 @pytest.mark.slow
@@ -237,14 +228,6 @@ def test_a_low_pass_filter_is_recognised_and_left_out():
     found = sensor_noise("gyro x", noise, 0.01)
     assert "filtered" in found.warnings[0]
     assert found.terms.figures[WHITE].value == pytest.approx(1e-4, rel=0.05)
-
-
-@pytest.mark.slow
-def test_missing_samples_are_told():
-    log = log_of(unit_rates(np.random.default_rng(2), 20000))
-    bridged = np.zeros(20000, bool)
-    bridged[::50] = True
-    assert any("interpolated" in warning for warning in insenv.allan(replace(log, bridged=bridged)).warnings)
 
 
 def moving(rates, begin, end):

@@ -28,9 +28,9 @@ TRUE_START = {"draw_errors": False, **dict.fromkeys(("roll_error_deg", "pitch_er
 
 
 @pytest.fixture(scope="module")
-def ship():
-    """64 runs of a swaying ship, 120 s at 20 Hz."""
-    return insenv.budget(changed("ship-swaying", rate_hz=20.0), "q-method", 64, duration_s=120.0)
+def small():
+    """Four runs of a swaying ship, 2 s at 20 Hz."""
+    return insenv.budget(changed("ship-swaying", rate_hz=20.0), "q-method", 4, duration_s=2.0)
 
 
 @pytest.fixture(autouse=True)
@@ -39,12 +39,15 @@ def interpreted(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
 
 
-def test_gaussian_sources_sum_in_variance_to_the_whole(ship):
-    """All sources of this ship are drawn with mean 0: the root sum of squares is the whole, but for chance.
+def test_sources_of_a_ship_are_those_of_closed_forms_and_sum_in_variance_to_the_whole(monkeypatch):
+    """64 runs of 120 s.  Tilt by accelerometer biases: b / g; heading by gyro biases: b / (Omega cos L).
 
-    Contributions of one run multiply by chance; over n runs 2 sum_{i<j} c_i c_j / sum c^2 has the variance
-    4 sum_{i<j} s_i s_j / n, s being shares, each counted as one draw a run.
+    All sources of this ship are drawn with mean 0: the root sum of squares is the whole, but for chance.  Contributions of
+    one run multiply by chance; over n runs 2 sum_{i<j} c_i c_j / sum c^2 has the variance 4 sum_{i<j} s_i s_j / n, s being
+    shares, each counted as one draw a run.
     """
+    monkeypatch.delenv("INSENV_BACKEND")
+    ship = insenv.budget(changed("ship-swaying", rate_hz=20.0), "q-method", 64, duration_s=120.0)
     shares = ship.shares()
     pairs = (1.0 - np.sum(shares**2, axis=0)) / 2.0
     ratio = (ship.rms(ship.whole) / ship.rms(ship.sum)) ** 2 - 1.0
@@ -55,11 +58,8 @@ def test_gaussian_sources_sum_in_variance_to_the_whole(ship):
     for k, name in enumerate(ship.sources):
         assert np.allclose(ship.rms(ship.without[k]), ship.rms(ship.sum - ship.alone[k]), rtol=0.25), name
 
-
-def test_contributions_are_those_of_closed_forms(ship):
-    """Tilt by accelerometer biases: b / g.  Heading by gyro biases: b / (Omega cos L).  Within the scatter of 64 draws."""
     rows = build(load("ship-swaying")).parameters
-    low, high = ship.as_json()["rms_ratio_95"]
+    low, high = ship.as_json()["rms_ratio_95"]  # the scatter of 64 draws
     alone = dict(zip(ship.sources, ship.rms(ship.alone), strict=True))
     tilt = np.degrees(np.max(rows["accel_bias_sigma"]) / 9.79)
     heading = np.degrees(np.max(rows["gyro_bias_sigma"]) / (OMEGA * np.cos(np.radians(30.0))))
@@ -70,7 +70,7 @@ def test_contributions_are_those_of_closed_forms(ship):
 
 
 def test_a_fixed_bias_falls_freely():
-    """An accelerometer bias of 100 ug down, alone: g b t^2 / 2 of height in 20 s, and nothing else moves."""
+    """An accelerometer bias of 100 ug down, alone: g b t^2 / 2 of height in 20 s, and nothing else moves.  None is refused."""
     imu = {**PERFECT, "accel_bias_ug": [0.0, 0.0, 100.0]}
     scenario = changed("static-ecef", imu=imu, start={"heading_deg": 0.0}, knowledge=TRUE_START, rate_hz=50.0)
     found = insenv.budget(scenario, "wander-sins", 2, duration_s=20.0)
@@ -81,6 +81,8 @@ def test_a_fixed_bias_falls_freely():
     assert np.sqrt(found.alone[0, -1, found.channels.index("heading_deg")]) < 1e-6
     assert np.sqrt(found.without[0, -1, down]) < 1e-4  # without it, the method alone
     assert np.array_equal(found.without[0], found.none)
+    with pytest.raises(InputError, match="has no source of error"):
+        insenv.budget(changed("static-ecef", imu=PERFECT, knowledge=TRUE_START), "wander-sins", 2, duration_s=1.0)
 
 
 def test_all_sources_are_the_runs_of_the_seeds():
@@ -149,7 +151,7 @@ def test_a_sensor_of_another_package_is_part_of_the_method(monkeypatch):
     assert found.rms(found.none)[found.channels.index("north_m")] > 0.1
 
 
-def test_runs_that_diverge_are_left_out_and_said(monkeypatch):
+def test_runs_that_diverge_are_left_out_and_said(small, monkeypatch):
     real = budget_module._errors
 
     def damaged(case, progress):
@@ -158,22 +160,15 @@ def test_runs_that_diverge_are_left_out_and_said(monkeypatch):
         found[1:, 2, -1] = np.nan  # the first source alone diverges in most runs
         return found
 
-    scenario = changed("ship-swaying", rate_hz=20.0)
-    whole = insenv.budget(scenario, "q-method", 4, duration_s=2.0)
     monkeypatch.setattr(budget_module, "_errors", damaged)
-    found = insenv.budget(scenario, "q-method", 4, duration_s=2.0)
+    found = insenv.budget(changed("ship-swaying", rate_hz=20.0), "q-method", 4, duration_s=2.0)
     assert found.diverged == (2,)
     assert np.isnan(found.alone[0]).all()
     assert np.isfinite(found.without).all() and np.isfinite(found.alone[1:]).all()
     assert any(f"{found.sources[0]} alone" in note and "interaction" in note for note in found.notes)
-    assert np.isfinite(found.whole).all() and not np.array_equal(found.whole, whole.whole)
+    assert np.isfinite(found.whole).all() and not np.array_equal(found.whole, small.whole)
     document = strict(json.dumps(found.document().as_json()))
     assert document["sources"][0]["alone"]["roll_deg"] is None
-
-
-def test_what_has_no_error_is_refused():
-    with pytest.raises(InputError, match="has no source of error"):
-        insenv.budget(changed("static-ecef", imu=PERFECT, knowledge=TRUE_START), "wander-sins", 2, duration_s=1.0)
 
 
 def test_the_command_prints_writes_and_is_json(tmp_path):
@@ -190,19 +185,19 @@ def test_the_command_prints_writes_and_is_json(tmp_path):
         assert np.allclose(arrays["root_sum_square"] ** 2, arrays["method"] ** 2 + (arrays["alone"] ** 2).sum(axis=0))
 
 
-def test_the_page_stacks_what_the_budget_holds(ship):
+def test_the_page_stacks_what_the_budget_holds(small):
     """Bands end at the root of the sums of squares, the highest at that of all; shares add up to 100 %."""
-    document = page_json(budget_page(ship))
+    document = page_json(budget_page(small))
     arrays = [np.frombuffer(base64.b64decode(text), dtype="<f4") for text in document["arrays"]]
     stacks, shares = document["sections"]
     heading = stacks["panels"][2]
     bands = [curve for curve in heading["curves"] if curve["kind"] == "between"]
     assert np.all(arrays[bands[0]["low"]] == 0.0)
     assert all(one["high"] == other["low"] for one, other in itertools.pairwise(bands))
-    np.testing.assert_allclose(arrays[bands[-1]["high"]], np.sqrt(ship.sum[:, 2]), rtol=1e-6)
+    np.testing.assert_allclose(arrays[bands[-1]["high"]], np.sqrt(small.sum[:, 2]), rtol=1e-6)
     assert np.allclose(arrays[shares["panels"][2]["curves"][-1]["high"]], 100.0)
-    largest = ship.sources[int(np.argmax(ship.shares()[:-1].max(axis=1)))]
+    largest = small.sources[int(np.argmax(small.shares()[:-1].max(axis=1)))]
     assert document["legend"][bands[0]["group"]]["name"] == largest
     (table,) = document["tables"]
     row = next(row for row in table["rows"] if row[0] == "all sources")
-    assert row[1::2] == [number(value) for value in ship.rms(ship.whole)]
+    assert row[1::2] == [number(value) for value in small.rms(small.whole)]

@@ -34,14 +34,13 @@ def log_of_car(duration_s):
                          initial={"static_until_s": 28.0, "heading_deg": 90.0})  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def found():
-    return insenv.tune(car(), "loosely-coupled", runs=4, held_out=16, keys=KEYS, evaluations=64, duration_s=120.0,
-                       settings=MISTUNED)  # fmt: skip
+def test_a_mistuned_filter_is_tuned_back_on_held_out_seeds():
+    """White noise of the gyros 100 times too large: it comes back within a factor of 2, and the errors fall.
 
-
-def test_a_mistuned_filter_is_tuned_back_on_held_out_seeds(found):
-    """White noise of the gyros 100 times too large: it comes back within a factor of 2, and the errors fall."""
+    The rms before and after are those of campaigns with these settings on the held-out seeds.
+    """
+    found = insenv.tune(car(), "loosely-coupled", runs=4, held_out=16, keys=KEYS, evaluations=64, duration_s=120.0,
+                        settings=MISTUNED)  # fmt: skip
     assert found.settings()["arw_deg_sqrt_h"] == pytest.approx(0.15, rel=1.0)
     assert found.is_better and found.change.high < -0.2
     assert found.after < found.before
@@ -51,10 +50,6 @@ def test_a_mistuned_filter_is_tuned_back_on_held_out_seeds(found):
     assert abs(np.log(found.consistency["after"])) < abs(np.log(found.consistency["before"]))
     assert (found.trained_on, found.judged_on) == ("seeds 1 to 4", "seeds 5 to 20")
     assert '[estimator."loosely-coupled"]' in found.toml() and "arw_deg_sqrt_h = " in found.toml()
-
-
-def test_what_is_judged_is_the_campaign_of_these_seeds(found):
-    """The rms before and after are those of campaigns with these settings on the held-out seeds."""
     for given, column in ((MISTUNED["loosely-coupled"], "before"), (found.settings(), "after")):
         data = json.loads(car().model_dump_json())
         data["estimator"] = {"loosely-coupled": given}

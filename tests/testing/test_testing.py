@@ -8,7 +8,8 @@ import casadi as ca
 import pytest
 from places import ROOT
 
-from insenv import testing
+from insenv import run, testing
+from insenv.base.errors import InputError
 from insenv.base.shipped import ESTIMATORS, SENSORS
 from insenv.base.toml import Number, Section, key
 from insenv.core.tables import Row, Table
@@ -22,9 +23,18 @@ DRIVEN = {
     "ship": {},
     "car": {"legs": [{"wait_s": 1}, {"accelerate_to_mps": 5}, {"turn_deg": 90, "radius_m": 10}]},
     "aircraft": {"legs": [{"fly_s": 3}]},
-    "multirotor": {},
-    "turntable": {},
-}
+    "multirotor": {
+        "legs": [{"hover_s": 1}, {"fly_s": 3, "forward_mps": 8.0}, {"turn_deg": 180, "duration_s": 4}],
+        "engine": [{"frequency_hz": 20.0, "roll_deg": 0.01, "pitch_deg": 0.01, "down_m": 1e-5}],
+        "gust_roll_sigma_deg": 1.0, "gust_yaw_sigma_deg": 0.5, "gust_velocity_sigma_mps": 0.3,
+    },
+    "turntable": {
+        "legs": [
+            {"duration_s": 3, "heading_deg": 30, "rate_deg_s": 40}, {"duration_s": 5, "roll_deg": 90, "rate_deg_s": 40},
+            {"duration_s": 10, "pitch_deg": 340, "rate_deg_s": 60},
+        ],
+    },
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
@@ -82,6 +92,9 @@ def test_an_estimator_that_breaks_a_promise_is_found(changes, promise):
     broken = replace(whole, model=replace(whole.model, id="broken", **changes))
     with pytest.raises(AssertionError, match=f"'broken'.*{re.escape(promise)}"):
         testing.check_estimator(broken, "static-ecef", compiled=False)
+    if "inputs" in changes:
+        with pytest.raises(InputError, match=f"'broken'.*{re.escape(promise)}"):
+            run("static-ecef", broken, duration_s=2.0)
 
 
 def test_an_estimator_that_runs_on_no_scenario_is_found_with_the_reason():

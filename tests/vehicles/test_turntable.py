@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from insenv.base.errors import InputError
 from insenv.core.runner import make_runner
-from insenv.geodesy import numeric
 from insenv.scenario import build, load, parse
 from insenv.vehicles.turntable import SETTLED, turning_time
 
@@ -21,28 +20,18 @@ def columns(plant):
     return plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
 
 
-def test_it_turns_to_the_angles_in_place_and_its_increments_are_those_of_the_attitude():
-    """The product of the rotations, less the Earth's, is the attitude, also in a turn; the specific force is gravity."""
+def test_it_turns_to_the_angles_in_place():
     legs = [
         {"duration_s": 5.0, "roll_deg": 90.0, "rate_deg_s": 40.0},
         {"duration_s": 10.0, "pitch_deg": 340.0, "rate_deg_s": 60.0},
         {"duration_s": 5.0, "heading_deg": 30.0},
     ]
-    plant = built(*legs, rate_hz=400.0)
-    found = columns(plant)
+    found = columns(built(*legs))
     attitudes = Rotation.from_quat(found["q_nb"], scalar_first=True)
     expected = Rotation.from_euler("ZYX", [(0, 0, 90), (0, 340, 90), (30, 340, 90)], degrees=True)
-    assert ((attitudes[[1999, 5999, 7999]].inv() * expected).magnitude() < 5e-4).all()
+    assert ((attitudes[[499, 1499, 1999]].inv() * expected).magnitude() < 5e-4).all()
     assert not found["velocity_n"].any() and np.ptp(found["latitude"]) == np.ptp(found["height"]) == 0.0
-    assert np.degrees(np.linalg.norm(found["delta_angle"], axis=1).max() * 400.0) == pytest.approx(60.0, rel=0.01)
-    turned = Rotation.identity()
-    for k, increment in enumerate(Rotation.from_rotvec(found["delta_angle"]), start=1):
-        turned = turned * increment
-        if k % 1200 == 0:  # at 9 s it turns at 60 deg/s
-            earth = Rotation.from_rotvec(numeric.earth_rate_n(plant.knowledge.latitude) * k / 400.0)
-            assert ((earth.inv() * turned).inv() * attitudes[k - 1]).magnitude() < 5e-4
-    force = np.linalg.norm(found["delta_velocity"], axis=1)
-    assert np.ptp(force) < 1e-4 * force.mean()
+    assert np.degrees(np.linalg.norm(found["delta_angle"], axis=1).max() * 100.0) == pytest.approx(60.0, rel=0.01)
 
 
 def test_a_turn_too_long_for_its_leg_is_refused():

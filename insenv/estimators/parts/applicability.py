@@ -93,7 +93,7 @@ free_start = above(
     "heading-drifts",
     "a gyro bias of {bias:.3g} deg/h may turn the heading by {turn:.3g} deg in the {duration:.3g} s of the run: beyond "
     f"{degrees(LINEAR_HEADING):.2g} deg this linearised filter's sigma of the heading can be half of what it should be; an "
-    "early turn about a level axis shows the bias",
+    "early turn about a horizontal axis makes the bias observable",
 )
 def drifting_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
     """Gyros whose bias turns the heading beyond what a linearised filter takes, until a turn shows the bias.

@@ -35,8 +35,8 @@ _NO_FIX = declared("solutions-without-fix", "{label}: {count} of {total} UBX-NAV
 _DAMAGED = declared("messages-damaged", "{label}: {count} messages with a wrong checksum or length are skipped")
 _RECKONED = declared(
     "fixes-reckoned",
-    "{label}: {count} fixes contain the receiver's own dead reckoning, whose errors last (keep_where = { fix_type = 3 } "
-    "leaves them out)",
+    "{label}: {count} fixes contain the receiver's own dead reckoning, whose errors change slowly (keep_where = "
+    "{ fix_type = 3 } leaves these fixes out)",
 )
 
 

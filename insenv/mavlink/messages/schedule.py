@@ -18,8 +18,6 @@ from insenv.mavlink.messages.view import View
 Content = Callable[[View], "Values | None"]
 """The values of a message's fields at the present sample; None if it has no content yet."""
 MAX_HZ = 1000.0
-METADATA_URI = "mftp:///general.json"
-"""Where names, units and ranges of the parameters can be read."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,6 @@ MESSAGES: dict[str, Content] = {
     **{name: message.values for name, message in STREAMED.items()},
     "AUTOPILOT_VERSION": status.autopilot_version,
     "PROTOCOL_VERSION": lambda view: (200, 200, 200, [0] * 8, [0] * 8),  # MAVLink 2 only
-    "COMPONENT_METADATA": lambda view: (view.time_ms, view.metadata_crc, METADATA_URI),
     "AVAILABLE_MODES": lambda view: status.available_modes(view)[0],
 }
 """Every message that the vehicle can make, by name."""

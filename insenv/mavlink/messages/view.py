@@ -114,8 +114,8 @@ class View:
     start_unix: Unix time (s) at the start of the run.  undulation: height of the geoid above the ellipsoid (m), the
     same everywhere: height above mean sea level = ellipsoidal height - undulation.  system, component: the sender that
     messages state; clients look for component 1.  hil_acceleration: `MILLI_G` or `MM_S2`.  mode: the present one of
-    `modes`.  metadata_crc: checksum of the file that COMPONENT_METADATA names.  home: the known initial latitude,
-    longitude (rad) and height (m).  traits: of the vehicle.  load: share of one core that the process takes.
+    `modes`.  home: the known initial latitude, longitude (rad) and height (m).  traits: of the vehicle.  load: share of
+    one core that the process takes.
 
     truth, estimate: outputs of the plant and of the estimator by row name.  sent_increments, sent_readings, sent_fix,
     sent_gps_at: what messages of the sensors have sent last.
@@ -138,7 +138,6 @@ class View:
         self.system, self.component = system, component
         self.hil_acceleration = hil_acceleration
         self.mode = SCRIPTED
-        self.metadata_crc = 0
         self.armed = True
         self.load = 0.0
         known = simulation.plant.knowledge

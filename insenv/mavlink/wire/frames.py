@@ -32,9 +32,6 @@ DEFINITIONS: dict[str, Definition] = {
         ("uint16_t", "version", 0), ("uint16_t", "min_version", 0), ("uint16_t", "max_version", 0),
         ("uint8_t", "spec_version_hash", 8), ("uint8_t", "library_version_hash", 8),
     )),
-    "COMPONENT_METADATA": (397, 182, "<2I100s", (
-        ("uint32_t", "time_boot_ms", 0), ("uint32_t", "file_crc", 0), ("char", "uri", 100),
-    )),
 }  # fmt: skip
 """Messages of the common message set that no module of pymavlink has."""
 

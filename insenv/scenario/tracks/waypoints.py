@@ -50,8 +50,8 @@ class Waypoint(PlaceSection):
 
 _PASSES = declared(
     "waypoint-missed",
-    "the arc at vehicle.waypoints[{number}] passes {distance:.0f} m from the place: a stop_s, a lower speed or a larger "
-    "lateral_mps2 keeps it closer",
+    "the arc at vehicle.waypoints[{number}] passes the waypoint at {distance:.0f} m: a stop_s, a lower speed or a larger "
+    "lateral_mps2 brings it closer",
 )
 
 

@@ -86,7 +86,9 @@ def paired(first: Array, second: Array) -> Paired:
     return Paired(jackknifed(difference, np.sqrt(left_b) - np.sqrt(left_a)), ratio, smaller, n)
 
 
-_TIMES_DIFFER = declared("times-differ", "rms {time} of {id}, {other} of {first}: their ratio compares different times")
+_TIMES_DIFFER = declared(
+    "times-differ", "the rms of {id} counts {time}, that of {first} {other}: their ratio compares different times"
+)
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,6 +1,7 @@
 """Refused fixes that agree start position and velocity anew; wrong ones do not."""
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import casadi as ca
@@ -15,6 +16,12 @@ BENT_S = 30.0, 33.0
 """While the accelerometers are bent (s)."""
 
 
+@cache
+def standing():
+    """The log of 70 s of a car that is told its heading."""
+    return started(car_log("tactical", 70.0), heading_deg=HEADING)
+
+
 def bent(log, mps2=5.0):
     """The log with a vertical accelerometer that vibration bends for three seconds."""
     wrong = (log.imu_time > BENT_S[0]) & (log.imu_time <= BENT_S[1])
@@ -24,8 +31,7 @@ def bent(log, mps2=5.0):
 @pytest.mark.parametrize("id", ["loosely-coupled", "fusion"])
 def test_a_bent_accelerometer_costs_the_height_of_seconds_and_not_of_the_run(id):
     """Ten refused fixes would be 150 m of height; the accelerometer's bias takes up none of it."""
-    log = started(bent(car_log("tactical", 70.0)), heading_deg=HEADING)
-    result = replay(log, id).results[0]
+    result = replay(bent(standing()), id).results[0]
     count, down = result.outputs["gnss_restart_count"], result.errors["down_m"]
     assert 1 <= count[-1] <= 3 and np.argmax(count > 0) * 70.0 / len(count) < BENT_S[1] + 3.0
     assert np.abs(down).max() < 60.0 and np.abs(down[result.time > 45.0]).max() < 10.0
@@ -36,7 +42,7 @@ def test_a_bent_accelerometer_costs_the_height_of_seconds_and_not_of_the_run(id)
 
 def test_fixes_that_disagree_start_nothing_anew():
     """Two fixes of three are 200 m off, each in another direction."""
-    log = started(car_log("tactical", 60.0), heading_deg=HEADING)
+    log = standing()
     gnss, rng = log.gnss, np.random.default_rng(3)
     off = np.where(np.arange(len(gnss.time))[:, None] % 3 > 0, rng.normal(size=(len(gnss.time), 2)), 0.0)
     off = 200.0 * off / np.maximum(np.linalg.norm(off, axis=1, keepdims=True), 1e-9) / 6.37e6
@@ -48,8 +54,7 @@ def test_fixes_that_disagree_start_nothing_anew():
 
 
 def test_a_jump_of_the_fixes_is_followed_after_three_and_said():
-    log = started(car_log("tactical", 60.0), heading_deg=HEADING)
-    gnss = log.gnss
+    log, gnss = standing(), standing().gnss
     moved = replace(gnss, latitude=gnss.latitude + np.where(gnss.time > 40.0, 100.0 / 6.37e6, 0.0))
     result = replay(replace(log, gnss=moved), "loosely-coupled").results[0]
     assert result.outputs["gnss_restart_count"][-1] == 1 and result.outputs["fix_refused_count"][-1] == 3

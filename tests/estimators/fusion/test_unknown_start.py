@@ -72,7 +72,7 @@ def test_a_run_and_a_replay_say_when_the_heading_was_found():
 @pytest.mark.parametrize(("name", "seconds"), [("aircraft-inflight-alignment", 12.0), ("ship-at-sea", 8.0)])
 def test_before_the_attitude_is_found_velocity_and_place_have_honest_sigmas(name, seconds):
     """Of any attitude: what first order leaves out of gravity, the antenna's arm and the force made 27 sigmas of position."""
-    for seed in range(20000, 20004):
+    for seed in (20000, 20001):
         scenario = changed(name, knowledge={"heading_sigma_deg": 180.0, "tilt_sigma_deg": 180.0})
         (result,) = insenv.run(scenario, "fusion", seed=seed, duration_s=seconds).results
         found = int(np.argmax(result.sigma["heading_deg"] < 7.0)) or len(result.time)

@@ -260,7 +260,7 @@ def test_what_is_unknown_about_the_vertical_of_the_platform_stays_so():
 def test_a_parked_car_learns_no_heading_from_being_level(monkeypatch, filter):
     """The told attitude is 0.5 deg off level and 3 deg off in heading; zero velocities and fixes level the unit."""
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         (result,) = insenv.run(changed("car-city-drive", rate_hz=60.0), filter, seed=seed, duration_s=31.0).results
         assert result.sigma["heading_deg"][-1] > 0.9 * result.limit_sigma["heading_deg"][-1]
         assert abs(result.errors["heading_deg"][-1]) < 3 * result.sigma["heading_deg"][-1]

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
-from insenv.estimators import aqe, ecef_kf, get
+from insenv.estimators import aqe, get
 from insenv.estimators.parts import kalman
 
 MOTION, WANDER = earth_fixed.Motion(latitude=-0.7, speed=180.0), 0.8
@@ -77,21 +77,6 @@ def test_feedback_of_the_15_states_returns_to_the_truth(seed):
     given = np.concatenate([*(C_ew.T @ error[part] for part in (POSITION, VELOCITY, PHI)), error[9:]])
     after = navigation.FUNCTIONS["fed_back"](navigation.MODEL.state.pack(rows_in_w(r, v, C, C_ew)), given).full().ravel()
     check_truth(navigation.MODEL.state.unpack(after), error)
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_feedback_of_the_12_states_returns_to_the_truth(seed):
-    error = error_of(seed)
-    _, v, C, _ = shifted(error)
-    model = ecef_kf.MODEL
-    x, e = ca.SX.sym("x", model.state.size), ca.SX.sym("e", 12)
-    rows = ecef_kf.corrected(model.state.symbols(x), e)
-    function = ca.Function("f", [x, e], [rows[name] for name in ("velocity_e", "q_eb", "accel_bias", "gyro_bias")])
-    state = model.state.pack({"q_eb": quaternion_of(C), "velocity_e": v})
-    found = [part.full().ravel() for part in function(state, error[np.r_[VELOCITY, PHI, ACCEL, GYRO]])]
-    _, true_v, true_C, _ = true_motion()
-    assert np.abs(found[0] - true_v).max() < 1e-9 and np.abs(matrix_of(found[1]) - true_C).max() < 5e-6
-    assert np.allclose(found[2], error[ACCEL]) and np.allclose(found[3], error[GYRO])
 
 
 @pytest.mark.parametrize("height_m", [0.0, 1e5])

@@ -9,20 +9,20 @@ from command_line import call
 from insenv import run
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.scenario import build, load, reseeded
-from insenv.studies.campaign import make_plan
+from insenv.studies.campaign import make_plan, run_campaign
 from insenv.studies.campaign.block import run_block
 
 
-@pytest.mark.parametrize(
-    ("name", "id", "duration_s"),
-    [("ship-swaying", "q-method", 6.0), ("car-city-drive", "loosely-coupled", 6.0)],
-)
-def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
-    """Errors and stated accuracy at the recorded times, and mean squares in between, equal those of `insenv.runs.simulated`."""
+@pytest.mark.parametrize(("name", "id"), [("ship-swaying", "q-method"), ("car-city-drive", "loosely-coupled")])
+def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id):
+    """Errors and stated accuracy at the recorded times, and mean squares in between, equal those of `insenv.runs.simulated`.
+
+    So does the limit, which no seed changes: of an alignment from where its statistics begin, of a navigation from the start.
+    """
     scenario = load(name).model_copy(update={"rate_hz": 100.0})
-    plan = make_plan(scenario, id, 3, first_seed=11, duration_s=duration_s)
-    arrays, k = run_block(plan, 0), plan.evaluations
-    result = run(scenario, [id], seed=12, duration_s=duration_s).results[0]
+    plan = make_plan(scenario, id, 3, first_seed=11, duration_s=6.0)
+    arrays, k, found = run_block(plan, 0), plan.evaluations, run_campaign(plan)
+    result = run(scenario, [id], seed=12, duration_s=6.0).results[0]
     assert np.allclose(plan.times, result.time[k - 1 :: k], rtol=1e-12)
 
     def means(values):
@@ -35,6 +35,16 @@ def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
         if sigma is not None:
             assert np.allclose(arrays["sigma"][1, :, place], sigma[k - 1 :: k], rtol=1e-9)
             assert np.allclose(arrays["mean_variance"][1, :, place], means(sigma), rtol=1e-9)
+    late = found.time >= found.from_s - 1e-9
+    inside = result.time > found.time[late][0] - found.time[0] + 1e-9  # a record holds the evaluations since the one before
+    for place, channel in enumerate(found.channels):
+        expected = np.sqrt(np.mean(result.limit_sigma[channel][inside] ** 2))
+        assert found.limit[:, place] == pytest.approx(expected, rel=1e-9), channel
+        assert found.figures()[channel]["limit"] == pytest.approx(expected, rel=1e-9)
+        assert np.sqrt(np.mean(found.courses[channel].limit[late] ** 2)) == pytest.approx(expected, rel=1e-9)
+        if found.from_s == 0.0:
+            assert expected == pytest.approx(result.limit[channel], rel=1e-9)
+    assert found.notes == found.plan.notes
 
 
 def test_reseeded_plants_are_those_built_for_the_seeds():

@@ -1,31 +1,11 @@
-"""The limit beside a campaign: that of a run, or, where keys vary, those of some runs."""
+"""The limit beside a campaign where keys vary: those of some runs (else it is that of a run: test_campaign.py)."""
 
 import numpy as np
 import pytest
 from campaigns import slow_ship
 
-from insenv import run
-from insenv.scenario import limit_of, load
+from insenv.scenario import limit_of
 from insenv.studies.campaign import make_plan, parse_variation, run_campaign
-
-
-@pytest.mark.parametrize(("name", "id"), [("ship-swaying", "q-method"), ("car-city-drive", "loosely-coupled")])
-def test_the_limit_is_that_of_a_run(name, id):
-    """The same statistic of the same limit, from the start on for navigation, whatever the seed."""
-    scenario = load(name).model_copy(update={"rate_hz": 100.0})
-    found = run_campaign(make_plan(scenario, id, 2, first_seed=5, duration_s=6.0))
-    result = run(scenario, [id], seed=9, duration_s=6.0).results[0]
-    late = found.time >= found.from_s - 1e-9
-    begin = found.time[late][0] - found.time[0]  # a record holds the evaluations since the one before
-    inside = result.time > begin + 1e-9
-    for place, channel in enumerate(found.channels):
-        expected = np.sqrt(np.mean(result.limit_sigma[channel][inside] ** 2))
-        assert found.limit[:, place] == pytest.approx(expected, rel=1e-9), channel
-        assert found.figures()[channel]["limit"] == pytest.approx(expected, rel=1e-9)
-        assert np.sqrt(np.mean(found.courses[channel].limit[late] ** 2)) == pytest.approx(expected, rel=1e-9)
-        if found.from_s == 0.0:
-            assert expected == pytest.approx(result.limit[channel], rel=1e-9)
-    assert found.notes == found.plan.notes
 
 
 def test_the_limit_follows_what_is_varied(monkeypatch):

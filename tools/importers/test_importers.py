@@ -1,4 +1,9 @@
-"""Our FMUs and SSP files in other importers, and the models of Reference-FMUs in ours; docs/fmu.md builds them."""
+"""Our FMUs and SSP files in other importers, and the models of Reference-FMUs in ours: `python -m pytest tools/importers`.
+
+A person runs it who has built them, as docs/fmu.md tells: an environment variable names each, and without it they are skipped.
+"""
+
+from __future__ import annotations
 
 import csv
 import functools
@@ -7,23 +12,33 @@ import subprocess
 import zipfile
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from fmu_tools import INTERVAL, c_compiler, columns_for, in_process, plant_outputs, scratch
+from fmu_tools import (  # type: ignore[import-not-found]  # tests/helpers
+    INTERVAL,
+    c_compiler,
+    columns_for,
+    in_process,
+    plant_outputs,
+    scratch,
+)
 from scipy.io import loadmat
 
 from insenv.fmu import export_fmu, export_ssp, run, run_ssp
 from insenv.fmu.reading import read_description, read_variable
-from insenv.fmu.running import flattened
+from insenv.fmu.running import Series, flattened
 
-pytestmark = pytest.mark.slow
-ARRAYS, SCALARS = {"fmi": 3}, {"fmi": 3, "arrays": False}
-LOOP = {"fmi": 2, "estimator": "qakf-improved"}
+Options = dict[str, Any]
+Columns = dict[str, np.ndarray]
+ARRAYS: Options = {"fmi": 3}
+SCALARS: Options = {"fmi": 3, "arrays": False}
+LOOP: Options = {"fmi": 2, "estimator": "qakf-improved"}
 
 
 def named(variable: str) -> Path:
-    """The folder or program that an environment variable names; no package brings these, so that they are never required."""
+    """The folder or program that an environment variable names."""
     if not os.environ.get(variable):
         pytest.skip(f"{variable} is not set: build what it names as docs/fmu.md tells")
     return Path(os.environ[variable]).resolve()
@@ -37,7 +52,7 @@ RUN = {  # by version: model, stop time, and whether it ends the simulation itse
 
 
 @pytest.mark.parametrize(("fmi", "model"), [(fmi, model) for fmi in (2, 3) for model in RUN[fmi]])
-def test_a_model_of_reference_fmus_runs(fmi, model):
+def test_a_model_of_reference_fmus_runs(fmi: int, model: str) -> None:
     stop, ends = RUN[fmi][model]
     found = run(named("INSENV_REFERENCE_FMUS") / f"fmi{fmi}" / f"{model}.fmu", stop_time=stop)
     assert found.ended == ends and len(found.time) > 0
@@ -47,8 +62,8 @@ def test_a_model_of_reference_fmus_runs(fmi, model):
     ("what", "options"),
     [("loosely-coupled", {"fmi": 2}), ("loosely-coupled", ARRAYS), ("loosely-coupled", SCALARS), ("ship-swaying", LOOP)],
 )
-def test_fmusim_gives_the_reference_signals_at_its_default_step(tmp_path, what, options):
-    fmusim, path = named("INSENV_FMUSIM"), export_fmu(what, tmp_path / "x.fmu", **options)
+def test_fmusim_gives_the_reference_signals_at_its_default_step(tmp_path: Path, what: str, options: Options) -> None:
+    fmusim, path = str(named("INSENV_FMUSIM")), export_fmu(what, tmp_path / "x.fmu", **options)
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
             if name.endswith(".csv"):
@@ -66,7 +81,7 @@ def test_fmusim_gives_the_reference_signals_at_its_default_step(tmp_path, what, 
 
 SAMPLES = 2000
 LIBRARIES = {"fmil": ("INSENV_FMIL", "fmilib_shared"), "fmi4c": ("INSENV_FMI4C", "fmi4c")}
-"""The variable that names the folder of the installed library, and the library, by the name of its source in tests/fmu/c."""
+"""The variable that names the folder of the installed library, and the library, by the name of its source here."""
 SUBJECTS = (
     ("q-method", None), ("loosely-coupled", None), ("ship-swaying", None), ("ship-swaying", "qakf-improved"),
     ("car-city-drive", "loosely-coupled"),
@@ -77,7 +92,7 @@ SUBJECTS = (
 def program(library: str) -> Path:
     """The test program of a library, compiled."""
     variable, name = LIBRARIES[library]
-    root, binary, source = named(variable), scratch() / f"importer-{library}", Path(__file__).parent / "c" / f"{library}.c"
+    root, binary, source = named(variable), scratch() / f"importer-{library}", Path(__file__).with_name(f"{library}.c")
     command = [c_compiler(), "-std=c99", "-O2", "-I", str(root / "include"), str(source), "-o", str(binary)]
     link = [f"-L{root / 'lib'}", f"-l{name}", f"-Wl,-rpath,{root / 'lib'}", "-lm", "-ldl"]
     subprocess.run([*command, *link], check=True)
@@ -85,7 +100,7 @@ def program(library: str) -> Path:
 
 
 @functools.cache
-def own(what, estimator, fmi, arrays):
+def own(what: str, estimator: str | None, fmi: int, arrays: bool | None) -> tuple[Path, Columns, Series]:
     """The FMU; its inputs; its outputs from `insenv.fmu.run`."""
     path = scratch() / f"importers-{what}-{estimator}-{fmi}-{arrays}.fmu"
     export_fmu(what, path, estimator=estimator, fmi=fmi, arrays=arrays)
@@ -93,8 +108,8 @@ def own(what, estimator, fmi, arrays):
     return path, columns, run(path, columns, stop_time=SAMPLES * INTERVAL)
 
 
-def plan(path, columns):
-    """The text that tests/fmu/c/importer.h reads."""
+def plan(path: Path, columns: Columns) -> str:
+    """The text that importer.h reads."""
     variables = [v for v in map(read_variable, read_description(path).modelVariables) if v is not None]
     flat = flattened(columns)
     inputs = [v for v in variables if v.causality == "input" and v.elements[0] in flat]
@@ -108,7 +123,9 @@ def plan(path, columns):
 @pytest.mark.parametrize("options", ({"fmi": 2}, ARRAYS, SCALARS))
 @pytest.mark.parametrize(("what", "estimator"), SUBJECTS)
 @pytest.mark.parametrize("library", LIBRARIES)
-def test_a_library_gives_our_outputs_to_the_bit(library, what, estimator, options, tmp_path):
+def test_a_library_gives_our_outputs_to_the_bit(
+    library: str, what: str, estimator: str | None, options: Options, tmp_path: Path
+) -> None:
     binary = program(library)
     path, columns, wanted = own(what, estimator, options["fmi"], options.get("arrays"))
     (tmp_path / "plan").write_text(plan(path, columns))
@@ -119,11 +136,11 @@ def test_a_library_gives_our_outputs_to_the_bit(library, what, estimator, option
     np.testing.assert_array_equal(np.fromfile(tmp_path / "out").reshape(SAMPLES, -1), wanted.values)
 
 
-def simulated(path, stop, folder):
+def simulated(path: Path, stop: float, folder: Path) -> Columns:
     """(rows, n) of OMSimulator's record by variable name, without the model's; the first row is the start."""
     result = folder / "result.mat"
     options = ["--emitEvents=false", f"--stopTime={stop}", f"--resultFile={result}", f"--tempDir={folder}"]
-    command = [named("INSENV_OMSIMULATOR"), *options, str(path)]
+    command = [str(named("INSENV_OMSIMULATOR")), *options, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder)
     assert done.returncode == 0, done.stdout + done.stderr
     file = loadmat(result, chars_as_strings=True)
@@ -139,7 +156,9 @@ def simulated(path, stop, folder):
 @pytest.mark.parametrize("stop", [1, 2])  # at 2 s it adds a step of 2e-14 s
 @pytest.mark.parametrize("options", ({"fmi": 2}, SCALARS))
 @pytest.mark.parametrize(("what", "estimator"), [("q-method", None), ("ship-swaying", None), ("ship-swaying", "qakf-improved")])
-def test_omsimulator_gives_our_outputs_to_the_bit_at_its_default_step(what, estimator, options, stop, tmp_path):
+def test_omsimulator_gives_our_outputs_to_the_bit_at_its_default_step(
+    what: str, estimator: str | None, options: Options, stop: int, tmp_path: Path
+) -> None:
     path = export_fmu(what, tmp_path / "x.fmu", estimator=estimator, **options)
     found = simulated(path, stop, tmp_path)
     wanted = run(path, stop_time=float(stop)).columns()
@@ -149,7 +168,7 @@ def test_omsimulator_gives_our_outputs_to_the_bit_at_its_default_step(what, esti
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_omsimulator_runs_an_ssp_one_step_late_at_the_step_of_its_annotation(fmi, tmp_path):
+def test_omsimulator_runs_an_ssp_one_step_late_at_the_step_of_its_annotation(fmi: int, tmp_path: Path) -> None:
     path, samples, prefix = tmp_path / "loop.ssp", 400, "ship_swaying.loop."
     export_ssp("ship-swaying", "qakf-improved", path, fmi=fmi)
     found = simulated(path, samples * INTERVAL, tmp_path)
