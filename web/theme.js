@@ -31,9 +31,8 @@ export function groupColour(group) {
  * @param {string} hex
  * @param {number} opacity */
 export function faint(hex, opacity) {
-  return `${hex}${Math.round(255 * opacity)
-    .toString(16)
-    .padStart(2, "0")}`;
+  const part = Math.round(255 * opacity).toString(16);
+  return `${hex}${part.padStart(2, "0")}`;
 }
 
 /** Call `act` after each change of the colours.

@@ -12,7 +12,6 @@ from insenv.base.style import save
 from insenv.evaluation.errors import ATTITUDE, Track
 from insenv.evaluation.health import course
 from insenv.report import OutputFolder, Report, write_files
-from insenv.report.panels import Band, Curve, TimePanel
 from insenv.report.run_data import outages
 
 draw = Report.plot
@@ -23,12 +22,6 @@ def test_it_shows_every_channel_and_leaves_matplotlib_as_it_was():
     figure = draw(report(result(), result("wander-sins", size=50.0, sigma={})))
     assert dict(matplotlib.rcParams) == before
     assert len(figure.axes) == 10
-
-
-def test_what_an_estimator_states_does_not_choose_the_scale():
-    error = np.r_[5.0, np.full(99, 0.0015)]
-    panel = TimePanel("", "deg", np.arange(100.0), errors=True, marks=[Band(0, np.full(100, 0.3)), Curve(0, error)])
-    assert panel.threshold == panel.without_bands().threshold == 0.002
 
 
 def test_outages_are_the_gaps_between_fixes():
