@@ -47,6 +47,5 @@ def test_a_state_is_written_and_read_alike(document, tmp_path):
     moves = (np.random.default_rng(3).integers(0, 101, (200, 2)) * [0.15, 0.002]).round(3).tolist()  # ten seconds of dragging
     driven = [{"sample": 10 * k, "values": {"speed": v, "yaw_rate": w, "slope": 0.1}} for k, (v, w) in enumerate(moves)]
     state = {"seed": 7, "values": values, "commands": driven}
-    page = document(*CAR)
-    link, back = answers("address.js", READ, [page, state], tmp_path)
+    link, back = answers("address.js", READ, [document(*CAR), state], tmp_path)
     assert back == state and "seed=7" in link and "imu.grade=navigation" in link and len(link) < 2000
