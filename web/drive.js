@@ -112,7 +112,15 @@ export function driver(live, command, cut, undo) {
   addEventListener("blur", () => held.size && release());
   /** Where the pointer went down, and whether it has moved since. @type {{x: number, y: number, moved: boolean} | null} */
   let pressed = null;
-  let waiting = 0; // for the next command
+  let waiting = 0; // until the next command may follow
+  let due = false; // whether the pointer has moved since the last one
+  const next = () => {
+    waiting = 0;
+    if (!due) return;
+    due = false;
+    give();
+    waiting = window.setTimeout(next, TICK_MS);
+  };
   const drag = (/** @type {PointerEvent} */ event) => {
     if (!pressed) return;
     pressed.moved ||= Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) >= STILL;
@@ -120,11 +128,9 @@ export function driver(live, command, cut, undo) {
     const box = pad.getBoundingClientRect();
     state.across = Math.max(-1, Math.min(1, (2 * (event.clientX - box.left)) / box.width - 1));
     state.along = Math.max(least, Math.min(1, 1 - ((1 - least) * (event.clientY - box.top)) / box.height));
-    place();
-    waiting ||= window.setTimeout(() => {
-      waiting = 0;
-      give();
-    }, TICK_MS);
+    due = true;
+    if (waiting) place();
+    else next();
   };
   pad.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
     pad.setPointerCapture(event.pointerId);
@@ -133,13 +139,12 @@ export function driver(live, command, cut, undo) {
   pad.addEventListener("pointermove", drag);
   for (const name of ["pointerup", "pointercancel"])
     pad.addEventListener(name, () => {
-      if (waiting) {
-        clearTimeout(waiting);
-        waiting = 0;
-        give(); // what the pointer said last
-      }
+      clearTimeout(waiting);
+      waiting = 0;
       pressed = null;
-      release();
+      if (state.across !== 0) release();
+      else if (due) give(); // what the pointer said last
+      due = false;
     });
 
   const ways = [
