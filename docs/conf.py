@@ -94,6 +94,7 @@ html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
+    "logo": {"image_light": "_static/favicon.svg", "image_dark": "_static/favicon.svg", "text": "insenv", "alt_text": "insenv"},
     "navigation_with_keys": False,
     "show_toc_level": 2,
     "header_links_before_dropdown": 6,
@@ -129,6 +130,15 @@ def write_gallery(app: Any) -> None:
 def extend_page(app: Any, name: str, text: list[str]) -> None:
     """Turn a page of the repository into one of the site."""
     text[0] = site_sources.extended(name, text[0])
+
+
+def breakable(app: Any, name: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+    """Let names in tables break after underscores and the like: a browser breaks them after hyphens alone."""
+
+    def cell(match: re.Match[str]) -> str:
+        return re.sub(r'(?<=<span class="pre">)[^<]+', lambda found: re.sub(r"([_.,=/])(?=\w)", r"\1<wbr>", found[0]), match[0])
+
+    context["body"] = re.sub(r"<t[dh]\b.*?</t[dh]>", cell, context.get("body", ""), flags=re.DOTALL)
 
 
 def as_rst(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
@@ -169,6 +179,7 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("builder-inited", write_pages)
     app.connect("builder-inited", write_gallery)
     app.connect("source-read", extend_page)
+    app.connect("html-page-context", breakable)
     app.connect("autodoc-process-docstring", as_rst)
     app.connect("autodoc-process-signature", shorter)
     app.connect("autodoc-skip-member", keep_member)

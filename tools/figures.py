@@ -74,14 +74,14 @@ def of_run_page() -> None:
         insenv.run("car-city-drive", "loosely-coupled").save(folder)
         shown.open(Path(folder) / "car-city-drive.html", (1200, 1000))
         shown.until("document.querySelector('.uplot canvas')")
-        shown.screenshot(FOLDER / "page-run.png")
+        shown.driver.save_screenshot(str(FOLDER / "page-run.png"))
 
 
 def of_live_page() -> None:
     """A live page: the car is in its second outage."""
     with browser() as shown, tempfile.TemporaryDirectory() as folder:
         path = insenv.page("car-city-drive", Path(folder) / "car.html", ["loosely-coupled", "wander-sins"])
-        shown.open(path, (1240, 1130))
+        shown.open(path, (1240, 1000))
         shown.until("document.getElementById('clock')?.textContent === '0:00.0'")
         shown.driver.execute_script("document.getElementById('run').click()")
         shown.until("document.getElementById('clock').textContent >= '6:50.0'", timeout_s=120.0)
@@ -90,7 +90,7 @@ def of_live_page() -> None:
             "[...document.querySelectorAll('.legend button')].find((one) => one.textContent.includes('wander-sins')).click();"
         )
         shown.until("document.getElementById('run').textContent === 'Run'")
-        shown.screenshot(FOLDER / "page-live.png")
+        shown.driver.save_screenshot(str(FOLDER / "page-live.png"))
 
 
 def browser() -> Any:

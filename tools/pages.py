@@ -343,8 +343,8 @@ def remarks_table() -> str:
 # --- pages -------------------------------------------------------------------------------------------
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
-    "docs/scenarios.md": {"keys": lambda: key_tables(SCENARIO_SECTIONS, SCENARIO_TYPES)},
-    "docs/logs.md": {"keys": lambda: key_tables(LOG_SECTIONS, LOG_TYPES)},
+    "docs/scenario-keys.md": {"keys": lambda: key_tables(SCENARIO_SECTIONS, SCENARIO_TYPES)},
+    "docs/log-keys.md": {"keys": lambda: key_tables(LOG_SECTIONS, LOG_TYPES)},
     "docs/flight-logs.md": {"keys": lambda: key_tables(FLIGHT_SECTIONS)},
     "docs/accuracy.md": {"logs": public_logs_table, "results": proof_text},
     "docs/api.md": {"names": public_names},

@@ -98,7 +98,7 @@ def scenarios() -> Pages:
     """A page per scenario: what it is, and its file."""
     pages = {f"scenarios/{entry['name']}.md": scenario(entry["name"]) for entry in summaries()}
     rows = [[f"[`{s['name']}`]({s['name']}.md)", s["vehicle"], f"{s['duration_s']:g} s", s["title"]] for s in summaries()]
-    intro = "How to write your own, and every key: [scenarios](../../scenarios.md)."
+    intro = "How to write your own: [scenarios](../../scenarios.md); [every key](../../scenario-keys.md)."
     names = [s["name"] for s in summaries()]
     pages["scenarios/index.md"] = overview("All scenarios", intro, ("scenario", "vehicle", "duration", "title"), rows, names)
     return pages
@@ -136,7 +136,7 @@ def reference() -> Pages:
             body = f".. automodule:: {thing.__name__}\n   :members:\n"
         elif inspect.isclass(thing):
             body = f".. autoclass:: insenv.{name}\n   :members:\n"
-            body += "\nKeys, units and defaults: :doc:`/scenarios`.\n" if hasattr(thing, "model_fields") else ""
+            body += "\nKeys, units and defaults: :doc:`/scenario-keys`.\n" if hasattr(thing, "model_fields") else ""
         else:
             body = f".. autofunction:: insenv.{name}\n"
         pages[f"api/{name}.rst"] = f"insenv.{name}\n{'=' * (7 + len(name))}\n\n{body}"

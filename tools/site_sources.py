@@ -1,8 +1,8 @@
 """What the site changes in a page of docs/ before it is read: the repository shows the same files without it.
 
-The tables of an estimator are appended to its page, the public names of docs/api.md become links, and links to an anchor
-``<a id="health"></a>`` become links to the heading below it, because Sphinx knows headings alone.  A page that no table of
-contents names stands below the reference.
+The tables of an estimator are appended to its page, the public names of docs/api.md become links, links whose text is the name
+of a file get the title of its page, and links to an anchor ``<a id="health"></a>`` become links to the heading below it, as
+Sphinx knows headings alone.  A page that no table of contents names stands below the reference.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ import insenv
 DOCS = ROOT / "docs"
 TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ANCHOR = re.compile(r'^<a id="(?P<id>[\w-]+)"></a>\n+#+ (?P<heading>.*)$', re.MULTILINE)
+NAMED = re.compile(r"\[[\w./-]+\.md\]\((?=[\w./-]+\.md[)#])")
+"""A link whose text is the name of a file: the site shows the title of what it leads to."""
 LINK = re.compile(r"\]\((?P<page>[\w./-]*)#(?P<id>[\w-]+)\)")
 
 
@@ -35,6 +37,7 @@ def extended(name: str, text: str) -> str:
         text += "\n```{toctree}\n:hidden:\n:glob:\n\ngenerated/api/*\n```\n"
     if name == "reference" and (others := unlisted()):
         text += "\n```{toctree}\n:hidden:\n\n" + "\n".join(others) + "\n```\n"
+    text = NAMED.sub("[](", text)
     return LINK.sub(lambda match: f"]({match['page']}#{_heading(name, match['page'], match['id'])})", text)
 
 

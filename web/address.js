@@ -1,5 +1,6 @@
-/** The state of a live page in its address: a link repeats the run. */
+/** The state of a live page in its address: a link repeats the run. Commands stand there deflated, each with what it changes. */
 
+import { bytesOf, textOf } from "./arrays.js";
 import { checkCommands, checkWindows } from "./checks.js";
 import { beyond, given } from "./words.js";
 
@@ -13,22 +14,53 @@ import { beyond, given } from "./words.js";
 /** The part of an address after "#" for a state.
  * @param {State} state
  * @param {number} seed  of the scenario, which needs no mention
- * @returns {string} */
-export function addressOf(state, seed) {
+ * @returns {Promise<string>} */
+export async function addressOf(state, seed) {
   const parts = new URLSearchParams();
   if (state.seed !== seed) parts.set("seed", String(state.seed));
   for (const [key, value] of Object.entries(state.values))
     parts.set(key, typeof value === "string" ? value : JSON.stringify(value));
-  if (state.commands?.length)
-    parts.set("commands", JSON.stringify(state.commands.map(({ sample, values }) => [sample, values])));
+  if (state.commands?.length) parts.set("commands", await packed(JSON.stringify(differences(state.commands))));
   return parts.toString();
 }
 
-/** The state that an address holds. Throws an Error with one sentence for what it cannot mean.
+/** Of each command the samples since the one before, and the values that it changes.
+ * @param {import("./checks.js").Command[]} commands
+ * @returns {[number, Record<string, number>][]} */
+function differences(commands) {
+  return commands.map(({ sample, values }, place) => {
+    const before = commands[place - 1] ?? { sample: 0, values: {} };
+    const other = Object.entries(values).filter(([name, value]) => before.values[name] !== value);
+    return [sample - before.sample, Object.fromEntries(other)];
+  });
+}
+
+/** Deflated, in the base64 of addresses.
+ * @param {string} text
+ * @returns {Promise<string>} */
+async function packed(text) {
+  const bytes = await piped(new Blob([text]), new CompressionStream("deflate-raw"));
+  return textOf(bytes).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+}
+
+/** @param {string} text  of `packed`
+ * @returns {Promise<string>} */
+async function unpacked(text) {
+  const bytes = bytesOf(text.replaceAll("-", "+").replaceAll("_", "/").padEnd(4 * Math.ceil(text.length / 4), "="));
+  return new TextDecoder().decode(await piped(new Blob([/** @type {BlobPart} */ (bytes)]), new DecompressionStream("deflate-raw")));
+}
+
+/** @param {Blob} blob
+ * @param {CompressionStream | DecompressionStream} stream */
+async function piped(blob, stream) {
+  return new Uint8Array(await new Response(blob.stream().pipeThrough(/** @type {any} */ (stream))).arrayBuffer());
+}
+
+/** The state that an address holds. Rejects with an Error with one sentence for what it cannot mean.
  * @param {string} fragment  with or without "#"
  * @param {any} live  the document
- * @returns {State} */
-export function stateOf(fragment, live) {
+ * @returns {Promise<State>} */
+export async function stateOf(fragment, live) {
   /** @type {State} */
   const state = { seed: live.seed, values: {}, commands: undefined };
   const parts = new URLSearchParams(fragment.replace(/^#/, ""));
@@ -38,7 +70,7 @@ export function stateOf(fragment, live) {
       if (!/^\d+$/.test(text)) throw new Error(`${given("seed", text)}: allowed is a whole number`);
       state.seed = Number(text);
     } else if (key === "commands") {
-      state.commands = commandsOf(text, live);
+      state.commands = await commandsOf(text, live);
     } else {
       state.values[key] = valueOf(key, text, live);
     }
@@ -46,11 +78,12 @@ export function stateOf(fragment, live) {
   return state;
 }
 
-/** @param {string} text
+/** @param {string} text  as `addressOf` writes it, or the commands themselves as links once held them
  * @param {any} live
- * @returns {import("./checks.js").Command[]} */
-function commandsOf(text, live) {
-  const found = parsed("commands", text);
+ * @returns {Promise<import("./checks.js").Command[]>} */
+async function commandsOf(text, live) {
+  const plain = text.startsWith("[");
+  const found = parsed("commands", plain ? text : await unpacked(text).catch(() => text));
   const good =
     Array.isArray(found) &&
     found.every(
@@ -58,7 +91,12 @@ function commandsOf(text, live) {
         Array.isArray(one) && one.length === 2 && typeof one[1] === "object" && one[1] !== null && !Array.isArray(one[1]),
     );
   if (!good) throw new Error("commands: allowed are pairs of a sample and the values of commands");
-  const commands = found.map(([sample, values]) => ({ sample, values }));
+  /** @type {import("./checks.js").Command[]} */
+  const commands = [];
+  for (const [sample, values] of found) {
+    const before = commands.at(-1);
+    commands.push(plain || !before ? { sample, values } : { sample: before.sample + sample, values: { ...before.values, ...values } });
+  }
   checkCommands(live, commands);
   return commands;
 }

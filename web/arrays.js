@@ -12,6 +12,13 @@ export function bytesOf(text) {
   return bytes;
 }
 
+/** Bytes as a text in base64.
+ * @param {Uint8Array} bytes
+ * @returns {string} */
+export function textOf(bytes) {
+  return btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+}
+
 /** The arrays of a document by number, decoded when they are first asked for.
  * @param {string[]} texts
  * @returns {(place: number) => Float32Array} */

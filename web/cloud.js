@@ -124,7 +124,7 @@ export function cloudPanel(live, start) {
       if (message.done === message.units) {
         go.disabled = false;
         draw();
-      } else if (message.done % 8 === 0) draw();
+      } else if (message.done < 8 || message.done % 8 === 0) draw();
     },
     stop: () => {
       if (go.disabled) progress.textContent = "";

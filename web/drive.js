@@ -3,7 +3,9 @@
 import { button, h } from "./dom.js";
 import { fixed } from "./numbers.js";
 
-const TICK_MS = 50;
+const TICK_MS = 50; // between two commands
+const STILL = 3; // px: a pointer that moves less clicks, which commands nothing
+const STEPS = 100; // of a deflection: a link of the commands stays short
 const RATE = 0.5;
 const TURN = { ArrowLeft: -1, ArrowRight: 1, a: -1, d: 1 };
 const PUSH = { w: 1, s: -1, ArrowUp: 1, ArrowDown: -1 };
@@ -11,7 +13,9 @@ const PUSH = { w: 1, s: -1, ArrowUp: 1, ArrowDown: -1 };
 /**
  * @typedef {object} Driver
  * @property {HTMLElement} element
- * @property {(speed: number, cuts: Record<string, boolean>) => void} show  the speed (m/s) now, and which sensors are cut off
+ * @property {(speed: number, cuts: Record<string, number | null>) => void} show  the speed (m/s) now, and since when sensors are
+ *   cut off, s
+ * @property {(commanded: boolean) => void} driven  whether the vehicle has been driven
  * @property {() => void} release
  */
 
@@ -19,9 +23,10 @@ const PUSH = { w: 1, s: -1, ArrowUp: 1, ArrowDown: -1 };
  * @param {any} live  the document; it has commands, or sensors to cut off
  * @param {(values: Record<string, number>) => void} command  by name, SI
  * @param {(sensor: string, on: boolean) => void} cut
+ * @param {() => void} undo  drive as the scenario does
  * @returns {Driver}
  */
-export function driver(live, command, cut) {
+export function driver(live, command, cut, undo) {
   /** @type {any[]} */
   const sticks = live.commands?.sticks ?? [];
   const across = sticks.find((stick) => stick.axes.some((/** @type {string} */ axis) => axis === "y" || axis === "r"));
@@ -38,8 +43,11 @@ export function driver(live, command, cut) {
     knob,
   );
 
-  const value = (/** @type {any} */ stick, /** @type {number} */ deflection) =>
-    (stick.one_sided ? Math.max(0, stick.sign * deflection) : stick.sign * deflection) * stick.full_scale * stick.scale;
+  const value = (/** @type {any} */ stick, /** @type {number} */ deflection) => {
+    const part = Math.round(STEPS * deflection) / STEPS;
+    const found = (stick.one_sided ? Math.max(0, stick.sign * part) : stick.sign * part) * stick.full_scale * stick.scale;
+    return Math.abs(part) < 1 ? Number(found.toPrecision(4)) : found; // the whole may be a bound, which rounding exceeds
+  };
   const give = () => {
     /** @type {Record<string, number>} */
     const values = {};
@@ -102,21 +110,42 @@ export function driver(live, command, cut) {
   });
   pad.addEventListener("blur", () => held.size && release());
   addEventListener("blur", () => held.size && release());
+  /** Where the pointer went down, and whether it has moved since. @type {{x: number, y: number, moved: boolean} | null} */
+  let pressed = null;
+  let waiting = 0; // until the next command may follow
+  let due = false; // whether the pointer has moved since the last one
+  const next = () => {
+    waiting = 0;
+    if (!due) return;
+    due = false;
+    give();
+    waiting = window.setTimeout(next, TICK_MS);
+  };
   const drag = (/** @type {PointerEvent} */ event) => {
+    if (!pressed) return;
+    pressed.moved ||= Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) >= STILL;
+    if (!pressed.moved) return;
     const box = pad.getBoundingClientRect();
     state.across = Math.max(-1, Math.min(1, (2 * (event.clientX - box.left)) / box.width - 1));
     state.along = Math.max(least, Math.min(1, 1 - ((1 - least) * (event.clientY - box.top)) / box.height));
-    give();
+    due = true;
+    if (waiting) place();
+    else next();
   };
   pad.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
     pad.setPointerCapture(event.pointerId);
-    drag(event);
+    pressed = { x: event.clientX, y: event.clientY, moved: false };
   });
-  pad.addEventListener(
-    "pointermove",
-    (/** @type {PointerEvent} */ event) => pad.hasPointerCapture(event.pointerId) && drag(event),
-  );
-  for (const name of ["pointerup", "pointercancel"]) pad.addEventListener(name, release);
+  pad.addEventListener("pointermove", drag);
+  for (const name of ["pointerup", "pointercancel"])
+    pad.addEventListener(name, () => {
+      clearTimeout(waiting);
+      waiting = 0;
+      pressed = null;
+      if (state.across !== 0) release();
+      else if (due) give(); // what the pointer said last
+      due = false;
+    });
 
   const ways = [
     along && `Up and down: ${along.title.toLowerCase()}.`,
@@ -126,25 +155,23 @@ export function driver(live, command, cut) {
     .join(" ");
   const cuts = live.outages.map((/** @type {any} */ { sensor }) => {
     const name = sensor === "gnss" ? "GNSS" : sensor;
-    const element = button(`Cut ${name}`, () => cut(sensor, element.getAttribute("aria-pressed") !== "true"), {
-      "aria-pressed": "false",
-      class: "cut",
-      id: `cut-${sensor}`,
-    });
-    return { sensor, element };
+    const element = button(`Cut ${name}`, () => cut(sensor, !element.classList.contains("off")), { class: "cut", id: `cut-${sensor}` });
+    return { sensor, name, element };
   });
+  const back = button("Drive as prepared", undo, { class: "quiet", id: "undrive", hidden: true });
   const element = h(
     "section",
     { class: "drive", "aria-label": "Drive" },
     sticks.length > 0 && h("h2", {}, along?.command === "sea" ? "Sea and wave" : "Drive"),
     sticks.length > 0 && pad,
     sticks.length > 0 &&
-      h("p", { class: "quiet" }, `${ways} Click the field, then use the arrow keys or W, A, S, D; or drag in it.`),
+      h("p", { class: "quiet" }, `${ways} Drag in the field; or click it, then use the arrow keys or W, A, S, D.`),
     telling,
     h(
       "div",
       { class: "cuts" },
       cuts.map((/** @type {any} */ one) => one.element),
+      back,
     ),
   );
   return {
@@ -152,8 +179,14 @@ export function driver(live, command, cut) {
     show: (speed, now) => {
       state.speed = speed;
       if (state.along === null) place();
-      for (const one of cuts) one.element.setAttribute("aria-pressed", String(Boolean(now[one.sensor])));
+      for (const { sensor, name, element: one } of cuts) {
+        const off = (now[sensor] ?? null) !== null;
+        if (one.classList.contains("off") === off) continue;
+        one.classList.toggle("off", off);
+        one.textContent = off ? `Give ${name} back` : `Cut ${name}`;
+      }
     },
+    driven: (commanded) => (back.hidden = !commanded),
     release: () => {
       state.along = null;
       state.across = 0;

@@ -17,6 +17,7 @@ export function showEnd(section, live, at, history, changes) {
   );
   const columns = new Set(tables.flatMap((/** @type {any} */ one) => one.columns));
   const told = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
+  if (live.estimators.some((/** @type {any} */ one) => one.channels.includes("vn_mps"))) told.push(live.explained.vn);
   if (columns.has("limit")) told.push(live.explained.within);
   fill(
     section,

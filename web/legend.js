@@ -6,7 +6,7 @@ import { colour, groupColour, onTheme } from "./theme.js";
 /**
  * @param {{name: string, first?: boolean}[]} groups  the estimators (or what else has a colour); one without a name is not listed;
  *   first: listed before the others
- * @param {{kind: string, text: string}[]} others  what else is drawn: "truth", "limit", "band", "outage", "cross", "statistics"
+ * @param {{kind: string, text: string}[]} others  what else is drawn: "truth", "limit", "band", "outage", "fix", "cross", "statistics"
  * @param {(group: number, shown: boolean) => void} show
  */
 export function legend(groups, others, show) {
@@ -58,7 +58,7 @@ export function othersOf(panels, truth, shares = false) {
   if (panels.some((panel) => panel.shade?.length)) found.push({ kind: "outage", text: "no GNSS" });
   if (panels.some((panel) => panel.from_s)) found.push({ kind: "statistics", text: "time of the statistics" });
   if (panels.some((panel) => panel.threshold))
-    found.push({ kind: "linear", text: "scale: about linear here, logarithmic beyond" });
+    found.push({ kind: "linear", text: "scale: linear here, logarithmic beyond" });
   const crossed =
     curves.some((curve) => curve.kind === "crosses") || panels.some((panel) => panel.refused?.some((one) => one.at.length));
   if (crossed) found.push({ kind: "cross", text: "fix refused" });

@@ -10,11 +10,12 @@ import { loadRule } from "./health.js";
 import { makeHistory } from "./history.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
-import { changed, changesOf, conditions, copy, cutNow, download, notesOf, outagesOf, preparedState } from "./livestate.js";
+import { changed, changesOf, conditions, copy, cutNow, download, notesOf, outagesOf, preparedState, shared } from "./livestate.js";
 import { notesPanel } from "./notes.js";
+import { origin } from "./origin.js";
 import { startSession } from "./session.js";
 import { makeSpan, spanControls } from "./span.js";
-import { themeButton } from "./theme.js";
+import { onTheme, themeButton } from "./theme.js";
 import { firstSpeed, transport } from "./transport.js";
 import { vehicleViews } from "./views.js";
 
@@ -103,6 +104,7 @@ export function livePage(live) {
       if (!running || speed === 1) run();
     },
     (sensor, on) => session.send({ do: "cut", sensor, on }),
+    () => begin({ ...state, commands: undefined }),
   );
   const cloud = cloudPanel(live, (units) => {
     running = false;
@@ -129,6 +131,7 @@ export function livePage(live) {
   const compare = () => {
     const changes = changesOf(live, state);
     const prepared = !changes.settings && !changes.commands;
+    drive.driven(changes.commands);
     panels.limited(prepared);
     cloud.limited(prepared);
     notes.show(changes, changes.commands ? null : notesOf(live, state));
@@ -141,15 +144,13 @@ export function livePage(live) {
   const refuse = (/** @type {unknown} */ error) => {
     wrong.textContent = `This link cannot be followed: ${error instanceof Error ? error.message : error}. The scenario is shown as it is.`;
   };
+  const followed = location.hash ? stateOf(location.hash, live) : null;
   session.on("ready", () => {
-    if (!location.hash) return;
-    try {
-      state = stateOf(location.hash, live);
+    followed?.then((now) => {
+      state = now;
       linked = true;
       restart(false);
-    } catch (error) {
-      refuse(error);
-    }
+    }, refuse);
   });
   session.on("reset", (message) => {
     history.clear();
@@ -202,9 +203,9 @@ export function livePage(live) {
   const keep = () => {
     if (keeping) return; // a browser takes only some addresses a minute
     keeping = true;
-    setTimeout(() => {
+    setTimeout(async () => {
       keeping = false;
-      const fragment = addressOf({ ...state, commands: changesOf(live, state).commands ? state.commands : undefined }, live.seed);
+      const fragment = await addressOf({ ...state, commands: changesOf(live, state).commands ? state.commands : undefined }, live.seed);
       try {
         window.history.replaceState(null, "", fragment ? `#${fragment}` : location.pathname + location.search);
       } catch {
@@ -219,25 +220,31 @@ export function livePage(live) {
     requestAnimationFrame(paint);
     if (model === "ready" && frame && views.draw(frame.outputs, running)) {
       const velocity = at("velocity_n").at;
-      bar.at(frame.time_s);
-      drive.show(Math.hypot(frame.outputs[velocity], frame.outputs[velocity + 1]), cutNow(live, state.values, frame.time_s));
+      const cuts = cutNow(live, state.values, frame.time_s);
+      bar.at(frame.time_s, cuts);
+      drive.show(Math.hypot(frame.outputs[velocity], frame.outputs[velocity + 1]), cuts);
     }
     panels.draw(running);
   };
   requestAnimationFrame(paint);
+  onTheme(() => frame && views.draw(frame.outputs, false));
   controls.show(state.seed, state.values);
-  loadRule(live.rule).finally(() => session.send({ do: "load", live }));
+  Promise.allSettled([loadRule(live.rule), followed]).then(() => session.send({ do: "load", live }));
 
   const hide = (/** @type {number} */ group, /** @type {boolean} */ shown) => {
     panels.show(group, shown);
     views.show(group, shown);
   };
   const steered = live.commands || live.outages.length > 0;
+  const others = othersOf(panels.panels, "truth");
+  if (live.outages.some((/** @type {any} */ one) => one.sensor === "gnss") && !others.some((one) => one.kind === "outage"))
+    others.push({ kind: "outage", text: "no GNSS" });
+  if (views.fixes) others.push({ kind: "fix", text: "fix of GNSS" });
   const names = live.estimators.map((/** @type {any} */ one) => ({ name: one.id }));
   const keys = h(
     "div",
     { class: "bar" },
-    legend(names, othersOf(panels.panels, "truth"), hide),
+    legend(names, others, hide),
     spanControls(span),
   );
   const main = h(
@@ -247,18 +254,18 @@ export function livePage(live) {
     wrong,
     h(
       "div",
-      { class: "stage" },
+      { class: `stage${steered ? " steered" : ""}` },
       h("h2", { class: "hidden" }, "The vehicle now"),
       views.views,
-      h("div", { class: "side" }, steered && drive.element, views.numbers),
+      steered && drive.element,
     ),
-    notes.element,
     end,
+    keys,
     h(
       "div",
       { class: "columns" },
-      controls.element,
-      h("div", { class: "plots" }, keys, panels.elements, cloud.element),
+      h("div", { class: "aside" }, views.numbers, notes.element, controls.element),
+      h("div", { class: "plots" }, panels.elements, cloud.element),
     ),
   );
   /** What acts on the model is there with it. */
@@ -280,6 +287,15 @@ export function livePage(live) {
       "The equations of insenv as WebAssembly: the numbers are those of ",
       h("code", {}, "insenv run"),
       ", to the bit. The space key runs and pauses, unless a button, a list or a field has the focus of the keyboard. This page makes no request.",
+      origin(live.version),
+      h(
+        "p",
+        {},
+        h("code", {}, "insenv run FILE.toml"),
+        " runs the downloaded scenario. The estimators: ",
+        live.estimators.map((/** @type {any} */ { id, title }) => `${id}, ${title}`).join("; "),
+        ".",
+      ),
     ),
   );
 }
@@ -288,7 +304,8 @@ export function livePage(live) {
  * @param {any} live
  * @param {() => void} toml  ask for the scenario file */
 function heading(live, toml) {
-  const link = button("Copy link", () => copy(link), { class: "quiet" });
+  // from a file the address leads nobody else here: its scenario does
+  const link = shared() && button("Copy link", () => copy(link), { class: "quiet" });
   const ids = live.estimators.map((/** @type {any} */ one) => one.id).join(", ");
   const facts = `${live.name} \u00b7 ${live.duration_s} s at ${live.rate_hz} Hz \u00b7 ${ids}`;
   return h(

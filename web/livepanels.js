@@ -2,19 +2,20 @@
 
 import { h } from "./dom.js";
 import { between } from "./history.js";
-import { roundDown } from "./numbers.js";
+import { roundUp } from "./numbers.js";
 import { timePlot } from "./timeplot.js";
 
 const AT_ONCE = 2;
 
-/** Up to which error the scale of a channel is about linear: some limits of its settled part; null without a limit.
+/** Up to which error the scale of a channel is linear: about what an optimal estimator ends with, two of the limits of the last
+ * quarter; null without a limit.
  * @param {any} live
  * @param {string} channel */
 export function thresholdOf(live, channel) {
   const limit = live.limit?.sigma[channel];
   if (!limit) return null;
-  const settled = Math.max(...limit.slice(Math.floor(limit.length / 4)));
-  return settled > 0 ? roundDown(4 * settled) : null;
+  const settled = Math.max(...limit.slice(Math.floor((3 * limit.length) / 4)));
+  return settled > 0 ? roundUp(2 * settled) : null;
 }
 
 /**
@@ -222,7 +223,7 @@ function ratioPanel(add, live, at) {
     .map((/** @type {any} */ one, /** @type {number} */ group) => ({ ...one, group }))
     .filter((/** @type {any} */ one) => at(`${one.prefix}nis_used`));
   if (!filters.length) return null;
-  const made = add("Innovations over their stated sigmas, rms since the last record", "1", { log: true });
+  const made = add("Innovations over their stated sigmas, rms since the last record", "1", { log: true, level: 1 });
   for (const { prefix, group } of filters) {
     const points = { kind: "points", group, y: /** @type {(number | null)[]} */ ([]) };
     const crosses = { kind: "crosses", group, y: /** @type {(number | null)[]} */ ([]) };

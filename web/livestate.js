@@ -29,16 +29,17 @@ export function outagesOf(live, values) {
     .flatMap((/** @type {any} */ { sensor, key }) => values[key] ?? live.values[sensor]?.outages_s ?? []);
 }
 
-/** Which sensors are cut off at a time.
+/** Since when each sensor is cut off at a time, s; null: it is not.
  * @param {any} live
  * @param {Record<string, any>} values
  * @param {number} time  s
- * @returns {Record<string, boolean>} */
+ * @returns {Record<string, number | null>} */
 export function cutNow(live, values, time) {
   return Object.fromEntries(
     live.outages.map((/** @type {any} */ { sensor, key }) => {
       const windows = values[key] ?? live.values[sensor]?.outages_s ?? [];
-      return [sensor, windows.some((/** @type {number[]} */ [begin, end]) => time >= begin - 0.01 && time < end)];
+      const now = windows.find((/** @type {number[]} */ [begin, end]) => time >= begin - 0.01 && time < end);
+      return [sensor, now ? now[0] : null];
     }),
   );
 }
@@ -85,6 +86,11 @@ export function download(name, text) {
   const anchor = h("a", { href: address, download: name });
   anchor.click();
   setTimeout(() => URL.revokeObjectURL(address), 1000);
+}
+
+/** Whether the address of this page leads others to it: that of a file on a disk does not. */
+export function shared() {
+  return location.protocol !== "file:";
 }
 
 /** Copy the address of the page.

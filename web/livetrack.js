@@ -42,6 +42,7 @@ export function makeTrack(live, at) {
   };
   return {
     element: plot.element,
+    fixes: Boolean(filter && at("gnss_latitude")),
     show: plot.show,
     take: (/** @type {any} */ history, /** @type {number} */ first, /** @type {number} */ after) => {
       for (let place = first; place < after; place++) {

@@ -40,10 +40,10 @@ function decimal(value, decimals) {
   return /^50*$/.test(exact.slice(-further)) && /[02468]$/.test(cut) ? cut : value.toFixed(decimals);
 }
 
-/** A figure as it is printed, with a typographic minus.
+/** A figure as it is printed, with a typographic minus, in the exponent too.
  * @param {string} text */
 export function minus(text) {
-  return text.replace(/^-(?=\d)/, MINUS);
+  return text.replace(/(^|\de)-(?=\d)/g, `$1${MINUS}`);
 }
 
 /** A number for an axis: as short as it can be, with a typographic minus.
@@ -78,6 +78,13 @@ export function roundDown(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   const step = [5, 2, 1].find((one) => one * power <= value * (1 + 1e-9)) ?? 1;
   return step * power;
+}
+
+/** The smallest of 1, 2, 5, 10, ... that is not below `value`.
+ * @param {number} value */
+export function roundUp(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return ([1, 2, 5].find((one) => value <= one * power * (1 + 1e-9)) ?? 10) * power;
 }
 
 /** Round values from `low` to `high`, about `count` of them.

@@ -3,6 +3,7 @@
 import { fill, h } from "./dom.js";
 import { healthNow } from "./judge.js";
 import { fixed, minus, number } from "./numbers.js";
+import { badge } from "./tables.js";
 import { groupColour, onTheme } from "./theme.js";
 
 /** The table of numbers now.
@@ -89,7 +90,7 @@ export function readings(live, at) {
       }
       filters.forEach((/** @type {any} */ one, /** @type {number} */ place) => {
         const found = healthNow(live, one, at, history);
-        const state = found && h("span", { class: `state ${found.verdict}` }, found.verdict);
+        const state = found && badge(found.verdict, found.lines[0]);
         fill(health[place], found ? `${one.id} ` : `${one.id}:`, state, ` ${found ? besideVerdict(found.lines) : "nothing measured yet"}`);
       });
     },

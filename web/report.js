@@ -4,6 +4,7 @@ import { arraysOf, drawn } from "./arrays.js";
 import { h } from "./dom.js";
 import { intervalsPanel } from "./intervals.js";
 import { legend, othersOf } from "./legend.js";
+import { origin } from "./origin.js";
 import { TIME, makeSpan, spanControls } from "./span.js";
 import { summaryTable } from "./tables.js";
 import { themeButton } from "./theme.js";
@@ -24,7 +25,7 @@ export function reportPage(report, live = null) {
   const ends = timed.map((/** @type {any} */ panel) => array(panel.x));
   const end = Math.max(1e-9, ...ends.map((/** @type {Float32Array} */ x) => x[x.length - 1] ?? 0));
   const begin = Math.min(end, ...ends.map((/** @type {Float32Array} */ x) => x[0] ?? 0));
-  const span = makeSpan(begin < 0.02 * end ? 0 : begin, end);
+  const span = makeSpan(begin < 0.02 * end && !axis.log ? 0 : begin, end);
   /** @type {{element: HTMLElement, show: (group: number, shown: boolean) => void}[]} */
   const plots = [];
   const sections = report.sections.map((/** @type {any} */ section) => {
@@ -66,7 +67,7 @@ export function reportPage(report, live = null) {
       bar,
       sections,
     ),
-    h("footer", {}, `insenv ${report.version}. Drag over a plot to zoom, double-click for the whole run.`),
+    h("footer", {}, "Drag over a plot to zoom, double-click for the whole run.", origin(report.version)),
   );
 }
 

@@ -2,6 +2,25 @@
 
 import { roundDown, ticks } from "./numbers.js";
 
+/** Powers of ten that the linear part of a logarithmic scale takes at each side of 0, as in figures (insenv/report/figures.py):
+ * a `linscale` of 1.3 there. */
+const LINEAR = 1.3 / (1 - 1 / 10);
+
+/** A scale that is linear up to a threshold, logarithmic beyond it: to places, and back to values.
+ * @param {number} threshold */
+export function symlog(threshold) {
+  return {
+    fwd: (/** @type {number} */ value) => {
+      const size = Math.abs(value) / threshold;
+      return Math.sign(value) * (size <= 1 ? LINEAR * size : LINEAR + Math.log10(size));
+    },
+    bwd: (/** @type {number} */ place) => {
+      const size = Math.abs(place);
+      return Math.sign(place) * threshold * (size <= LINEAR ? size / LINEAR : 10 ** (size - LINEAR));
+    },
+  };
+}
+
 /**
  * The range of the values shown.
  * @param {{y: (number | null)[], kind: string}[]} shown  curves: "line", "points" and "crosses" count fully, "limit" (plus and
@@ -9,9 +28,10 @@ import { roundDown, ticks } from "./numbers.js";
  * @param {number} first  first place shown
  * @param {number} last  last place shown
  * @param {boolean} log
+ * @param {number | null} level  a value that a logarithmic scale shows
  * @returns {[number, number]}
  */
-export function rangeOf(shown, first, last, log) {
+export function rangeOf(shown, first, last, log, level) {
   let [low, high] = [Infinity, -Infinity];
   const take = (/** @type {number} */ value) => {
     if (value < low) low = value;
@@ -34,7 +54,8 @@ export function rangeOf(shown, first, last, log) {
     }
   }
   if (low > high) return log ? [0.1, 10] : [-1, 1];
-  if (log) return [Math.min(0.5, low / 1.4), Math.max(5, high * 1.5)];
+  if (log && level === null) return [low / 1.4, high * 1.4];
+  if (log) return [Math.min(0.5 * Number(level), low / 1.4), Math.max(5 * Number(level), high * 1.5)];
   const room = high > low ? 0.08 * (high - low) : Math.max(1e-12, 0.05 * Math.abs(high));
   return [low - room, high + room];
 }

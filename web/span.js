@@ -3,7 +3,8 @@
 import { button, h } from "./dom.js";
 import { number } from "./numbers.js";
 
-/** @typedef {{name: string, unit: string, whole?: boolean}} Axis  what plots are over; whole: in whole numbers */
+/** @typedef {{name: string, unit: string, whole?: boolean, log?: boolean}} Axis  what plots are over; whole: in whole numbers; log:
+ * on a logarithmic scale */
 
 /** @type {Axis} */
 export const TIME = { name: "Time", unit: "s" };

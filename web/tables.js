@@ -4,11 +4,22 @@ import { h } from "./dom.js";
 import { minus } from "./numbers.js";
 import { groupColour, onTheme } from "./theme.js";
 
+const HEALTH = "Health: ";
+
 /** A text that may hold a unit in brackets, as "heading [deg]": the unit is shown beside it.
  * @param {string} text */
 export function withUnit(text) {
   const found = /^(.*) \[(.*)\]$/.exec(text);
   return found ? [found[1], h("span", { class: "unit" }, ` ${found[2]}`)] : [text];
+}
+
+/** The verdict on a filter as a word in its colour; one whose innovations are smaller than stated is called cautious.
+ * @param {string} verdict
+ * @param {string} line  the first of its health, which says so */
+export function badge(verdict, line) {
+  const small = verdict === "consistent" && line.startsWith("consistent, ");
+  const word = small ? "cautious" : verdict;
+  return h("span", { class: `state ${word}` }, word);
 }
 
 /** The table of an estimator.
@@ -20,7 +31,8 @@ export function summaryTable(table) {
     onTheme(paint);
     paint();
   }
-  const state = table.state && h("span", { class: `state ${table.state}` }, table.state);
+  const health = table.below.find((/** @type {string} */ line) => line.startsWith(HEALTH)) ?? "";
+  const state = table.state && badge(table.state, health.slice(HEALTH.length));
   const head = h(
     "tr",
     {},

@@ -31,9 +31,8 @@ export function groupColour(group) {
  * @param {string} hex
  * @param {number} opacity */
 export function faint(hex, opacity) {
-  return `${hex}${Math.round(255 * opacity)
-    .toString(16)
-    .padStart(2, "0")}`;
+  const part = Math.round(255 * opacity).toString(16);
+  return `${hex}${part.padStart(2, "0")}`;
 }
 
 /** Call `act` after each change of the colours.
@@ -73,6 +72,11 @@ export function themeButton() {
     apply();
   });
   system.addEventListener("change", apply);
+  addEventListener("beforeprint", () => {
+    document.documentElement.dataset.theme = "light"; // paper is white
+    changed();
+  });
+  addEventListener("afterprint", apply);
   apply();
   return element;
 }

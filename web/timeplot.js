@@ -3,7 +3,7 @@
 import { columns, layout, ranged } from "./curves.js";
 import { h, onceAFrame } from "./dom.js";
 import { minus, number, tick, ticks } from "./numbers.js";
-import { marks, rangeOf } from "./scale.js";
+import { marks, rangeOf, symlog } from "./scale.js";
 import { TIME, along } from "./span.js";
 import { colour, groupColour, onTheme } from "./theme.js";
 
@@ -18,6 +18,7 @@ import { colour, groupColour, onTheme } from "./theme.js";
  * @property {number | null} from_s
  * @property {boolean} [positive]  the vertical scale begins at 0
  * @property {number | null} [most]  where the vertical scale ends; null: beyond the largest value
+ * @property {number | null} [level]  what is expected, of a logarithmic scale
  * @property {boolean} [wraps]  angles in degrees: lines have a gap where they wrap
  * @property {[number, number][]} shade
  * @property {number[]} x
@@ -33,8 +34,6 @@ const SYNC = "time";
 const KEYS = "Drag or press plus and minus to zoom, arrow keys to move, 0 for the whole run.";
 const LABEL = 13; // px from one label of the vertical axis to the next
 const HEIGHT = 184;
-/** Part of the threshold up to which the scale is about linear: the settled errors then fill a third of a panel. */
-const BEND = 0.5;
 
 /**
  * @param {Panel} panel
@@ -56,20 +55,20 @@ export function timePlot(panel, span, names, axis = TIME) {
   const range = (/** @type {any} */ u) => {
     const [from, to] = span.shown();
     const x = /** @type {number[]} */ (u.data[0]);
-    const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log);
+    const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log, panel.level ?? null);
     return [panel.positive ? 0 : low, panel.most ?? high];
   };
   const threshold = panel.threshold;
-  const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 4, asinh: BEND * threshold };
+  const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 100, ...symlog(threshold) };
   const plot = new uPlot(
     {
       width: 300,
       height: HEIGHT,
       legend: { show: false },
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
-      scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
+      scales: { x: { time: false, range: () => span.shown(), ...(axis.log ? { distr: 3 } : {}) }, y: { auto: true, range, ...scale } },
       axes: [
-        { ...scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90, axis.whole)), gap: 6 },
+        { ...scaleOf(30, (u, _, low, high) => axis.log ? marks(low, high, null, true, 0) : ticks(low, high, u.width / 90, axis.whole)), gap: 6 },
         { ...scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)), values: apart },
       ],
       series: [{}, ...series],
@@ -150,7 +149,7 @@ function apart(u, values) {
   return values.map((value) => (kept.has(value) ? tick(value) : ""));
 }
 
-/** Shade times without fixes and before the statistics; draw the line of zero (or one on a logarithmic scale).
+/** Shade times without fixes and before the statistics; draw the line of zero (of the expected value on a logarithmic scale).
  * @param {any} u
  * @param {Panel} panel */
 function background(u, panel) {
@@ -167,12 +166,12 @@ function background(u, panel) {
   if (panel.from_s !== null) block(panel.from_s, u.scales.x.max, colour("statistics"));
   for (const [from, to] of panel.shade) block(from, Math.min(to, u.scales.x.max), colour("outage"));
   if (panel.threshold !== null && u.scales.y.max > panel.threshold) {
-    const [top, bottom] = [u.valToPos(BEND * panel.threshold, "y", true), u.valToPos(-BEND * panel.threshold, "y", true)];
+    const [top, bottom] = [u.valToPos(panel.threshold, "y", true), u.valToPos(-panel.threshold, "y", true)];
     ctx.fillStyle = colour("linear");
     ctx.fillRect(bbox.left, top, bbox.width, bottom - top);
   }
-  const base = panel.log ? 1 : 0;
-  if (u.scales.y.min < base && u.scales.y.max > base) {
+  const base = panel.log ? (panel.level ?? null) : 0;
+  if (base !== null && u.scales.y.min < base && u.scales.y.max > base) {
     const height = Math.round(u.valToPos(base, "y", true)) + 0.5;
     ctx.strokeStyle = colour("zero");
     ctx.lineWidth = 1;

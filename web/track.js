@@ -42,7 +42,8 @@ export function trackPlot(title, scene, label) {
   const hidden = new Set();
   /** @type {{east: number, north: number, scale: number} | null} */
   let view = null;
-  const draw = onceAFrame(() => paint(sharp.cleared(), size, scene, hidden, view ?? fitted(scene, size, hidden)));
+  const now = () => paint(sharp.cleared(), size, scene, hidden, view ?? fitted(scene, size, hidden));
+  const draw = onceAFrame(now);
   const change = (/** @type {(view: {east: number, north: number, scale: number}) => void} */ act) => {
     view = view ?? { ...fitted(scene, size, hidden) };
     act(view);
@@ -81,7 +82,7 @@ export function trackPlot(title, scene, label) {
     event.preventDefault();
     acts[event.key]();
   });
-  onTheme(draw);
+  onTheme(now); // at once: for paper there is no further frame
   return {
     element,
     show: (/** @type {number} */ group, /** @type {boolean} */ shown) => {

@@ -33,6 +33,11 @@ export function transport(live, acts) {
   );
   pace.addEventListener("change", () => acts.pace(pace.value === "" ? null : Number(pace.value)));
   const time = h("output", { class: "clock", id: "clock" });
+  const badges = live.outages.map((/** @type {{sensor: string}} */ { sensor }) => {
+    const name = sensor === "gnss" ? "GNSS" : sensor;
+    return { sensor, name, since: /** @type {number | null} */ (null), element: h("output", { class: "sensor" }, `${name} on`) };
+  });
+  const sensors = h("div", { class: "sensors" }, badges.map((/** @type {any} */ one) => one.element));
   const done = h("progress", { max: live.duration_s, value: 0, "aria-label": "Share of the run" });
   addEventListener("keydown", (event) => {
     const own = event.target instanceof Element && event.target.closest(OWN_SPACE);
@@ -46,7 +51,7 @@ export function transport(live, acts) {
     if (pressed instanceof HTMLElement) pressed.blur();
   });
   return {
-    element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, done),
+    element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, sensors, done),
     /** @param {{model: Model, running: boolean, ended: boolean, speed: number | null}} now */
     show: ({ model, running, ended, speed }) => {
       play.textContent = model === "starting" ? "Starting ..." : running ? "Pause" : ended ? "Run again" : "Run";
@@ -54,10 +59,18 @@ export function transport(live, acts) {
       step.disabled = model !== "ready" || running || ended;
       pace.value = speed === null ? "" : String(speed);
     },
-    /** @param {number} seconds */
-    at: (seconds) => {
+    /** @param {number} seconds
+     * @param {Record<string, number | null>} cuts  by sensor, since when it is cut off, s; null: it is not */
+    at: (seconds, cuts) => {
       time.textContent = clock(seconds);
       done.value = seconds;
+      for (const one of badges) {
+        const since = cuts[one.sensor] ?? null;
+        if (since === one.since) continue; // a screen reader tells a change once
+        one.since = since;
+        one.element.classList.toggle("off", since !== null);
+        one.element.textContent = since === null ? `${one.name} on` : `no ${one.name} since ${clock(since)}`;
+      }
     },
   };
 }

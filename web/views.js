@@ -33,6 +33,7 @@ export function vehicleViews(live, at, history) {
   return {
     views: h("div", { class: "views" }, hull.element, dial.element, track.element),
     numbers: numbers.element,
+    fixes: track.fixes,
     /** Records from one place to before another are new.
      * @param {number} first
      * @param {number} after */

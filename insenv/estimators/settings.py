@@ -31,7 +31,7 @@ _SHORT = {
 """Short names of rows."""
 DOCUMENTED = "the table of parameters on the estimator's page"
 """Where the keys of an estimator are listed."""
-_LISTED = "docs/scenarios.md, docs/logs.md and `insenv list`"
+_LISTED = "docs/scenario-keys.md, docs/log-keys.md and `insenv list`"
 """Where the keys of files and the estimators are listed."""
 FILE = "file"
 """Key of a file with parameter rows, for estimators that read one; a relative path starts at the current folder."""

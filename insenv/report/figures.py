@@ -161,7 +161,7 @@ class _Drawing:
                 axes.plot(x, mark.y, color="white", linewidth=2.2, zorder=3)
             for sign in (1,) if panel.positive else (-1, 1):
                 (line,) = axes.plot(x, sign * mark.y, color=colour, linestyle=DASHED, linewidth=1.0, zorder=4)
-            self._keep("theoretical limit" if panel.positive else "theoretical limit, ±1 sigma", line)
+            self._keep(mark.label or ("theoretical limit" if panel.positive else "theoretical limit, ±1 sigma"), line)
         elif mark.kind == "crosses":
             self._keep(f"{name}: fix refused", axes.plot(x, mark.y, color=colour, **FORMS["crosses"])[0])
         elif mark.kind == "model":

@@ -44,6 +44,7 @@ EXPLAINED = {
     "rms": "final: at the end; rms, max: over the time of the statistics.",
     "limit": "limit: the smallest standard deviation that any method can have.",
     "stated": "stated: the standard deviation that the estimator itself states.",
+    "vn": "vn, ve, vd: velocity north, east and down.",
 }
 """What columns of a table of errors mean."""
 UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
@@ -52,7 +53,7 @@ MARKED = 3.0
 """Ratio of an rms error to its yardstick from which a cell is marked."""
 BIASES = (
     ("Gyro bias", "gyro_bias", "deg/h", float(units.rad_s_to_deg_h(1.0))),
-    ("Accelerometer bias", "accel_bias", "ug", float(units.m_s2_to_ug(1.0))),
+    ("Accelerometer bias", "accel_bias", "\N{MICRO SIGN}g", float(units.m_s2_to_ug(1.0))),
 )
 """Title, output row, unit of the page and factor from SI; the standard deviation is in the row NAME_estimate_sigma."""
 TRAVELS_M = 20.0
@@ -134,7 +135,7 @@ def _tables(result: Result, place: int, report: RunData) -> Iterator[Table]:
     if result.specific_force is not None:
         line = force_line(result.specific_force)
         below.append(f"{line[0].upper()}{line[1:]}")
-    below += [*result.notes, *([f"{number(result.us_per_sample)} us a sample"] if result.us_per_sample else [])]
+    below += [*result.notes, *([f"{number(result.us_per_sample)} \N{MICRO SIGN}s a sample"] if result.us_per_sample else [])]
     state = "" if result.health is None else result.health.verdict
     if result.errors:
         rows = error_rows(result)
@@ -164,6 +165,8 @@ def _explained(report: RunData) -> list[str]:
     """What the columns of the tables mean."""
     columns = {name for result in report.results if result.errors for name in error_columns(result)}
     meanings = [EXPLAINED[name] for name in ("rms", "limit", "stated") if name in columns]
+    if any(name in VELOCITY for result in report.results for name in result.errors):
+        meanings.append(EXPLAINED["vn"])
     return [*meanings, *([f"{within(1)}."] if "limit" in columns else [])]
 
 

@@ -94,8 +94,11 @@ class TimePanel:
 
     @property
     def threshold(self) -> float | None:
-        """Up to which value the scale is linear, and logarithmic beyond it; None for a linear scale."""
-        return threshold_of(*self.extents()) if self.errors else None
+        """Up to which value the scale is linear, and logarithmic beyond it; None for a linear scale.
+
+        What an estimator states of itself does not choose it: the page, which shows that, has the scale of the figure.
+        """
+        return threshold_of(*self.without_bands().extents()) if self.errors else None
 
     def extents(self) -> tuple[list[Array], list[float]]:
         """By group that has a line: its errors, or the widest range of them, and the extent of its limit or stated accuracy."""
@@ -181,7 +184,7 @@ class Picture:
 def threshold_of(errors: Sequence[Array], reach: Sequence[float]) -> float | None:
     """Up to which value a scale of errors is linear, and logarithmic beyond it; None for a linear scale.
 
-    errors, reach: by estimator, its errors and the extent of its limit or stated accuracy.  A logarithmic scale is linear
+    errors, reach: by estimator, its errors and the extent of its limit.  A logarithmic scale is linear
     within the errors of the best estimator in the last quarter, so that these are legible beside the first of the worst one.
     """
     largest, settled = extents_of(errors, reach)

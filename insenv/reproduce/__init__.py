@@ -17,7 +17,7 @@ from insenv.base.style import save
 from insenv.report.document import Block, Document, Line
 from insenv.report.figures import draw
 from insenv.report.files import OutputFolder
-from insenv.report.panels import TRUTH_GROUP, Range
+from insenv.report.panels import TRUTH_GROUP, Curve
 from insenv.report.tables import number
 
 Form = TypeVar("Form")
@@ -133,10 +133,9 @@ def both(forms: tuple[Form, Form], measure: Callable[[Form], Any]) -> tuple[floa
     return float(measure(forms[0])), float(measure(forms[1]))
 
 
-def limits(x: NDArray[np.float64], limit: float, label: str) -> Range:
-    """The area between minus and plus a limit in a panel."""
-    end = np.full(len(x), limit)
-    return Range(TRUTH_GROUP, -end, end, 2.0, label)
+def limits(x: NDArray[np.float64], limit: float, label: str) -> Curve:
+    """Plus and minus a limit that is the same at all times, drawn as that of a run."""
+    return Curve(TRUTH_GROUP, np.full(len(x), limit), "limit", label=label)
 
 
 def chosen(paper: str | None) -> list[str]:

@@ -173,7 +173,7 @@ def _picture(runs: Callable[[str], Ensemble], methods: dict[str, int]) -> Pictur
         level, heading = _level_limit(run), _heading_limit(run)
         for row, (channel, limit) in enumerate((("roll", level), ("pitch", level), ("heading", heading))):
             panel = TimePanel(f"{channel} error", "deg", run.time, wraps=True, linear_to=0.01 if row < 2 else 0.1)
-            panel.marks.append(limits(run.time, limit, "limit, 1 sigma"))
+            panel.marks.append(limits(run.time, limit, "theoretical limit, ±1 sigma"))
             for id, group in methods.items():
                 panel.marks += [Curve(group, error, "thin", label=id) for error in run.attitude_errors_deg(id)[:8, :, row]]
             grid[row].append(panel)

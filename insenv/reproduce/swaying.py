@@ -210,7 +210,7 @@ def _courses() -> Picture:
         x_span=(180.0, FIR_END), span=(-0.8, 0.8),
     )  # fmt: skip
     for panel in (top, middle):
-        panel.marks.append(limits(panel.x, limit, "limit at 240 s, 1 sigma"))
+        panel.marks.append(limits(panel.x, limit, "limit at 240 s, ±1 sigma"))
     for panel, run, id, channel, scale, group, name in (
         (top, both, GYRO, 2, 1.0, 1, f"{GYRO}, heading"),
         (middle, wrong, FIR, 2, 1.0, 0, f"{FIR}, heading"),

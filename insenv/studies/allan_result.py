@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file, finite
 from insenv.base.remarks import Remark, as_json, clock
 from insenv.report import panels
-from insenv.report.document import Block, Document, Grid, Line
+from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import Shown
+from insenv.report.panels import Section
 from insenv.sensors import units
 from insenv.sensors.grade_file import SUFFIX, toml_text
 from insenv.sensors.grades import ImuGrade
@@ -225,7 +227,7 @@ def _document_of(noise: SensorNoise) -> dict[str, Any]:
 
 
 def document(unit: UnitNoise, grade_file: str | None = None) -> Document:
-    """What is printed and kept of the noise of a unit; its files are allan.json, unit.toml and the figure.
+    """What is printed and kept of the noise of a unit; its files are allan.json, unit.toml, the page and the figure.
 
     grade_file: the path of a grade file that was written.
     """
@@ -234,8 +236,9 @@ def document(unit: UnitNoise, grade_file: str | None = None) -> Document:
         {**unit.as_json(), "grade_file": grade_file},
         partial(blocks, unit),
         {GRADE_FILE: grade_text(unit)},
+        page=partial(page, unit),
         figure=partial(picture, unit),
-        order=("json", "texts", "png", "svg"),
+        order=("json", "texts", "html", "png", "svg"),
         located=True,
     )
 
@@ -245,23 +248,31 @@ def document(unit: UnitNoise, grade_file: str | None = None) -> Document:
 
 def blocks(unit: UnitNoise) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
-    part = unit.part
-    lasts = part.end_s - part.begin_s
     yield Line(unit.log, "bold")
-    yield Line(f"{lasts:.6g} s {_of(part)} from {clock(part.begin_s)} s on, {1.0 / part.interval:.6g} Hz")
-    rows = (*unit.axes, *unit.triads)
-    columns = 4 if any(noise.floor() for noise in rows) else 3
-    for kind, head in _HEADS.items():
+    yield Line(_facts(unit.part))
+    for columns, cells in _tables(unit):
         yield Line()
-        shown = [noise for noise in rows if noise.kind == kind]
-        names = [noise.name if " " in noise.name else f"{noise.name}, all" for noise in shown]
-        cells = [(name, *_cells(noise))[:columns] for name, noise in zip(names, shown, strict=True)]
-        yield Grid(head[:columns], cells, gap=1)
+        yield Grid(columns, cells, gap=1)
     yield Line()
-    for sentence in _explained(rows):
+    for sentence in _explained((*unit.axes, *unit.triads)):
         yield Line(sentence, "dim")
     for warning in unit.warnings:
         yield Line(f"warning: {warning}", "yellow")
+
+
+def _facts(part: Part) -> str:
+    """Duration, start and rate of what was measured."""
+    return f"{part.end_s - part.begin_s:.6g} s {_of(part)} from {clock(part.begin_s)} s on, {1.0 / part.interval:.6g} Hz"
+
+
+def _tables(unit: UnitNoise) -> Iterator[tuple[Sequence[str], list[tuple[str, ...]]]]:
+    """Columns and cells of gyros and of accelerometers, axis by axis and all together."""
+    rows = (*unit.axes, *unit.triads)
+    columns = 4 if any(noise.floor() for noise in rows) else 3
+    for kind, head in _HEADS.items():
+        shown = [noise for noise in rows if noise.kind == kind]
+        names = [noise.name if " " in noise.name else f"{noise.name}, all" for noise in shown]
+        yield head[:columns], [(name, *_cells(noise))[:columns] for name, noise in zip(names, shown, strict=True)]
 
 
 def _of(part: Part) -> str:
@@ -334,11 +345,58 @@ def _number(value: float) -> str:
 # --- figure --------------------------------------------------------------------------------------------
 
 
+LEGEND = ("x", "y", "z", "", "", "", "fit, three axes")
+"""By group; that of the fit is `FIT`."""
+
+
+def page(unit: UnitNoise) -> Page:
+    """The page of a unit: its tables, and the Allan deviations with their bounds and the fit at the measured times."""
+    sections = [Section("Allan deviation", [_fitted(unit, triad) for triad in unit.triads], columns=2)]
+    return Page(
+        tab=f"{unit.log}: Allan deviation",
+        name=unit.log,
+        title="Allan deviation: the noise of the unit",
+        facts=[_facts(unit.part)],
+        legend=[{"name": name} for name in LEGEND],
+        tables=[
+            Table(
+                _PLURAL[columns[0]].capitalize(),
+                list(map(_on_page, columns)),
+                [[*map(_on_page, row)] for row in cells],
+                wide=True,
+            )
+            for columns, cells in _tables(unit)
+        ],
+        explained=[
+            *(f"{_on_page(each)}." for each in _explained((*unit.axes, *unit.triads))),
+            "Bands: 95 % bounds of an axis.",
+        ],
+        notes=unit.warnings,
+        sections=sections,
+        more={"axis": {"name": "Averaging time", "unit": "s", "log": True}},
+    )
+
+
+def _on_page(cell: str) -> str:
+    """A cell or a sentence of the terminal as the page has it: in one line, with the sign of micro."""
+    return re.sub(r"\bug\b", "\N{MICRO SIGN}g", cell.replace("\n", "; "))
+
+
+def _fitted(unit: UnitNoise, triad: SensorNoise) -> panels.TimePanel:
+    """The panel of the figure, with the fit at the times of the deviations and without its terms."""
+    panel = _panel(triad, [axis for axis in unit.axes if axis.kind == triad.kind])
+    own = [mark for mark in panel.marks if not (isinstance(mark, panels.Curve) and mark.x is not None)]
+    panel.marks = [replace(mark, kind="line") if isinstance(mark, panels.Curve) else mark for mark in own]
+    if triad.terms is not None and own:
+        panel.marks.append(panels.Curve(FIT, np.sqrt(triad.terms.variance(triad.curve.tau)) / triad.scale))
+    return panel
+
+
 def picture(unit: UnitNoise) -> panels.Picture:
     """The Allan deviations of gyros and accelerometers with their 95 % bounds, and the fitted terms of the triads."""
     grid = [_panel(triad, [axis for axis in unit.axes if axis.kind == triad.kind]) for triad in unit.triads]
     title = f"Allan deviation: {unit.log}, {unit.part.end_s - unit.part.begin_s:.6g} s {_of(unit.part)}"
-    return panels.Picture(title, [grid], ("x", "y", "z", "", "", "", "fit, three axes"), (10.0, 5.2), columns=8)
+    return panels.Picture(title, [grid], LEGEND, (10.0, 5.2), columns=8)
 
 
 def _panel(triad: SensorNoise, axes: Sequence[SensorNoise]) -> panels.TimePanel:

@@ -15,6 +15,7 @@ import numpy as np
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file
 from insenv.base.remarks import Remark, declared
+from insenv.base.shipped import __version__
 from insenv.base.toml import validated
 from insenv.core.compile import wasm, wasm_source
 from insenv.core.model import Model
@@ -178,6 +179,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
     }
     return {
         "kind": "live",
+        "version": __version__,
         "name": scenario.name,
         "title": scenario.title,
         "vehicle": scenario.vehicle.kind,

@@ -47,7 +47,9 @@ def in_node(text: str, given: object, folder: Path) -> str:
 
 
 def answers(entry: str, code: str, given: object, folder: Path) -> object:
-    """What JavaScript `code` makes of `given` with the exports of a module of web/."""
+    """What JavaScript `code`, or its promise, makes of `given` with the exports of a module of web/."""
     read = 'const given = JSON.parse(require("fs").readFileSync("given.json"));'
-    text = f"{read}\n{joined(web_folder(), entry)}\nconsole.log(JSON.stringify({code}));\n"
+    text = (
+        f"{read}\n{joined(web_folder(), entry)}\nPromise.resolve({code}).then((found) => console.log(JSON.stringify(found)));\n"
+    )
     return json.loads(in_node(text, given, folder))

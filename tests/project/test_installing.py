@@ -41,6 +41,14 @@ def test_every_extra_that_is_advised_is_declared_and_has_the_package():
         assert (package or module).lower() in names, (module, package, extra)
 
 
+def test_the_extra_docs_holds_what_the_tutorials_import():
+    text = "".join(path.read_text("utf-8") for path in (ROOT / "docs" / "tutorials").glob("*.md"))
+    cells = "".join(re.findall(r"^```\{code-cell\} python$(.*?)^```$", text, re.MULTILINE | re.DOTALL))
+    imported = set(re.findall(r"^\s*(?:import|from) (\w+)", cells, re.MULTILINE)) - {*sys.stdlib_module_names, "insenv"}
+    lists = "".join(re.findall(r"^(?:dependencies|docs) = \[(.*?)^\]", DECLARED, re.MULTILINE | re.DOTALL))
+    assert {"matplotlib"} <= imported | {"allantools"} <= set(re.findall(r'^ +"([\w-]+)', lists, re.MULTILINE))
+
+
 SHIP = ("ship-swaying", "--duration", "5")
 NEEDING = {  # a command of each way to import
     "gpxpy": ("run", *SHIP, "--out", "out", "--gpx"),

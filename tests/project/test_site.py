@@ -94,6 +94,8 @@ LAZY = "document.querySelectorAll('img[loading=lazy]').forEach(i => i.loading = 
 PICTURES = "return [...document.images].filter(i => i.complete && !i.naturalWidth && i.loading != 'lazy').map(i => i.src)"
 MATHS = "return ['.math', '.math mjx-container', 'mjx-merror, [data-mjx-error]'].map(s => document.querySelectorAll(s).length)"
 SCROLL = "return document.scrollingElement.scrollWidth - window.innerWidth"
+HIDDEN = r"""return [...document.querySelectorAll('.bd-article :is(table:not(.dataframe), div.math)')].filter(
+  e => e.scrollWidth > e.clientWidth + 1).map(e => e.innerText.slice(0, 80))"""
 CUT = r"""const limit = window.innerWidth, may_scroll = 'pre, table, .math, .text_html';
 return [...document.querySelectorAll('main article *')].filter(
   e => e.getBoundingClientRect().right > limit + 1 && !e.closest(may_scroll)
@@ -109,6 +111,8 @@ def test_each_page_in_the_browser(browser, address, pages):
         equations, typeset_on[page], faulty = browser.driver.execute_script(MATHS)
         assert typeset_on[page] >= equations and faulty == 0, page
         assert browser.driver.execute_script(SCROLL) <= 0, page
+        browser.resize((1400, 900))
+        assert browser.driver.execute_script(HIDDEN) == [], page
         browser.resize(PHONE)
         assert browser.driver.execute_script(SCROLL) <= 0 and browser.driver.execute_script(CUT) == [], page
     assert typeset_on["concepts/frames.html"] > 8

@@ -57,4 +57,5 @@ def test_each_live_page_of_the_gallery_can_run_and_has_a_link():
         assert insenv.load(scenario).name == scenario
         assert all(estimators.get(id).kind for id in ids) and ids
     shown = site_gallery.with_links(text)
+    assert site_sources.extended("a", "[b.md](b.md#d), [e](e.md)") == "[](b.md#d), [e](e.md)"
     assert all(f'href="live/{name}"' in shown for name in wanted) and "not run" not in shown

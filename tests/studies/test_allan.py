@@ -273,7 +273,7 @@ def test_the_command(tmp_path, monkeypatch):
     np.savetxt("rest.csv", rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="", fmt="%.9g")
     status, out, _ = call("allan", "rest.toml", "--grade-out", "unit.toml", "--out", "out")
     assert status == 0 and "only the noise is measured; all else is assumed" in out
-    assert {path.name for path in Path("out").iterdir()} == {"allan.json", "unit.toml", "allan.png", "allan.svg"}
+    assert {path.name for path in Path("out").iterdir()} == {"allan.json", "unit.toml", "allan.html", "allan.png", "allan.svg"}
     found = strict(Path("out/allan.json").read_text("utf-8"))
     assert [axis["name"] for axis in found["axes"]] == list(AXES)
     assert found["axes"][0]["arw_deg_sqrt_h"] == pytest.approx(np.degrees(1e-4) * 60.0, rel=0.1)

@@ -2,6 +2,7 @@
 
 from urllib.parse import quote
 
+import numpy as np
 import pytest
 from live_pages import CAR, SHIP, answers
 
@@ -18,10 +19,12 @@ BROKEN = {  # by scenario: fragment and what is said
         "#commands=[1": "commands = [1: allowed is a list of values",
         '#commands=[[5,{"sea":1}],[4,{"sea":1}]]': "commands at sample 4: allowed are whole numbers in order",
         '#commands=[[0,{"sea":null}]]': "command sea = null: allowed is 0 to 3",
+        "#commands=q1ZK": "commands = q1ZK: allowed is a list of values",
     },
     "car": {f"#gnss.outages_s={quote(text)}": f"gnss.outages_s = {text} s: allowed are pairs of a begin" for text in WINDOWS},
 }
-SAID = "given[1].map((f) => { try { module_address.stateOf(f, given[0]); return null; } catch (e) { return e.message; } })"
+SAID = "Promise.all(given[1].map((f) => module_address.stateOf(f, given[0]).then(() => null, (e) => e.message)))"
+READ = "module_address.addressOf(given[1], 1).then(async (link) => [link, await module_address.stateOf(link, given[0])])"
 
 
 @pytest.fixture
@@ -41,7 +44,8 @@ def test_a_broken_link_is_one_sentence(document, kind, page, tmp_path):
 
 def test_a_state_is_written_and_read_alike(document, tmp_path):
     values = {"imu.grade": "navigation", "gnss.outages_s": [[1.5, 20]], "start.latitude_deg": -3.25}
-    state = {"seed": 7, "values": values, "commands": [{"sample": 3, "values": {"speed": 2.5}}]}
-    code = "[module_address.addressOf(given[1], 1)].flatMap((link) => [link, module_address.stateOf(link, given[0])])"
-    link, back = answers("address.js", code, [document(*CAR), state], tmp_path)
-    assert back == state and "seed=7" in link and "imu.grade=navigation" in link
+    moves = (np.random.default_rng(3).integers(0, 101, (200, 2)) * [0.15, 0.002]).round(3).tolist()  # ten seconds of dragging
+    driven = [{"sample": 10 * k, "values": {"speed": v, "yaw_rate": w, "slope": 0.1}} for k, (v, w) in enumerate(moves)]
+    state = {"seed": 7, "values": values, "commands": driven}
+    link, back = answers("address.js", READ, [document(*CAR), state], tmp_path)
+    assert back == state and "seed=7" in link and "imu.grade=navigation" in link and len(link) < 2000

@@ -7,12 +7,14 @@ import pytest
 from browser import LAPTOP, PHONE
 from changed_scenario import changed
 from live_pages import answers
+from matplotlib.scale import SymmetricalLogTransform
 from selenium.webdriver import ActionChains
 from selenium.webdriver.common.by import By
 
 import insenv
 from insenv.report.of_run import in_a_turn, run_page
 from insenv.report.page.report import BYTES, Pool, html, page_json, shown_records
+from insenv.report.panels import threshold_of
 from insenv.report.tables import error_rows, number
 
 DURATION = 60.0
@@ -35,6 +37,8 @@ def test_the_document_holds_errors_sigma_and_limit(driven):
     (east,) = (panel for panel in section["panels"] if panel["title"] == "East")
     kinds = [(curve["kind"], curve["group"]) for curve in east["curves"]]
     assert kinds == [("band", 0), ("line", 0), ("line", 1), ("limit", -1)]
+    (own,) = (one for one in run_page(driven).sections[1].panels if one.title == "East")  # the scale is that of the figure
+    assert east["threshold"] == threshold_of(*own.without_bands().extents()) != threshold_of(*own.extents())
     result = driven.results[0]
     places = np.searchsorted(result.time, arrays[east["x"]].astype(np.float64) - 1e-4)
     band, line, _, limit = (arrays[curve.get("y", curve.get("half"))] for curve in east["curves"])
@@ -100,6 +104,11 @@ def test_the_page_opens_from_disk(browser, page, driven, size, dark):
     rows = "[...document.querySelectorAll('.summary tbody tr')].map((r) => [...r.cells].slice(1).map((c) => c.textContent))"
     cells = [[cell.replace("\N{MINUS SIGN}", "-") for cell in row] for row in browser.value(rows)]
     assert cells == [[number(v) for v in values.values()] for result in driven.results for _, values in error_rows(result)]
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    browser.resize((703, 900))  # A4 without its margins
+    beyond = "[...document.querySelectorAll('canvas, table')].filter((e) => e.getBoundingClientRect().right > innerWidth)"
+    pressed = "[...document.querySelectorAll('button:not(.entry), input')].filter((e) => e.offsetWidth)"
+    assert browser.value(f"{beyond}.concat({pressed}).length") == 0
 
 
 @pytest.mark.slow
@@ -122,6 +131,13 @@ def test_all_plots_zoom_together_by_drag_and_keys_and_estimators_hide(browser, p
     assert [entry.text for entry in entries] == ["loosely-coupled", "wander-sins"]
     entries[1].click()
     assert entries[1].get_attribute("aria-pressed") == "false" and browser.console() == []
+
+
+def test_the_scale_of_errors_is_that_of_the_figure(tmp_path):
+    values = [0.0, 0.0004, -0.001, 0.00100001, 0.03, -20.0]
+    code = "((scale) => given.map((v) => [scale.fwd(v), scale.bwd(scale.fwd(v))]))(module_scale.symlog(0.001))"
+    expected = SymmetricalLogTransform(10.0, 0.001, 1.3).transform(np.array(values)) / 0.001
+    assert np.allclose(answers("scale.js", code, values, tmp_path), np.column_stack([expected, values]), rtol=1e-12)
 
 
 def test_numbers_in_the_page_are_written_as_in_the_terminal(tmp_path):

@@ -39,10 +39,10 @@ def test_a_page_makes_no_request_and_runs_its_own_script_alone():
 def test_modules_are_joined_after_those_that_they_import(tmp_path):
     main = tmp_path / "main.js"
     main.write_text('import { two } from "./b.js";\nimport { one } from "./a.js";\nprint(one() + two);\n')
-    (tmp_path / "a.js").write_text("const hidden = 1;\nexport function one() {\n  return hidden;\n}\n")
+    (tmp_path / "a.js").write_text("/** Said. */\nconst hidden = 1;\nexport function one() {\n  return hidden;\n}\n")
     (tmp_path / "b.js").write_text('import { one } from "./a.js";\nconst hidden = 2;\nexport const two = one() + hidden;\n')
     text = joined(tmp_path, "main.js")
-    assert "import" not in text and "export" not in text
+    assert "import" not in text and "export" not in text and "Said" not in text
     assert in_node(f"const print = console.log;\n{text}", None, tmp_path) == "4\n"
     main.write_text('import { m } from "./main.js";\n')
     with pytest.raises(InsenvError, match="imports itself"):

@@ -23,16 +23,18 @@ LIMIT = 2_000_000
 """Bytes that a page may have."""
 ENTRY = "main.js"
 WORKER = "worker.js"
-STYLES = ("vendor/uPlot/uPlot.min.css", "colours.css", "page.css", "plots.css", "live.css", "sizes.css")
+STYLES = ("vendor/uPlot/uPlot.min.css", "colours.css", "page.css", "plots.css", "live.css", "sizes.css", "print.css")
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?:async )?(?:function|const|class) (\w+)", re.MULTILINE)
+_COMMENT = re.compile(r"^[ \t]*(?:/\*(?:[^*]|\*(?!/))*\*/[ \t]*\n|//[^\n]*\n)|^[ \t]+|^\n", re.MULTILINE)
+"""What a reader of a page's source can do without: comments on lines of their own, indents, empty lines."""
 _LEFT = re.compile(r"^\s*(?:import|export)\b", re.MULTILINE)
 
 
 def assembled(title: str, documents: Mapping[str, Any]) -> str:
     """The text of a page that shows `documents`, JSON values by kind ("report", "live"); with "live" it may run WebAssembly."""
     folder = web_folder()
-    style = "".join((folder / name).read_text("utf-8") for name in STYLES)
+    style = "".join(_COMMENT.sub("", (folder / name).read_text("utf-8")) for name in STYLES)
     library = (folder / "vendor/uPlot/uPlot.iife.min.js").read_text("utf-8")
     script = f'{library}\n(() => {{\n"use strict";\n{joined(folder, ENTRY)}}})();\n'
     live = "live" in documents
@@ -72,7 +74,8 @@ def policy(script: str, style: str, live: bool) -> str:
 def joined(folder: Path, entry: str) -> str:
     """The module `entry` with all that it imports as one text: each module is a function that gives what it exports.
 
-    Raises `InsenvError` for a circle of imports, and for other forms of import and export.
+    Raises `InsenvError` for a circle of imports, for other forms of import and export, and for template strings of several
+    lines.
     """
     texts: dict[str, str] = {}
 
@@ -86,7 +89,9 @@ def joined(folder: Path, entry: str) -> str:
             add(other, (*above, name))
         exported = ", ".join(_EXPORT.findall(text))
         text = _IMPORT.sub(lambda match: f"const {{{match[1]}}} = {_variable(match[2])};\n", text)
-        text = _EXPORT.sub(lambda match: match.group().removeprefix("export "), text)
+        text = _COMMENT.sub("", _EXPORT.sub(lambda match: match.group().removeprefix("export "), text))
+        if any(line.count("`") % 2 for line in text.splitlines()):
+            raise InsenvError(f"web/{name}: a template string of several lines, which would lose its indents")
         if match := _LEFT.search(text):
             raise InsenvError(
                 f"web/{name}: {match.group().strip()!r}: allowed are `import {{NAMES}} from` and `export` of a name"

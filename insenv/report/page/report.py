@@ -95,7 +95,7 @@ def _table(table: Table) -> dict[str, Any]:
 def _panel(panel: Panel, pool: Pool) -> dict[str, Any]:
     if isinstance(panel, TimePanel):
         curves = [_mark(mark, pool) for mark in panel.marks]
-        settings = ("threshold", "log", "wraps", "from_s", "positive", "most")
+        settings = ("threshold", "log", "wraps", "from_s", "positive", "most", "level")
         return {
             "type": "time",
             "title": panel.title,

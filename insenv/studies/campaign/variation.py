@@ -246,7 +246,7 @@ def _inside(owner: Any, part: str, key: str) -> Any:
     if not isinstance(owner, dict):
         raise InputError(f"vary {key!r}: a number has no key {part!r}")
     if part not in owner:
-        raise InputError(f"vary {key!r}: no key {part!r}{nearest(part, owner, 'docs/scenarios.md')}")
+        raise InputError(f"vary {key!r}: no key {part!r}{nearest(part, owner, 'docs/scenario-keys.md')}")
     return owner[part]
 
 
