@@ -30,3 +30,5 @@ def test_flight_from_the_ground_to_survey_lines() -> None:
     force = rows["true_delta_velocity"] / h
     assert np.abs(force[flying, 1]).max() < 0.1 and rows["bank"].max() > 19 * DEG and rows["bank"].min() < -19 * DEG
     assert np.abs(np.diff(rows["rate_ib_b"], axis=0)).max() < 1.0 * h and np.abs(np.diff(force, axis=0)[2:]).max() < 8 * h
+    begun_in_flight = history("aircraft", {"start_height": 600.0, "start_speed": 80.0, "sample_interval": h}, 100)
+    assert begun_in_flight["speed"] == pytest.approx(80.0)  # no leg slows it
