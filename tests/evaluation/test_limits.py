@@ -25,11 +25,7 @@ from insenv.evaluation.limits.states import Mooring, entering, unit_of, wander_o
 from insenv.evaluation.limits.steps import DR, DV, PSI, _summed, earth_axes, fixes_of, integrals, step_ends, steps_along
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, limits, load
-
-
-def prior_of(plant):
-    known = plant.knowledge
-    return Prior(np.array([known.tilt_sigma] * 2 + [known.heading_sigma]), known.velocity_sigma, known.position_sigma)
+from insenv.scenario.limits import prior_of
 
 
 def rows_of(plant):
@@ -51,7 +47,7 @@ def bound_with(plant, rest, mooring=None):
     fixes, blocks = steps_of(plant, rest=lambda count: np.full(count, rest))
     wander = wander_of(rows) if fixes else None
     layout = Layout(unit_of(rows), () if wander is None else (wander,), fixes, mooring)
-    times, sigmas = zip(*recursion(blocks, layout, prior_of(plant)), strict=True)
+    times, sigmas = zip(*recursion(blocks, layout, prior_of(plant.scenario.knowledge)), strict=True)
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
 
 
@@ -403,7 +399,7 @@ def test_errors_of_a_unit_that_nothing_shows_keep_what_is_known_of_them():
             "gyro_misalignment": 1e-6 * np.arange(1.0, 7.0)}  # fmt: skip
     sigmas = {f"{name.replace('scale', 'scale_factor')}_sigma": values for name, values in told.items()}
     rows = {**rows_of(plant), "gyro_bias": np.zeros(3), **sigmas}
-    found = bound_of_unit(plant.model, rows, prior_of(plant), plant.samples, in_place=True)
+    found = bound_of_unit(plant.model, rows, prior_of(plant.scenario.knowledge), plant.samples, in_place=True)
     gyros = {name: values for name, values in found.items() if name.startswith("gyro")}
     assert gyros.keys() == told.keys()
     for name, values in told.items():
