@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from constants import constants, number
 from resting import at_rest, attitude_error, samples
 
 from insenv import attitude, geodesy, run
@@ -82,10 +83,9 @@ def test_one_update_with_exact_vectors_takes_out_the_whole_error():
     theta = np.array([4e-4, -3e-4, 5e-4])  # half the attitude error
     off = attitude.numeric.multiply(np.r_[1.0, theta] / np.linalg.norm(np.r_[1.0, theta]), true)
     C = attitude.numeric.to_dcm(true)
-    state = qakf.IMPROVED.model.state
-    x = state.symbols(ca.SX(ca.DM(state.pack({"q_start": off, "samples": 1e4, "noise_variance": 1e-12}))))
+    x = constants(qakf.IMPROVED.model.state, q_start=off, samples=1e4, noise_variance=1e-12)
     H, residual = qakf.profile_observation(x.q_start, ca.SX(ca.DM(C)), ca.SX(6.0))
-    after = np.array(ca.DM(ca.evalf(qakf.profile_update(x, H, residual)["q_start"]))).ravel()
+    after = number(qakf.profile_update(x, H, residual)["q_start"])
     left = attitude.numeric.to_rotation_vector(attitude.numeric.multiply(after, true * [1, -1, -1, -1])) / 2
     assert np.abs(left).max() < 0.01 * np.abs(theta).max()
 
