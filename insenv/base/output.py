@@ -133,6 +133,20 @@ def atomic(path: Path, private: bool = False) -> Iterator[BinaryIO]:
         yield stream
 
 
+def write_unless_other(path: Path, content: bytes) -> None:
+    """Write a file; one that is there with this content stays.
+
+    Raises `InputError` if one has another content, which a user may have written, or if it cannot be written.
+    """
+    try:
+        if path.exists() and path.read_bytes() != content:
+            raise InputError(f"{str(path)!r} exists with another content: it is not overwritten")
+        with atomic(path) as stream:
+            stream.write(content)
+    except OSError as error:
+        raise cannot_write(path, error) from None
+
+
 # What commands print: plain values as JSON text without NaN, and the width of lines without a terminal.
 
 WIDTH = 80

@@ -39,15 +39,14 @@ def lockstep(
     kind: a key of `AUTOPILOTS`.  speed: None is 1 for PX4, which has no pace of its own, and 0 for ArduPilot, which keeps that
     of its --speedup.  parameters: where those for ArduPilot are written (`insenv.mavlink.lockstep.ardupilot.PARAMETERS`).
     """
-    from insenv.base.output import atomic, check_output_file
+    from insenv.base.output import check_output_file, write_unless_other
     from insenv.cli.output import is_quiet, print_json, print_line, working
     from insenv.cli.signals import ending, written
     from insenv.mavlink.lockstep.ardupilot import parameter_file
 
     if parameters is not None:
         check_output_file(parameters)
-        with atomic(parameters) as stream:
-            stream.write(parameter_file().encode("ascii"))
+        write_unless_other(parameters, parameter_file().encode("ascii"))
     with ending() as request:
         with ExitStack() as stack:
             vehicle, simulator, address = AUTOPILOTS[kind](

@@ -20,7 +20,7 @@ from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import Shown
 from insenv.report.panels import Section
 from insenv.sensors import units
-from insenv.sensors.grade_file import SUFFIX, toml_text
+from insenv.sensors.grade_file import SUFFIX, read_grade, toml_text
 from insenv.sensors.grades import ImuGrade
 from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Curve, Figure, Terms
 from insenv.studies.rest import Part
@@ -426,12 +426,17 @@ def _panel(triad: SensorNoise, axes: Sequence[SensorNoise]) -> panels.TimePanel:
 
 
 def check_grade(path: Path | None) -> None:
-    """Raise `InputError` for a grade file whose name does not end in .toml, or that cannot be written."""
+    """Raise `InputError` for a name without .toml, for a file of another kind, or one that cannot be written."""
     if path is None:
         return
     if path.suffix != SUFFIX:
         raise InputError(f"{path}: the name of a grade file ends in {SUFFIX}")
     check_output_file(path)
+    if path.exists():
+        try:
+            read_grade(path)
+        except InputError:
+            raise InputError(f"{str(path)!r} exists and is no grade file: it is not overwritten") from None
 
 
 def write_grade(unit: UnitNoise, path: Path) -> Path:

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 from autopilots import Px4StandIn, exchange
-from command_line import call, strict
+from command_line import call, refused, strict
 from streamed_vehicle import free_port, logged, quiet
 
 from insenv.cli.lockstep import home_option
@@ -30,6 +30,9 @@ def test_px4(tmp_path):
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
 def test_ardupilot_until_a_signal_ends_the_wait_for_it(tmp_path):
     port, times, file = free_port(), [], tmp_path / "good-unit.parm"
+    (tmp_path / "mine").write_text("mine")
+    arguments = ("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--write-parameters", tmp_path / "mine")
+    refused(call(*arguments), "exists with another content: it is not overwritten")
 
     def fly():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:

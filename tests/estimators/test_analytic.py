@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from constants import number
 from driven import fed, outputs_of
 
 from insenv import run
@@ -11,10 +12,6 @@ from insenv.geodesy import OMEGA_IE
 
 G, LATITUDE = 9.8, 0.6
 MODEL = analytic.MODEL
-
-
-def number(expression):
-    return np.array(ca.DM(ca.evalf(expression))).ravel()
 
 
 def test_it_states_the_noise_of_two_means():

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
+from constants import constants, number
+from earth_fixed import matrix_of
 from navigation import random_rows
 from scipy.spatial.transform import Rotation
 
@@ -44,7 +46,7 @@ def call(name, *arguments):
 
 
 def delta_C(dQ, q_hat):
-    """C_hat - C (3x3) from dQ = Q_hat - Q, both of unit length, (9)."""
+    """C_hat - C (3x3) from dQ = Q_hat - Q, both of unit length, (9); quadratic in any dQ."""
     return 2 * call("Y", dQ).T @ call("U", q_hat) - call("Y", dQ).T @ call("U", dQ)
 
 
@@ -53,18 +55,14 @@ def unit(rng):
     return q / np.linalg.norm(q)
 
 
-def dcm(q):
-    return Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix()
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_difference_of_attitude_matrices_is_exact_for_errors_of_any_size(seed):
     rng = np.random.default_rng(seed)
     q_hat, q = unit(rng), unit(rng)
     dQ = q_hat - q
-    assert np.allclose(delta_C(dQ, q_hat), dcm(q_hat) - dcm(q), atol=1e-14)  # (8), (9)
+    assert np.allclose(delta_C(dQ, q_hat), matrix_of(q_hat) - matrix_of(q), atol=1e-14)  # (8), (9)
     other = 2 * call("Y", dQ).T @ call("U", q) + call("Y", dQ).T @ call("U", dQ)  # the second line of (9)
-    assert np.allclose(other, dcm(q_hat) - dcm(q), atol=1e-14)
+    assert np.allclose(other, matrix_of(q_hat) - matrix_of(q), atol=1e-14)
 
 
 def random_state(rng):
@@ -131,11 +129,11 @@ def test_fix_sensitivities_against_differences(seed, age):
     def predicted(error):
         state = with_error(x, error)
         e = MODEL.state.unpack(state)
-        change = dcm(e["q_wb"]) - dcm(s["q_wb"])
-        axis = Rotation.from_quat(s["q_ew"][[1, 2, 3, 0]]).as_matrix()[2]
+        change = matrix_of(e["q_wb"]) - matrix_of(s["q_wb"])
+        axis = matrix_of(s["q_ew"])[2]
         gravity = geodesy.numeric.normal_gravity_about_axis(axis, s["height"])
-        force_b = dcm(s["q_wb"]).T @ (s["acceleration_w"] - gravity)
-        felt = change @ force_b + dcm(s["q_wb"]) @ error[ACCEL]
+        force_b = matrix_of(s["q_wb"]).T @ (s["acceleration_w"] - gravity)
+        felt = change @ force_b + matrix_of(s["q_wb"]) @ error[ACCEL]
         state[MODEL.state.slice("acceleration_w")] += felt
         state[MODEL.state.slice("previous_delta_angle")] += error[GYRO] * s["dt"]
         state[MODEL.state.slice("mean_rate")] += error[GYRO]
@@ -153,14 +151,14 @@ def test_sigma_points_against_monte_carlo():
     """Mean and covariance of the nonlinear part for level attitude within 3 deg and heading within 40 deg."""
     rng = np.random.default_rng(1)
     q_hat = unit(rng)
-    force = dcm(q_hat).T @ [0, 0, -9.8]
+    force = matrix_of(q_hat).T @ [0, 0, -9.8]
     sigma = np.radians([3.0, 3.0, 40.0])
     P = call("Y", q_hat) @ np.diag((sigma / 2) ** 2) @ call("Y", q_hat).T
     G, mean, extra, C = call("unscented", q_hat, P, force, force / 2)
     total = (G @ P @ G.T + extra)[:3, :3]
     q = q_hat - rng.normal(size=(200_000, 3)) * (sigma / 2) @ call("Y", q_hat).T
     q /= np.linalg.norm(q, axis=1)[:, None]
-    y = (dcm(q_hat) - Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix()) @ force
+    y = (matrix_of(q_hat) - matrix_of(q)) @ force
     assert np.allclose(mean[:3, 0], y.mean(axis=0), atol=0.01)
     found = np.cov(y.T)
     assert np.allclose(np.sqrt(np.diag(total))[:2], np.sqrt(np.diag(found))[:2], rtol=0.15)
@@ -180,7 +178,7 @@ def test_sigma_points_hold_the_second_order():
     axes, v, s = call("basis", force), np.linalg.norm(force), np.array([4e-4, 2e-4, 6e-4])
     P = call("U", q_hat) @ axes @ np.diag((s / 2) ** 2) @ axes.T @ call("U", q_hat).T
     _, mean, extra, _ = call("unscented", q_hat, P, force, force / 2)
-    C = dcm(q_hat) @ axes
+    C = matrix_of(q_hat) @ axes
     assert np.allclose(C.T @ mean[:3, 0], [0, 0, v * (s[0] ** 2 + s[1] ** 2) / 2], rtol=1e-3, atol=1e-9)
     variance = np.diag([s[0] ** 2 * s[2] ** 2, s[1] ** 2 * s[2] ** 2, 2 * (s[0] ** 4 + s[1] ** 4)]) * v**2 / 4
     assert np.allclose(C.T @ extra[:3, :3] @ C, variance, rtol=5e-3, atol=1e-3 * variance.max())
@@ -208,9 +206,9 @@ def test_the_curvature_bounds_what_the_sensitivity_omits():
     rng = np.random.default_rng(3)
     q, arm, swing = unit(rng), np.array([3.0, -1.0, 2.0]), np.array([0.4, 0.2, -0.3])
     L = call("Y", q) @ np.diag([0.05, 0.2, 0.3]) @ Rotation.random(random_state=1).as_matrix()
-    p = MODEL.parameters.symbols(ca.SX(ca.DM(MODEL.parameters.pack({"antenna_lever_arm": arm}))))
+    p = constants(MODEL.parameters, antenna_lever_arm=arm)
     antenna = gnss_fix.Antenna(*[ca.SX.zeros(3)] * 3, ca.SX(swing), *[ca.SX.zeros(3)] * 2, ca.SX.eye(3))
-    found = np.array(ca.DM(ca.evalf(aqe._curvature(p, antenna, ca.SX(L @ L.T))))).ravel()
+    found = number(aqe._curvature(p, antenna, ca.SX(L @ L.T)))
     drawn = rng.normal(size=(100_000, 3)) @ L.T
     fourth = np.mean(np.sum(drawn**2, axis=1) ** 2)
     assert np.allclose(found, fourth * np.repeat([arm @ arm, swing @ swing], 3), rtol=0.05)
@@ -251,17 +249,11 @@ def transformed(q, P, velocity, distance, spread):
     points = [np.zeros(n), *[sign * root * L[:, i] for i in range(n) for sign in (1, -1)]]
     weights = np.array([(spread - n) / spread, *[1 / (2 * spread)] * (2 * n)])
 
-    def quadratic(a, b):
-        """Y^T(a) U(b): for a = b = q a rotation matrix, for any a and b bilinear."""
-        Ya = np.array([[-a[1], -a[2], -a[3]], [a[0], a[3], -a[2]], [-a[3], a[0], a[1]], [a[2], -a[1], a[0]]])
-        Ub = np.array([[-b[1], -b[2], -b[3]], [b[0], -b[3], b[2]], [b[3], b[0], -b[1]], [-b[2], b[1], b[0]]])
-        return Ya.T @ Ub
-
-    changes = [2 * quadratic(x[:4], q) - quadratic(x[:4], x[:4]) for x in points]
+    changes = [delta_C(x[:4], q) for x in points]
     values = np.array([[*(change @ velocity), *(change @ distance)] for change in changes])
     mean = weights @ values
     covariance = (weights[:, None] * (values - mean)).T @ (values - mean)
-    return mean, covariance, quadratic(q, q) - np.tensordot(weights, changes, axes=1)
+    return mean, covariance, matrix_of(q) - np.tensordot(weights, changes, axes=1)
 
 
 @pytest.mark.parametrize("spread", [13.0, 3.0, 20.0])

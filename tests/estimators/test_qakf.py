@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from constants import constants, number
 from resting import at_rest, attitude_error, samples
 
 from insenv import attitude, geodesy, run
@@ -22,22 +23,27 @@ def test_start_opposite_to_the_truth(id, opposite):
     assert np.abs(attitude_error(at_rest(id, q, 0.6, 200.0, parameters=start, accel_noise=1e-4), q)).max() < 2e-3
 
 
-def _observations():
-    q, alpha, beta, theta = ca.SX.sym("q", 4), ca.SX.sym("a", 3), ca.SX.sym("b", 3), ca.SX.sym("t", 3)
-    moved = attitude.multiply(ca.vertcat(1, theta), q)
-    left = ca.vertcat(ca.horzcat(0, -beta.T), ca.horzcat(beta, ca.skew(beta)))
-    right = ca.vertcat(ca.horzcat(0, -alpha.T), ca.horzcat(alpha, -ca.skew(alpha)))
-    M = left - right
-    return ca.Function(
-        "f", [q, alpha, beta, theta], [M / (2 * 9.8) @ moved, M.T @ M @ moved / (2 * (ca.sumsqr(alpha) + ca.sumsqr(beta)))]
-    )
+def left(v):
+    """[v +]: v (x) q as a matrix times q."""
+    return np.array([[0, *-v], *np.column_stack([v, np.cross(np.eye(3), -v).T])])
+
+
+def right(v):
+    """[v -]: q (x) v as a matrix times q."""
+    return np.array([[0, *-v], *np.column_stack([v, np.cross(np.eye(3), v).T])])
+
+
+def observed(q, alpha, beta, theta):
+    """M Q and K Q of the definition at the attitude q turned by theta."""
+    M, moved = left(beta) - right(alpha), attitude.numeric.multiply(np.r_[1.0, theta], q)
+    return M @ moved / (2 * 9.8), M.T @ M @ moved / (2 * (alpha @ alpha + beta @ beta))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_observation_and_its_jacobian_against_the_paper_s_matrices(seed):
     """H theta and the residual, multiplied by Q, against M Q and K Q of the definition and their differences."""
     rng = np.random.default_rng(seed)
-    q, alpha, beta, function = rng.normal(size=4), rng.normal(size=3) * 9, rng.normal(size=3) * 9, _observations()
+    q, alpha, beta = rng.normal(size=4), rng.normal(size=3) * 9, rng.normal(size=3) * 9
     q /= np.linalg.norm(q)
     symbols = [ca.SX.sym("q", 4), ca.SX.sym("a", 3), ca.SX.sym("b", 3)]
     single = ca.Function("s", symbols, qakf.vector_observation(*symbols, 9.8))
@@ -47,11 +53,11 @@ def test_observation_and_its_jacobian_against_the_paper_s_matrices(seed):
     back = np.stack([attitude.numeric.multiply(e, q) for e in np.eye(4)], axis=1)
     for place, own in ((0, single), (1, many)):
         H, residual = (np.array(v) for v in own(q, alpha, beta))
-        assert np.allclose(back @ residual.ravel(), np.array(function(q, alpha, beta, np.zeros(3))[place]).ravel(), atol=1e-13)
+        assert np.allclose(back @ residual.ravel(), observed(q, alpha, beta, np.zeros(3))[place], atol=1e-13)
         for axis in range(3):
             step = np.eye(3)[axis] * 0.5
-            difference = np.array(function(q, alpha, beta, step)[place]) - np.array(function(q, alpha, beta, -step)[place])
-            assert np.allclose(back @ H[:, axis], difference.ravel(), atol=1e-12)
+            difference = observed(q, alpha, beta, step)[place] - observed(q, alpha, beta, -step)[place]
+            assert np.allclose(back @ H[:, axis], difference, atol=1e-12)
         assert np.abs(H).max() < 1.0 + 1e-9 or place == 0
 
 
@@ -77,10 +83,9 @@ def test_one_update_with_exact_vectors_takes_out_the_whole_error():
     theta = np.array([4e-4, -3e-4, 5e-4])  # half the attitude error
     off = attitude.numeric.multiply(np.r_[1.0, theta] / np.linalg.norm(np.r_[1.0, theta]), true)
     C = attitude.numeric.to_dcm(true)
-    state = qakf.IMPROVED.model.state
-    x = state.symbols(ca.SX(ca.DM(state.pack({"q_start": off, "samples": 1e4, "noise_variance": 1e-12}))))
+    x = constants(qakf.IMPROVED.model.state, q_start=off, samples=1e4, noise_variance=1e-12)
     H, residual = qakf.profile_observation(x.q_start, ca.SX(ca.DM(C)), ca.SX(6.0))
-    after = np.array(ca.DM(ca.evalf(qakf.profile_update(x, H, residual)["q_start"]))).ravel()
+    after = number(qakf.profile_update(x, H, residual)["q_start"])
     left = attitude.numeric.to_rotation_vector(attitude.numeric.multiply(after, true * [1, -1, -1, -1])) / 2
     assert np.abs(left).max() < 0.01 * np.abs(theta).max()
 
@@ -94,16 +99,6 @@ def test_a_filter_that_creeps_says_so(scenario, seed):
     assert abs(found.errors["heading_deg"][-1]) > 5.0
     for channel in ("roll_deg", "pitch_deg", "heading_deg"):
         assert abs(found.errors[channel][-1]) < 3 * found.sigma[channel][-1], channel
-
-
-def left(v):
-    """[v +]: v (x) q as a matrix times q."""
-    return np.array([[0, *-v], *np.column_stack([v, np.cross(np.eye(3), -v).T])])
-
-
-def right(v):
-    """[v -]: q (x) v as a matrix times q."""
-    return np.array([[0, *-v], *np.column_stack([v, np.cross(np.eye(3), v).T])])
 
 
 def textbook(alpha, beta, improved, b=1.0, s=0.0, known=0.0, least=1e-7, dt=0.05):

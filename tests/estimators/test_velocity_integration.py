@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from constants import constants, number
 from driven import columns_of, fed, of_model
 from scipy.spatial.transform import Rotation
 from simulated_log import simulated_log
@@ -128,13 +129,13 @@ def test_errors_of_a_velocity_of_the_log_against_differences():
         measured = (1 + scale) * (velocity + np.cross(velocity, mounting))
         state = {"q_ib": q_ib, "alpha": [1.0, 2.0, -50.0], "dt": 0.01, "time": 30.0, "latitude": 0.8}
         values = ((model.parameters, {}), (model.state, state), (model.inputs, {"dvl_velocity_b": measured, "dvl_new": 1.0}))
-        p, x, u = (table.symbols(ca.SX(ca.DM(table.pack(each)))) for table, each in values)
+        p, x, u = (constants(table, **each) for table, each in values)
         return BY_LOG.source.measurement(p, x, u, lambda p, x: (ca.SX([1, 0, 0, 0]), ca.SX(0)))
 
     def alpha(**errors):
-        return np.array(ca.DM(ca.evalf(ca.densify(seen(**errors).alpha)))).ravel()
+        return number(seen(**errors).alpha)
 
-    stated = np.array(ca.DM(ca.evalf(ca.densify(seen().error))))
+    stated = number(seen().error)
     for part, name in ((DRIFT, "drift"), (OF_VECTOR, "mounting")):
         slopes = [(alpha(**{name: step * axis}) - alpha(**{name: -step * axis})) / (2 * step) for axis in np.eye(3)]
         assert stated[:, part] == pytest.approx(np.transpose(slopes), abs=1e-7)

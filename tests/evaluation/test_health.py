@@ -217,10 +217,7 @@ def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong,
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("told", "verdict"),
-    [
-        ({"unit": "industrial", "grade": "navigation"}, "diverged"),
-        ({"scale_of_sigma": 0.4}, "overconfident"),
-    ],
+    [({"unit": "industrial", "grade": "navigation"}, "diverged"), ({"scale_of_sigma": 0.4}, "overconfident")],
 )
 def test_a_log_of_a_worse_unit_or_receiver_than_told_is_not_passed_over(tmp_path, told, verdict):
     path = written_log(tmp_path, **told)

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pymap3d
 import pytest
+from driven import columns_of
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 from sensor_plant import CHANCE, LEVEL, assert_gauss_markov, assert_mean, assert_variance, simulate, starts
 
 from insenv.base.errors import InputError
-from insenv.core.runner import make_runner
 from insenv.scenario import build, load
 
 
@@ -119,16 +119,11 @@ def car(**gnss: Any) -> Any:
     })  # fmt: skip
 
 
-def outputs(given: Any, seed: int | None = None, duration_s: float = 1.0) -> dict[str, Any]:
-    made = build(given, seed=seed, duration_s=duration_s)
-    return made.model.outputs.unpack(make_runner(made.model, made.parameters).run(made.samples))
-
-
 def test_lever_arm_and_delay_differ_from_what_is_told() -> None:
     """With them fixes are made (above): what is told of both is the rest."""
     late = {"grade": "perfect", "latency_s": 0.2, "lever_arm_m": [1.0, 0.0, -1.0]}
     wrong = {**late, "lever_arm_error_m": [0.3, -0.2, 0.1], "delay_error_s": 0.137}
-    true = outputs(car(**wrong), duration_s=30.0)
+    true = columns_of(build(car(**wrong), duration_s=30.0))
     at = np.flatnonzero(true["gnss_valid"])
     np.testing.assert_allclose(true["gnss_delay_true"], 0.137, atol=1e-12)
     np.testing.assert_allclose(true["antenna_lever_arm_true"][0], [1.3, -0.2, -0.9])
@@ -160,8 +155,8 @@ def test_no_fix_is_from_the_future_and_one_is_pending() -> None:
         with pytest.raises(InputError, match=rf"delay_error_s = {wrong:g} s: allowed is from -0\.1 to 0\.09 s"):
             build(car(**late, delay_error_s=wrong))
     for delay in (-0.1, 0.09):
-        found = outputs(car(**late, delay_error_s=delay))
+        found = columns_of(build(car(**late, delay_error_s=delay), duration_s=1.0))
         np.testing.assert_allclose(found["gnss_delay_true"][0], delay, atol=1e-12)
     drawn = car(**late, delay_sigma_s=10.0)
-    delays = [outputs(drawn, seed=seed)["gnss_delay_true"][0] for seed in range(6)]
+    delays = [columns_of(build(drawn, seed=seed, duration_s=1.0))["gnss_delay_true"][0] for seed in range(6)]
     np.testing.assert_allclose(sorted({round(float(delay), 9) for delay in delays}), [-0.1, 0.09])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from changed_scenario import changed
-from command_line import call, strict
+from command_line import call, refused, strict
 from scipy.signal import lfilter
 from simulated_log import IMU, simulated_log
 
@@ -273,6 +273,8 @@ def test_the_command(tmp_path, monkeypatch):
     np.savetxt("rest.csv", rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="", fmt="%.9g")
     status, out, _ = call("allan", "rest.toml", "--grade-out", "unit.toml", "--out", "out")
     assert status == 0 and "only the noise is measured; all else is assumed" in out
+    refused(call("allan", "rest.toml", "--grade-out", "rest.toml"), "'rest.toml' exists and is no grade file")
+    assert Path("rest.toml").read_text("utf-8") == log
     assert {path.name for path in Path("out").iterdir()} == {"allan.json", "unit.toml", "allan.html", "allan.png", "allan.svg"}
     found = strict(Path("out/allan.json").read_text("utf-8"))
     assert [axis["name"] for axis in found["axes"]] == list(AXES)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from driven import columns_of
 from scipy.spatial.transform import Rotation
 
 from insenv.base.errors import InputError
-from insenv.core.runner import make_runner
 from insenv.scenario import build, load, parse
 from insenv.vehicles.turntable import SETTLED, turning_time
 
@@ -16,17 +16,13 @@ def built(*legs, rate_hz=100.0, **keys):
     return build(parse({**values, "rate_hz": rate_hz, "duration_s": 20.0}, "table", "table"), seed=1)
 
 
-def columns(plant):
-    return plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-
-
 def test_it_turns_to_the_angles_in_place():
     legs = [
         {"duration_s": 5.0, "roll_deg": 90.0, "rate_deg_s": 40.0},
         {"duration_s": 10.0, "pitch_deg": 340.0, "rate_deg_s": 60.0},
         {"duration_s": 5.0, "heading_deg": 30.0},
     ]
-    found = columns(built(*legs))
+    found = columns_of(built(*legs))
     attitudes = Rotation.from_quat(found["q_nb"], scalar_first=True)
     expected = Rotation.from_euler("ZYX", [(0, 0, 90), (0, 340, 90), (30, 340, 90)], degrees=True)
     assert ((attitudes[[499, 1499, 1999]].inv() * expected).magnitude() < 5e-4).all()
@@ -44,7 +40,7 @@ def test_a_turn_too_long_for_its_leg_is_refused():
 @pytest.mark.parametrize("rate_hz", [100.0, 10.0])
 @pytest.mark.parametrize(("turn", "rate"), [(0.5, 40.0), (15.0, 40.0), (90.0, 40.0), (360.0, 60.0)])
 def test_the_time_of_a_turn_is_that_at_which_the_table_stands(turn, rate, rate_hz):
-    found = columns(built({"duration_s": 30.0, "heading_deg": turn, "rate_deg_s": rate}, rate_hz=rate_hz))
+    found = columns_of(built({"duration_s": 30.0, "heading_deg": turn, "rate_deg_s": rate}, rate_hz=rate_hz))
     half = np.abs(np.arctan2(found["q_nb"][:, 3], found["q_nb"][:, 0])) % np.pi
     short = 2.0 * np.abs(half - np.radians(turn) / 2.0 % np.pi)
     stands = (np.flatnonzero(np.minimum(short, 2.0 * np.pi - short) > SETTLED)[-1] + 1) / rate_hz

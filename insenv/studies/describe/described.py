@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from insenv.base.errors import InputError
-from insenv.base.output import atomic, cannot_write, check_output_file
+from insenv.base.output import check_output_file, write_unless_other
 from insenv.report import Document, Report, run_document
 from insenv.report.document import Block, Line, Listing
 from insenv.studies.describe.finding import Described
@@ -18,14 +17,7 @@ NAME = "description"
 def write(described: Described, path: Path) -> None:
     """Write the description.  Raises `InputError` for another file of that name, which a user may have edited."""
     check_output_file(path, ".toml")
-    text = described.text.encode()
-    try:
-        if path.exists() and path.read_bytes() != text:
-            raise InputError(f"{str(path)!r} exists with another content: it is not overwritten")
-        with atomic(path) as stream:
-            stream.write(text)
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    write_unless_other(path, described.text.encode())
 
 
 def document(described: Described, path: Path | None = None, report: Report | None = None) -> Document:

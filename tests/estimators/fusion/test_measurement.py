@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from constants import number
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
@@ -56,10 +57,6 @@ def kept_motion():
 def constants(**values):
     """Values by name as constants of CasADi; None is left out."""
     return Values(**{k: ca.SX(ca.DM(np.asarray(v, float).tolist())) for k, v in values.items() if v is not None})
-
-
-def number(expression):
-    return ca.evalf(ca.densify(expression)).full().ravel()
 
 
 def sensitivities(filter, generator, state, inputs):
@@ -116,7 +113,7 @@ def test_the_states_of_the_unit_take_out_what_the_simulated_unit_puts_in():
     measured = Values(delta_angle=ca.DM(measured_angle), delta_velocity=ca.DM(measured_velocity), dt=dt)
     states = [all_states()[name] for name in ("gyro_bias", "accel_bias", *UNIT)]
     correct = corrected_increments(states, {name: ca.DM(value) for name, value in values.items()}, measured)
-    found = [ca.evalf(ca.SX(each)).full().ravel() for each in correct]
+    found = [number(each) for each in correct]
     np.testing.assert_allclose(found[0], angle, rtol=0, atol=1e-10)
     np.testing.assert_allclose(found[1], velocity, rtol=0, atol=1e-10)
 

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from constants import number
 from scipy.linalg import block_diag, expm
 
 import insenv
@@ -21,24 +22,20 @@ PERIODS, SIGMAS, DAMPING = (90.0, 40.0, 20.0, 9.0, 6.0), np.array([0.1, 0.4, 0.3
 PARAMETERS = Values(sway_period=ca.SX(PERIODS), sway_damping=DAMPING, sway_sigma=ca.SX(SIGMAS))
 
 
-def numbers(symbols):
-    return np.array(ca.evalf(ca.SX(symbols)))
-
-
 @pytest.mark.parametrize("duration", [0.01, 0.05, 1.0])
 def test_oscillators_follow_their_equation(duration):
     pairs = [2 * np.pi / period * np.array([[-2 * DAMPING, -1.0], [1.0, 0.0]]) for period in PERIODS]
-    Phi = numbers(moored.oscillation(PARAMETERS, duration))
+    Phi = number(moored.oscillation(PARAMETERS, duration))
     assert expm(block_diag(*pairs * 3) * duration) == pytest.approx(Phi, abs=1e-12)
     variance = np.tile(np.repeat(SIGMAS, 2), 3) ** 2  # stationary: nothing is lost and nothing grows
-    noise = numbers(moored.SWAY.process.noise(PARAMETERS, duration)).ravel()
+    noise = number(moored.SWAY.process.noise(PARAMETERS, duration))
     assert np.diag(Phi @ np.diag(variance) @ Phi.T) + noise == pytest.approx(variance, rel=1e-9)
 
 
 def test_a_transition_of_any_form_propagates_exactly():
     Phi, root = np.random.default_rng(1).normal(size=(2, 5, 5)) + np.array([3.0, 0.0])[:, None, None] * np.eye(5)
     found = propagate(symmetric.triangle(ca.SX(root @ root.T)), elementary(ca.SX(Phi)), ca.SX.ones(5))
-    assert Phi @ root @ root.T @ Phi.T + np.eye(5) == pytest.approx(numbers(symmetric.full(found, 5)), rel=1e-9, abs=1e-9)
+    assert Phi @ root @ root.T @ Phi.T + np.eye(5) == pytest.approx(number(symmetric.full(found, 5)), rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("heading", [0.3, 2.0, -2.5])
@@ -51,8 +48,8 @@ def test_the_azimuth_is_that_of_the_estimated_rotation(heading):
     start = {"q_ew": q_ew_from_geodetic(0.8, 0.2, 0), "height": ca.SX(0), "velocity_w": ca.SX([0.5, 0.2, 0])}
     x = Values(**start, azimuth_rate=ca.SX(rate), sway=ca.SX.zeros(6 * moored.COUNT), mooring_centre=ca.SX([3.0, 0, 0]))
     x, P9 = azimuth.folded(x, ca.SX(P), {azimuth.STATE.name: slice(9, 11)})
-    assert np.arctan2(*numbers(strapdown.C_nw(x.q_ew))[[1, 0], 0]) == pytest.approx(-heading, abs=1e-6)
-    assert numbers(P9)[[0, 1, 3, 4, 8], 8] == pytest.approx(np.array([0.0, -3.0, 0.2, -0.5, 1.0]) * 1e-6, abs=1e-11)
+    assert np.arctan2(*number(strapdown.C_nw(x.q_ew))[[1, 0], 0]) == pytest.approx(-heading, abs=1e-6)
+    assert number(P9)[[0, 1, 3, 4, 8], 8] == pytest.approx(np.array([0.0, -3.0, 0.2, -0.5, 1.0]) * 1e-6, abs=1e-11)
 
 
 @pytest.mark.parametrize("sigma", [0.03, 0.5, np.pi])
@@ -60,7 +57,7 @@ def test_the_start_has_the_moments_of_the_rotation_in_an_uncertain_heading(sigma
     turns = sigma * np.random.default_rng(2).normal(size=400_000)
     e = OMEGA_IE * np.cos(0.8) * np.array([np.cos(turns) - 1, np.sin(turns)])
     p = Values(heading_sigma=ca.SX(sigma), start_latitude=ca.SX(0.8))
-    mean, stated = (numbers(of(p)).ravel() for of in (azimuth.STATE.started, azimuth.STATE.started_sigma))
+    mean, stated = (number(of(p)) for of in (azimuth.STATE.started, azimuth.STATE.started_sigma))
     assert mean == pytest.approx(e.mean(axis=1), abs=0.01 * stated[0] + 0.01 * stated[1])
     assert stated[1] == pytest.approx(e[1].std(), rel=0.02) and 0.98 < stated[0] / e[0].std() < azimuth.WIDER * 1.02
 

@@ -2,10 +2,10 @@
 
 from functools import cache
 
-import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from constants import constants, number
 from driven import columns_of, fed, fed_outputs
 from scipy.spatial.transform import Rotation
 
@@ -124,9 +124,9 @@ def started(share, **parameters):
     model, told, state, inputs = sailing()
     state = {**state, "alignment_covariance": share * state["alignment_covariance"]}
     values = zip((model.parameters, model.state, model.inputs), ({**told, **parameters}, state, inputs), strict=True)
-    p, x, u = (table.symbols(ca.SX(ca.DM(table.pack(each)))) for table, each in values)
+    p, x, u = (constants(table, **each) for table, each in values)
     changed = model.steps["alignment_start"].function(p, x, u)
-    after = {name: np.squeeze(np.array(ca.DM(ca.evalf(ca.densify(ca.SX(value)))))) for name, value in changed.items()}
+    after = {name: number(value) for name, value in changed.items()}
     return state, {**state, **after}, inputs["dvl_velocity_b"]
 
 

@@ -4,6 +4,7 @@ import casadi as ca
 import earth_fixed
 import numpy as np
 import pytest
+from constants import constants, number
 from driven import fed
 from earth_fixed import matrix_of, with_fixes
 from scipy.integrate import solve_ivp
@@ -57,7 +58,6 @@ def test_noise_of_the_chain_is_the_integral_of_its_transition():
     grown = solve_ivp(
         lambda t, Q: (F @ Q.reshape(4, 4) + Q.reshape(4, 4) @ F.T + G).ravel(), (0, T), np.zeros(16), rtol=1e-10, atol=1e-16
     )
-    p = MODEL.parameters.symbols(ca.SX(ca.DM(MODEL.parameters.pack({"velocity_random_walk": V, "angle_random_walk": N}))))
-    x = MODEL.state.symbols(ca.SX(ca.DM(MODEL.state.pack({"gravity": g}))))
-    found = np.array(ca.DM(ca.evalf(ca.densify(differences._noise(p, x, ca.SX(T))))))
+    p, x = constants(MODEL.parameters, velocity_random_walk=V, angle_random_walk=N), constants(MODEL.state, gravity=g)
+    found = number(differences._noise(p, x, ca.SX(T)))
     assert np.allclose(found, grown.y[:, -1].reshape(4, 4), rtol=1e-6, atol=1e-14)

@@ -142,47 +142,44 @@ def final(**changes):
     return {name: float(values[-1]) for name, values in limit({**CAR, "rate_hz": 20.0, **changes}).sigma.items()}
 
 
-def test_barometer_holds_the_height_to_its_bias():
-    """Both the start and the barometer's bias are constants: the height is their weighted mean, whatever the unit does."""
-    known = {"position_sigma_m": [1.0, 1.0, 6.0], "velocity_sigma_mps": 1e-3}
-    found = final(barometer={"grade": "perfect", "bias_sigma_m": 4.0}, knowledge=known, duration_s=600.0)
-    assert found["down_m"] == pytest.approx(1 / math.hypot(1 / 6.0, 1 / 4.0), rel=0.01)
-    assert final(knowledge=known, duration_s=600.0)["down_m"] > 30.0
+EAST = {
+    "start": {**CAR["start"], "heading_deg": 90.0}, "imu": {},
+    "vehicle": {"kind": "car", "start_speed_mps": 15.0, "legs": [{"drive_s": 600.0}]},
+    "knowledge": {"velocity_sigma_mps": [1e-4, 10.0, 1e-4], "tilt_sigma_deg": 1e-5, "heading_sigma_deg": 1e-5},
+}  # fmt: skip
+"""Straight on with a perfect unit: the start tells nothing of the velocity along it."""
+LEVEL = {"grade": "tactical", "accel_bias_sigma_ug": 10.0, "accel_instability_ug": 0.0, "accel_misalignment_sigma_urad": 0.0}
+"""To 10 ug; the gyros tell nothing of north."""
+FREE = {"knowledge": {"position_sigma_m": [1.0, 1.0, 6.0], "velocity_sigma_mps": 1e-3}, "duration_s": 600.0}
+SAILING = {
+    "vehicle": {"kind": "ship", "start_speed_mps": 8.0}, "knowledge": {"velocity_sigma_mps": 5.0, "heading_sigma_deg": 0.01},
+}  # fmt: skip
 
 
-def test_magnetometer_gives_the_heading_to_the_anomaly_over_the_horizontal_field():
-    """A field without an east component, of which the anomaly has one; level to 10 ug, the gyros tell nothing of north."""
-    parked = {"vehicle": {"kind": "car"}, "knowledge": {"heading_sigma_deg": 40.0, "tilt_sigma_deg": 0.5}}
-    level = {"accel_bias_sigma_ug": 10.0, "accel_instability_ug": 0.0, "accel_misalignment_sigma_urad": 0.0}
-    section = {"grade": "perfect", "anomaly_sigma_nt": [0.0, 300.0, 0.0], "field_nt": [20000.0, 0.0, 40000.0]}
-    found = final(magnetometer=section, imu={"grade": "tactical", **level}, **parked)
-    assert found["heading_deg"] == pytest.approx(math.degrees(300.0 / 20000.0), rel=0.02)
+def parked(**knowledge):
+    return {"vehicle": {"kind": "car"}, "knowledge": {"heading_sigma_deg": 40.0, **knowledge}}
 
 
-def test_odometer_gives_the_speed_to_its_noise_and_scale():
-    """A straight drive east with a perfect unit: the start tells nothing of the velocity along it, the odometer all."""
-    east = {"start": {**CAR["start"], "heading_deg": 90.0}, "imu": {}, "duration_s": 60.0}
-    east["vehicle"] = {"kind": "car", "start_speed_mps": 15.0, "legs": [{"drive_s": 600.0}]}
-    east["knowledge"] = {"velocity_sigma_mps": [1e-4, 10.0, 1e-4], "tilt_sigma_deg": 1e-5, "heading_sigma_deg": 1e-5}
-    noisy = final(odometer={"grade": "perfect", "noise_mps": 0.05}, **east)
-    assert noisy["ve_mps"] == pytest.approx(0.05 / math.sqrt(600), rel=0.02)
-    scaled = final(odometer={"grade": "perfect", "noise_mps": 0.05, "scale_factor_sigma_percent": 1.0}, **east)
-    assert scaled["ve_mps"] == pytest.approx(0.15, rel=0.02), "at one speed nothing shows the scale"
-
-
-def test_two_antennas_give_the_heading_to_their_scatter():
-    parked = {"vehicle": {"kind": "car"}, "knowledge": {"heading_sigma_deg": 40.0}}
-    section = {"grade": "perfect", "noise_m": 0.01, "interval_s": 1.0, "baseline_m": [2.0, 0.0, 0.0]}
-    found = final(heading=section, imu={"grade": "navigation"}, **parked)
-    assert found["heading_deg"] == pytest.approx(math.degrees(0.005 / math.sqrt(60)), rel=0.02)
-
-
-def test_doppler_log_through_the_water_knows_the_speed_to_the_current():
-    ship = {"vehicle": {"kind": "ship", "start_speed_mps": 8.0}, "imu": {"grade": "tactical"}}
-    known = {"velocity_sigma_mps": 5.0, "heading_sigma_deg": 0.01}
-    water = {"grade": "perfect", "water_track": True, "current_sigma_mps": 0.4, "current_time_s": 1e6}
-    found = final(dvl=water, knowledge=known, **ship)
-    assert found["vn_mps"] == pytest.approx(0.4, rel=0.02)
+@pytest.mark.parametrize(
+    ("id", "section", "drive", "channel", "expected", "near"),
+    [
+        # start and bias are constants: the height is their weighted mean, whatever the unit does
+        ("barometer", {"bias_sigma_m": 4.0}, FREE, "down_m", 1 / math.hypot(1 / 6.0, 1 / 4.0), 0.01),
+        # the anomaly over the horizontal field, of which it alone has an east component
+        ("magnetometer", {"anomaly_sigma_nt": [0.0, 300.0, 0.0], "field_nt": [20000.0, 0.0, 40000.0]},
+         {"imu": LEVEL, **parked(tilt_sigma_deg=0.5)}, "heading_deg", math.degrees(300.0 / 20000.0), 0.02),
+        ("odometer", {"noise_mps": 0.05}, EAST, "ve_mps", 0.05 / math.sqrt(600), 0.02),
+        # at one speed nothing shows the scale
+        ("odometer", {"noise_mps": 0.05, "scale_factor_sigma_percent": 1.0}, EAST, "ve_mps", 0.15, 0.02),
+        ("heading", {"noise_m": 0.01, "interval_s": 1.0, "baseline_m": [2.0, 0.0, 0.0]},
+         {"imu": {"grade": "navigation"}, **parked()}, "heading_deg", math.degrees(0.005 / math.sqrt(60)), 0.02),
+        ("dvl", {"water_track": True, "current_sigma_mps": 0.4, "current_time_s": 1e6},
+         SAILING, "vn_mps", 0.4, 0.02),
+    ],
+)  # fmt: skip
+def test_what_an_instrument_tells_is_its_closed_form(id, section, drive, channel, expected, near):
+    assert final(**{id: {"grade": "perfect", **section}}, **drive)[channel] == pytest.approx(expected, rel=near)
+    assert final(**drive)[channel] > 3 * expected, "it is the instrument that tells it"
 
 
 def test_unknown_lever_arm_and_delay_only_add_to_the_limit():
