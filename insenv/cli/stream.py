@@ -91,7 +91,7 @@ def stream(
         typer.Option(
             parser=given_path,
             metavar="FILE",
-            help="With --lockstep ardupilot-json: write parameters with which ArduPilot adds no sensor errors of its own.",
+            help="With --lockstep ardupilot-json: write parameters with which ArduPilot adds the least errors to the sensors.",
         ),
     ] = None,
     settings: Settings = None,

@@ -50,11 +50,15 @@ PARAMETERS = {
     "SIM_DRIFT_SPEED": 0.0,
     "SIM_GYR1_RND": 0.0,
     "SIM_ACC1_RND": 0.0,
-    **{f"INS_{name}_{axis}": value for name, value in (("ACCOFFS", 1e-5), ("ACCSCAL", 1.0)) for axis in "XYZ"},
+    **{f"INS_ACC{unit}OFFS_{axis}": 1e-5 for unit in ("", "2") for axis in "XYZ"},
+    **{f"INS_ACC{unit}SCAL_{axis}": 1.0 for unit in ("", "2") for axis in "XYZ"},
 }
-"""With which ArduPilot's simulation adds nothing to the inertial unit's own errors: no drift, no noise, no calibration.
+"""With which ArduPilot's simulation adds the least to the inertial unit's own errors: no drift, no motor noise, no calibration
+of either of the two units that it makes of one.
 
-An offset of exactly 0 counts as not calibrated and forbids arming: 1e-5 m/s^2 is a micro-g.
+White noise remains that no parameter sets (`AP_InertialSensor_SITL::generate_accel`, `generate_gyro`): uniform, one or two
+times within 0.01 m/s^2 and 0.04 deg/s in each sample.  An offset of exactly 0 counts as not calibrated and forbids arming:
+1e-5 m/s^2 is a micro-g.
 """
 
 
