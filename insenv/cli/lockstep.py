@@ -46,12 +46,13 @@ def lockstep(
 
     if parameters is not None:
         check_output_file(parameters)
-        write_unless_other(parameters, parameter_file().encode("ascii"))
     with ending() as request:
         with ExitStack() as stack:
             vehicle, simulator, address = AUTOPILOTS[kind](
                 stack, scenario, to, speed, tlog, rates, estimator=estimator, seed=seed
             )
+            if parameters is not None:  # nothing is written for a call that is refused
+                write_unless_other(parameters, parameter_file().encode("ascii"))
             progress = stack.enter_context(working(f"lockstep with {kind} on {address}"))
             if sys.stderr.isatty() and not is_quiet():
                 print_line(f"waiting for {kind} on {address}; Ctrl-C ends", stderr=True)

@@ -31,8 +31,11 @@ def test_px4(tmp_path):
 def test_ardupilot_until_a_signal_ends_the_wait_for_it(tmp_path):
     port, times, file = free_port(), [], tmp_path / "good-unit.parm"
     (tmp_path / "mine").write_text("mine")
-    arguments = ("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--write-parameters", tmp_path / "mine")
-    refused(call(*arguments), "exists with another content: it is not overwritten")
+    address = f"udpin:127.0.0.1:{port}"
+    refusing = ("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--to", address, "--write-parameters")
+    refused(call(*refusing, tmp_path / "mine"), "exists with another content: it is not overwritten")
+    refused(call(*refusing, file, "--tlog", tmp_path / "x.tlog"), "--tlog")
+    assert not file.exists()
 
     def fly():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
@@ -48,7 +51,7 @@ def test_ardupilot_until_a_signal_ends_the_wait_for_it(tmp_path):
     handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         threading.Thread(target=fly, daemon=True).start()
-        arguments = ("--lockstep", "ardupilot-json", "--to", f"udpin:127.0.0.1:{port}", "--json", "--write-parameters", file)
+        arguments = ("--lockstep", "ardupilot-json", "--to", address, "--json", "--write-parameters", file)
         status, out, err = call("stream", "car-city-drive", *arguments)
     finally:
         signal.signal(signal.SIGTERM, handler)
