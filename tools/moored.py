@@ -60,7 +60,7 @@ SLOW = {f"{size:g} m, {period:g} s": surging(size, period) for period in (30.0, 
 PARTS = CHANNELS.index("heading_deg"), [CHANNELS.index(name) for name in ("roll_deg", "pitch_deg")]
 
 
-def campaign(values: dict[str, Any], id: str, first_seed: int) -> tuple[Any, Any, Any]:
+def campaign(values: dict[str, Any], id: str, first_seed: int) -> tuple[Any, ...]:
     """Times (k), errors and stated sigmas (runs, k, channels) of a scenario."""
     plan = make_plan(parse(values, "sea", "sea"), id, RUNS, first_seed=first_seed)
     blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
@@ -107,7 +107,7 @@ if __name__ == "__main__":
     print({"": HEADER, "slow": SLOW_HEADER, "fir": FIR_HEADER}[mode])
     for name, values in {"": SEAS, "slow": SLOW, "fir": PASSED}[mode].items():
         if mode == "fir":
-            cells = passed(values, first)
+            cells: tuple[str, ...] = passed(values, first)
         else:
             limit, by_fusion, beyond = found(values, "fusion", first)
             others = [] if mode == "slow" else [found(values, id, first)[1] for id in OTHERS]
