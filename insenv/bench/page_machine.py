@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.bench.figure import Figure, empty_loop, median_time
 from insenv.core.runner import make_runner
+from insenv.core.tables import Array
 from insenv.web.live import Live, compressed, live, page
 from insenv.web.start import reported_places
-
-Array = NDArray[np.float64]
 
 
 class PageMachine:

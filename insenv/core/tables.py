@@ -21,7 +21,10 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 
-Vector = NDArray[np.float64]
+Array = NDArray[np.float64]
+"""Real numbers of any shape."""
+Vector = Array
+"""The numbers of a table, one after another."""
 Spans = tuple[slice, ...]
 
 

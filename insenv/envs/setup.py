@@ -9,10 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.envs.checks import check_choice, check_type, check_whole, is_number, refused
 from insenv.envs.starts import Ranges, Starts, Variation
 from insenv.envs.task import HUGE_ACTION, Task
@@ -21,7 +20,6 @@ from insenv.scenario.commands import DRIVEN
 from insenv.scenario.description import MAX_DURATION_S
 from insenv.scenario.poles import check_reach
 
-Array = NDArray[np.float64]
 FLOAT64 = np.dtype(np.float64)
 RewardOf = Callable[[Mapping[str, Any]], float]
 

@@ -15,7 +15,7 @@ from insenv import estimators
 from insenv.base.errors import InputError, nearest
 from insenv.core.model import Model
 from insenv.core.noise import first_uniforms
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.envs.checks import as_numbers, check_choice, check_number, check_range, check_type, is_number, refused
 from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
@@ -31,7 +31,6 @@ from insenv.sensors.grade_file import grade_of
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 from insenv.sensors.sampled import OUTAGES
 
-Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 IMU_RANGE = ("marine", "tactical")

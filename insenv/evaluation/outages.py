@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.remarks import Doubt, remark
-
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
 
 BEYOND = 3.0
 """Standard deviations that one error in 370 exceeds if these are true.  An rms of them beyond it contradicts what is stated."""

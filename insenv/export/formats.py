@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.installing import need
+from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, stated_sigma, track_of
 from insenv.logs import RecordedLog
 from insenv.logs.formats import WRITTEN
@@ -105,7 +105,7 @@ def _tracks(report: RunData) -> tuple[NamedTrack, ...]:
 def _named(name: str, track: Track, sigma: Columns) -> NamedTrack:
     """sigma: standard deviations (n,) by channel; empty if none are stated."""
 
-    def of(channels: tuple[str, ...]) -> NDArray[np.float64] | None:
+    def of(channels: tuple[str, ...]) -> Array | None:
         return np.stack([sigma[channel] for channel in channels], axis=1) if channels[0] in sigma else None
 
     place = (track.latitude, track.longitude, track.height)

@@ -6,14 +6,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from insenv.core.tables import Array
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.sensors import units
 from insenv.sensors.units import SPEED_UNITS as SPEED_UNITS
-
-Array = npt.NDArray[np.float64]
-
 
 ANGLE_UNITS: dict[str, float] = {**units.ANGLE_UNITS, "1e-7 deg": 1e-7 * units.ANGLE_UNITS["deg"]}
 """unit -> radians; 1e-7 deg: of latitudes and longitudes that receivers give as whole numbers."""

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
 
 TRUTH_GROUP = -1
 TIME = "time [s]"

@@ -13,11 +13,10 @@ of the standard deviation of a run about its own mean.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
+from insenv.core.tables import Array
 
-Array = NDArray[np.float64]
 STEP_S = 0.05
 """s: the noise of the samples in a step is averaged; far below all times here."""
 

@@ -17,8 +17,8 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from insenv.core.tables import Array
 from insenv.geodesy import NOMINAL_GRAVITY
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
 from insenv.reproduce import Quantity, rms
@@ -29,7 +29,6 @@ from insenv.scenario import Scenario, limit_of, load
 from insenv.sensors import units
 from insenv.vehicles.ship import SwaySection
 
-Array = NDArray[np.float64]
 Measure = Callable[[Ensemble, str], float | None]
 """Of a run and an estimator."""
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock, declared, remark
+from insenv.core.tables import Array
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.declared_units import rest_hint
@@ -28,8 +29,6 @@ from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
 from insenv.runs.standing_readings import heading_at_rest
 from insenv.runs.stated_start import KEYS, ROUNDED_PLACE, is_moored, stated_of, swaying
 from insenv.vehicles import registry as vehicles
-
-Array = NDArray[np.float64]
 
 STARTS = ("coarse", "reference", "stated")
 """Sources of the initial state: the log alone, its reference solution (of navigation), or its [initial]."""

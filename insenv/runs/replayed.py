@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
 from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress
+from insenv.core.tables import Array
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
 from insenv.estimators.settings import Settings, choices_in, setting_rows, settings_of, tuning
@@ -37,8 +37,6 @@ from insenv.runs.simulated import follower_of, members, result_of
 from insenv.runs.standing_readings import with_datum
 from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.chunks import RECORDS, chunks, recording_interval
-
-Array = NDArray[np.float64]
 
 
 def replay(

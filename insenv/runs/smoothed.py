@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
-from insenv.core.tables import Table, Vector
+from insenv.core.tables import Array, Table, Vector
 from insenv.estimators import Estimator
 from insenv.estimators.loosely_coupled import SMOOTHING
 from insenv.estimators.parts import rows, strapdown
@@ -24,8 +24,6 @@ from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 from insenv.runs.follower import Follower, diverged
 from insenv.runs.smoother_record import Record
 from insenv.scenario.chunks import input_rows
-
-Array = NDArray[np.float64]
 
 BLOCK = 2000  # samples filtered at a time: 7 MB
 

@@ -13,10 +13,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.estimators.parts.adjoint import Smoothing, used_row
-
-Array = NDArray[np.float64]
 
 MEMORY = 64 * 2**20  # bytes before the file is used
 

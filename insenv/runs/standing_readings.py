@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.attitude import skew
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs import RecordedLog
 from insenv.logs.recorded import Readings
 from insenv.sensors import registry
 from insenv.sensors.instrument import Instrument
 from insenv.sensors.level_equation import Level, equation_at
-
-Array = NDArray[np.float64]
 
 CONTRADICTED = 5.0
 """Standard deviations of a mean reading beyond which it is that of no heading, or the datum another one."""

@@ -8,10 +8,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.core.elementary import exp
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 
 # Flicker noise of a bias: its Allan deviation has a floor, the "bias instability" of a data sheet.
 #
@@ -190,8 +189,6 @@ IMU_STATE = Table((
 # With warmth T - T_0 above the temperature of reference, in sensor axes (`insenv.sensors.imu`):
 #
 #     y = (1 + k (T - T_0)) d + b (T - T_0) dt
-
-Array = NDArray[np.float64]
 
 
 def without_thermal_errors(increments: Array, dt: Array, warmth: Array, bias_slope: Array, scale_slope: Array) -> Array:

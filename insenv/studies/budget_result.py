@@ -8,10 +8,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.output import to_json
 from insenv.base.remarks import Remark, as_json
+from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
@@ -22,9 +22,6 @@ from insenv.report.tables import label, number, runs_of, since
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -28,6 +28,7 @@ from insenv.base.toml import is_log as describes_log
 from insenv.base.toml import read_toml
 from insenv.core.batch import make_batch
 from insenv.core.runner import Progress
+from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.nis import NOTABLE
@@ -39,8 +40,6 @@ from insenv.studies.campaign.running import cores
 from insenv.studies.campaign.statistics import Estimate, student
 from insenv.studies.tune_result import Channel, Tuning
 from insenv.studies.tune_search import FAILED, Parameter, search, tuned_parameters
-
-Array = NDArray[np.float64]
 
 LARGEST = 25.0
 """Largest y^2 / S that counts: five standard deviations."""

@@ -11,12 +11,11 @@ from math import cos, hypot, radians, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.model import Values
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import azimuth, history, moored, unknown_start
 from insenv.estimators.fusion.aid import Aid
@@ -187,7 +186,7 @@ def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> t
     return tuple(findings_of)
 
 
-def _numbers(value: Any, size: int) -> NDArray[np.float64]:
+def _numbers(value: Any, size: int) -> Array:
     """A number or a CasADi matrix as (size) numbers."""
     import casadi as ca
 

@@ -27,11 +27,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
-
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
 
 
 def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: Any, height: Any) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.core.tables import Array
 from insenv.evaluation.limits.aids import Aid
 from insenv.evaluation.limits.states import REST_SIGMA, SWAY_SIGMA, Mooring, Source, Unit, entering
 from insenv.evaluation.limits.steps import (
@@ -22,8 +23,6 @@ from insenv.evaluation.limits.steps import (
     integrals,
     local,
 )
-
-Array = NDArray[np.float64]
 
 NAVIGATION = 9
 """Number of navigation errors, which come first in the state."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
-from insenv.core.tables import Vector
+from insenv.core.tables import Array, Vector
 
 # The fixes of a GNSS receiver as measurements of the error states.
 
@@ -74,8 +74,6 @@ def fixes_of(rows: Mapping[str, Any], sample_interval: float) -> Fixes | None:
         sample_interval=sample_interval,
     )
 
-
-Array = NDArray[np.float64]
 
 STEP_S = 0.1
 """Largest length of a step, s.  At 0.2 s the bounds differ by less than 1 %."""

@@ -8,12 +8,10 @@ rotors, in a loop too; and most vehicles move forward.  A slow vehicle with a he
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.core.tables import Array
 from insenv.geodesy import STANDARD_GRAVITY
-
-Array = NDArray[np.float64]
 
 ORDERS = {"wxyz": "first", "xyzw": "last"}
 """Place of the scalar, by order."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.output import to_json
+from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import CONTRADICTED, LINES, VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
@@ -236,7 +237,7 @@ def campaign_rows(campaign: Statistics) -> list[tuple[str, list[float | None]]]:
 
 def campaign_frame(campaign: Statistics) -> DataFrame:
     """The courses as a DataFrame indexed by time; see `Summary.to_dataframe`."""
-    columns: dict[str, NDArray[np.float64]] = {}
+    columns: dict[str, Array] = {}
     for name, course in campaign.courses.items():
         levels = zip(campaign.percentile_levels, course.percentiles, strict=True)
         columns |= {f"mean_{name}": course.mean, f"rms_{name}": course.rms}

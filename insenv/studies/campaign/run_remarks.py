@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.remarks import Caveat, Doubt, Remark
 from insenv.core.batch import Batch
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.estimators import Estimator
 from insenv.evaluation.errors import too_sure
 from insenv.evaluation.health import Health, no_fix
@@ -94,7 +93,7 @@ def estimator_parameters(estimator: Estimator, batch: Batch) -> Iterator[dict[st
     return map(table.unpack, _own(table, batch.model.parameters, batch.p))
 
 
-def _own(part: Table, table: Table, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _own(part: Table, table: Table, values: Array) -> Array:
     """The estimator's part (runs, own.size) of the model's parameters or state."""
     return np.concatenate([values[:, table.slice(PREFIX + name)] for name in part.names], axis=1)
 
