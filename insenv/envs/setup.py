@@ -17,8 +17,8 @@ from insenv.envs.starts import Ranges, Starts, Variation
 from insenv.envs.task import HUGE_ACTION, Task
 from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.commands import DRIVEN
-from insenv.scenario.description import MAX_DURATION_S
 from insenv.scenario.poles import check_reach
+from insenv.vehicles.section import MAX_DURATION_S
 
 FLOAT64 = np.dtype(np.float64)
 RewardOf = Callable[[Mapping[str, Any]], float]

@@ -15,6 +15,8 @@ from insenv.evaluation.specific_force import SpecificForce
 from insenv.report.document import Block, Grid, Line
 from insenv.report.run_data import RunData
 
+SEEDS = 10
+"""Largest number of seeds that are printed; the files hold all."""
 _NAMES = {
     **{f"{name}_deg": f"{name} [deg]" for name in ("roll", "pitch", "heading", "latitude", "longitude")},
     **{f"{name}_m": f"{name} [m]" for name in ("north", "east", "down", "height")},
@@ -77,6 +79,11 @@ def facts(report: RunData) -> list[str]:
 def runs_of(count: int) -> str:
     """A number of runs in words."""
     return f"{count} run{'s' if count > 1 else ''}"
+
+
+def seed_list(seeds: Sequence[int]) -> str:
+    """Seeds by number, the first `SEEDS` of them."""
+    return f"seed {', '.join(map(str, seeds[:SEEDS]))}{', ...' if len(seeds) > SEEDS else ''}"
 
 
 def within(runs: int) -> str:

@@ -19,7 +19,7 @@ from insenv.core.tables import Table, Vector, check_rows
 from insenv.estimators import Knowledge
 from insenv.scenario.assembly import plant_model
 from insenv.scenario.commands import DRIVEN, commanded
-from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
+from insenv.scenario.description import MAX_SEED, KnowledgeSection, Scenario
 from insenv.scenario.plant import Plant
 from insenv.scenario.poles import check_course
 from insenv.sensors import IMU, Sensor
@@ -27,6 +27,7 @@ from insenv.sensors.contract import Place
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.registry import stated_rows
 from insenv.vehicles import Vehicle
+from insenv.vehicles.section import MAX_DURATION_S
 from insenv.vehicles.ship import ANGLES
 
 KNOWLEDGE_STREAM = 0xFFFFFFFE

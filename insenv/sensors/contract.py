@@ -14,6 +14,8 @@ from insenv.core.tables import Table
 Instant = Callable[[Values, Values], tuple[Any, Any, Any]]
 """(parameters, state) -> true omega_eb^b (3, rad/s), its time derivative (3, rad/s^2) and d(velocity_n)/dt (3, m/s^2) at
 the end of the sample."""
+HUGE = 1e12
+"""Represents "no limit": tables hold finite numbers only."""
 
 
 def _no_motion(p: Values, x: Values) -> tuple[Any, Any, Any]:

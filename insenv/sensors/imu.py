@@ -37,10 +37,10 @@ from insenv.core.compose import Part
 from insenv.core.elementary import exp, normals, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Array, Row, Table
-from insenv.sensors.contract import ErrorSource, Sensor, SensorSection
+from insenv.sensors.contract import HUGE, ErrorSource, Sensor, SensorSection
 from insenv.sensors.grade_file import GradeValue, grade_of
 from insenv.sensors.grades import FIGURES, WAYS, WHITE
-from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, HUGE, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
+from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
 
 SAMPLE_UNIFORMS = 7
 DRIFT_UNIFORMS = 12 + 6 * FLICKER_PARTS

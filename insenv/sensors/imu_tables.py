@@ -11,6 +11,7 @@ import numpy as np
 
 from insenv.core.elementary import exp
 from insenv.core.tables import Array, Row, Table
+from insenv.sensors.contract import HUGE
 
 # Flicker noise of a bias: its Allan deviation has a floor, the "bias instability" of a data sheet.
 #
@@ -45,10 +46,6 @@ def advanced_flicker(parts: Any, floor: Any, h: Any, normals: Any, first: Any) -
         drive = FLICKER_SIGMA * floor * ca.sqrt((1.0 - decay) * (1.0 + decay))
         columns.append(decay * parts[:, i] + drive * normals[3 * i : 3 * i + 3])
     return ca.horzcat(*columns)
-
-
-HUGE = 1e12
-"""Represents "no limit": tables hold finite numbers only."""
 
 
 @dataclass(frozen=True)

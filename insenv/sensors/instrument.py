@@ -22,9 +22,8 @@ import numpy as np
 
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.sensors.contract import ErrorSource, Place
+from insenv.sensors.contract import HUGE, ErrorSource, Place
 
-HUGE = 1e12
 QUANTUM_SIGMA = 12.0**-0.5
 """Standard deviation of the rounding error over the quantum."""
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from insenv.core.tables import Array
-from insenv.evaluation.limits.recursion import NAVIGATION, CovarianceFilter, Layout, Moves, Prior
-from insenv.evaluation.limits.steps import DR, Steps, earth_axes
+from insenv.evaluation.limits.recursion import CovarianceFilter, Layout, Moves, Prior
+from insenv.evaluation.limits.steps import DR, NAVIGATION, Steps, earth_axes
 
 
 @dataclass(frozen=True)

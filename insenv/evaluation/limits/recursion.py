@@ -15,6 +15,7 @@ from insenv.evaluation.limits.states import REST_SIGMA, SWAY_SIGMA, Mooring, Sou
 from insenv.evaluation.limits.steps import (
     DR,
     DV,
+    NAVIGATION,
     PSI,
     Fixes,
     Steps,
@@ -24,8 +25,6 @@ from insenv.evaluation.limits.steps import (
     local,
 )
 
-NAVIGATION = 9
-"""Number of navigation errors, which come first in the state."""
 UNIFORM = np.pi / np.sqrt(3.0)
 """Standard deviation of an angle of which nothing is known, rad."""
 

@@ -199,6 +199,8 @@ def _rest(speed: Array, length: Array, slow: float) -> tuple[NDArray[np.bool_], 
 # gradient of the whole gravity vector.
 
 PSI, DV, DR = slice(0, 3), slice(3, 6), slice(6, 9)
+NAVIGATION = 9
+"""Number of navigation errors, which come first in the state."""
 OMEGA_IE_E = np.array([0.0, 0.0, geodesy.OMEGA_IE])
 _HEIGHT, _LATITUDE = 10.0, 1e-4
 """Differences for the gradient of gravity, m and rad: gravity is smooth over thousands of kilometres."""

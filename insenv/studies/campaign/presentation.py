@@ -22,8 +22,7 @@ from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import data_frame
 from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture, unit_of
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
-from insenv.report.tables import error_label, label, number, runs_of, since, within
-from insenv.studies.campaign.run_remarks import named
+from insenv.report.tables import error_label, label, number, runs_of, seed_list, since, within
 from insenv.studies.campaign.sensitivity import Sensitivity
 from insenv.studies.campaign.statistics import Statistics
 from insenv.studies.campaign.variation import Variation
@@ -191,7 +190,7 @@ def failed_lines(campaign: Statistics) -> Iterator[str]:
         (campaign.far, "ended 10 times worse than the median"),
     ):
         if seeds_of:
-            yield f"{len(seeds_of)} of {campaign.plan.runs} runs {what}: {named(seeds_of)}"
+            yield f"{len(seeds_of)} of {campaign.plan.runs} runs {what}: {seed_list(seeds_of)}"
 
 
 def consistency_lines(campaign: Statistics) -> Iterator[str]:

@@ -19,17 +19,10 @@ from insenv.core.tables import Array, Table
 from insenv.estimators import Estimator
 from insenv.evaluation.errors import too_sure
 from insenv.evaluation.health import Health, no_fix
-from insenv.report.tables import runs_of
+from insenv.report.tables import runs_of, seed_list
 from insenv.scenario.loop import PREFIX
 
-NAMED = 10
-"""Largest number of seeds that are printed; the files hold all."""
 _KINDS = {kind.__name__: kind for kind in (Remark, Caveat, Doubt)}
-
-
-def named(seeds: Sequence[int]) -> str:
-    """Some seeds, the first `NAMED` of them by number."""
-    return f"seed {', '.join(map(str, seeds[:NAMED]))}{', ...' if len(seeds) > NAMED else ''}"
 
 
 @dataclass(frozen=True)
@@ -134,7 +127,7 @@ class Share:
     @property
     def remark(self) -> Remark:
         """The sentence with the number of runs and some of their seeds."""
-        which = "" if len(self.seeds) == self.runs else f" ({named(self.seeds)})"
+        which = "" if len(self.seeds) == self.runs else f" ({seed_list(self.seeds)})"
         example = "" if self.alike else f", {'the largest' if self.worst.size else 'for example'} with seed {self.seed}"
         kind, said = type(self.worst.remark), self.worst.remark
         return kind(said.code, f"in {len(self.seeds)} of {runs_of(self.runs)}{which}{example}: {said}")
