@@ -81,8 +81,8 @@ _starting.prepare()  # before anything that takes long to import
 
 from typing import TYPE_CHECKING  # noqa: E402
 
-from insenv.base.registration import register as _register_environments  # noqa: E402
 from insenv.base.shipped import __version__ as __version__  # noqa: E402
+from insenv.base.shipped import register as _register_environments  # noqa: E402
 
 if TYPE_CHECKING:  # type checkers read only imports that are written out
     from insenv import testing as testing

@@ -57,7 +57,7 @@ def list_all(
 def _known(what: What) -> dict[str, Rows]:
     """What there is, by the key of the JSON document."""
     from insenv import estimators, scenario, sensors, vehicles
-    from insenv.base.registration import titles
+    from insenv.base.shipped import titles
     from insenv.base.toml import summary
     from insenv.estimators.fusion.available import all_aids, all_states
     from insenv.sensors import registry
@@ -129,9 +129,8 @@ def real_first(grades: Iterable[str]) -> list[str]:
 
 def _names() -> Iterator[tuple[str, list[str]]]:
     """All names but those of papers' simulations and printed forms, by what they name; what insenv ships is not imported."""
-    from insenv.base.registration import IDS
     from insenv.base.resources import scenario_titles
-    from insenv.base.shipped import ESTIMATORS, GNSS_GRADES, IMU_GRADES, SENSORS, VEHICLES
+    from insenv.base.shipped import ESTIMATORS, GNSS_GRADES, IDS, IMU_GRADES, SENSORS, VEHICLES
 
     yield "scenarios", [name for name, title in scenario_titles().items() if "paper" not in title.lower()]
     yield "estimators", [id for id in _with_installed("estimators", ESTIMATORS) if not id.endswith("-printed")]

@@ -24,10 +24,9 @@ from insenv.core.model import Values
 from insenv.core.tables import Array, Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
-from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker, along_all
-from insenv.vehicles.scripted import scripted
+from insenv.vehicles.scripted import Gusts, scripted
 from insenv.vehicles.section import (
     MAX_LEGS,
     Actions,

@@ -20,10 +20,9 @@ from insenv.base.toml import Number, key
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Values
 from insenv.core.tables import Array, Row, Table
-from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker
-from insenv.vehicles.scripted import scripted
+from insenv.vehicles.scripted import Gusts, scripted
 from insenv.vehicles.section import (
     MARGIN_MPS,
     MAX_LEGS,

@@ -20,7 +20,7 @@ from insenv.base.remarks import Remark, declared
 from insenv.logs.formats import log_tables
 from insenv.logs.formats.contract import FileColumns, Format
 from insenv.logs.formats.series import three_sigmas
-from insenv.logs.frames import WEEK_S, gps_of_unix
+from insenv.logs.units import WEEK_S, gps_of_unix
 
 _BEGIN = re.compile(rb"\xb5\x62\x01[\x07\x14]")
 """Sync characters, class and number of UBX-NAV-PVT and UBX-NAV-HPPOSLLH."""
