@@ -85,7 +85,7 @@ def _known(what: What) -> dict[str, Rows]:
         return {"sensors": _titled("id", {id: summary(section) for id, section in registry.registered().items()})}
     if what is What.environments:
         return {"environments": _titled("id", titles())}
-    grades = {"imu_grades": {**sensors.IMU_GRADES, **_own_grades()}, "gnss_grades": sensors.GNSS_GRADES}
+    grades = {"imu_grades": {**sensors.IMU_GRADES, **_folder_grades()}, "gnss_grades": sensors.GNSS_GRADES}
     lists = {key: _titled("name", {name: known[name].title for name in real_first(known)}) for key, known in grades.items()}
     lists["instrument_grades"] = [
         {"sensor": id, "name": grade.name, "title": grade.title}
@@ -100,7 +100,7 @@ def _titled(key: str, titles: Mapping[str, str]) -> Rows:
     return [{key: name, "title": title} for name, title in titles.items()]
 
 
-def _own_grades() -> dict[str, Any]:
+def _folder_grades() -> dict[str, Any]:
     """The grades of inertial units in files of the working folder; files that hold none are named on stderr."""
     if not any(_may_be_grade(path) for path in Path.cwd().glob("*.toml")):  # without the import of all sensors
         return {}
@@ -136,7 +136,7 @@ def _names() -> Iterator[tuple[str, list[str]]]:
     yield "estimators", [id for id in _with_installed("estimators", ESTIMATORS) if not id.endswith("-printed")]
     yield "vehicles", _with_installed("vehicles", VEHICLES)
     yield "sensors", _with_installed("sensors", SENSORS)
-    yield "IMU grades", real_first([*IMU_GRADES, *_own_grades()])
+    yield "IMU grades", real_first([*IMU_GRADES, *_folder_grades()])
     yield "GNSS grades", real_first(GNSS_GRADES)
     yield "environments", list(IDS)
 

@@ -125,8 +125,8 @@ class Ranges(Variation):
         if "run_seed" not in options:
             return replace(self, **values)
         imu = None if self.imu == "random" else self.imu
-        kept = {name: getattr(self, name) for name in ("imu_range", "imu_sheet", "gnss_outages_s", "units")}
-        return Ranges(imu=imu, **{**kept, **values})
+        unchanged = {name: getattr(self, name) for name in ("imu_range", "imu_sheet", "gnss_outages_s", "units")}
+        return Ranges(imu=imu, **{**unchanged, **values})
 
 
 RANGES = tuple(field.name for field in fields(Ranges) if field.name != "units")
@@ -260,10 +260,10 @@ class Starts:
             sigmas = {"tilt_sigma_deg": tilt, "heading_sigma_deg": heading}
             scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=sigmas)})
         if self._sheets is None:
-            told = self._pool
+            stated = self._pool
             if self.ranges.imu == "random" and self.ranges.imu_sheet == "middle":
-                told = np.tile(middle_unit(*self._grades, self._plant.parameters), (len(told), 1))
-            self._sheets = data_sheets(self._plant.parameters.unpack(told, IMU_PARAMETERS.names), scenario.vehicle.in_place)
+                stated = np.tile(middle_unit(*self._grades, self._plant.parameters), (len(stated), 1))
+            self._sheets = data_sheets(self._plant.parameters.unpack(stated, IMU_PARAMETERS.names), scenario.vehicle.in_place)
         sheets = self._sheets if len(self._pool) == 1 else {name: values[units] for name, values in self._sheets.items()}
         p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, sheets)
         if "limit" in model.parameters:

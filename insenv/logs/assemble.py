@@ -173,9 +173,9 @@ class LogReader:
         if len(files) == 1:
             columns = list(dict.fromkeys((section.time, *columns, *selecting)))
             table = files[0].table(columns, skip_empty=section.skip_empty, optional=optional)
-            return _kept(name, section, table, _chosen(table, selecting)), [table]
+            return _selected(name, section, table, _chosen(table, selecting)), [table]
         tables = _side_by_side(name, section, files, list(dict.fromkeys(columns)), optional)
-        return join(name, _kept_together(name, section, tables, selecting), between, self.notes), tables
+        return join(name, _selected_together(name, section, tables, selecting), between, self.notes), tables
 
     def _within(self, name: str, table: TextTable, time: Array) -> tuple[TextTable, Array]:
         low = -math.inf if self.start_s is None else self.start_s
@@ -244,13 +244,13 @@ def _chosen(table: TextTable, selecting: Mapping[Column, Any]) -> np.ndarray:
     return chosen
 
 
-def _kept(name: str, section: FileSection, table: TextTable, chosen: np.ndarray) -> TextTable:
+def _selected(name: str, section: FileSection, table: TextTable, chosen: np.ndarray) -> TextTable:
     if not chosen.any():
         raise InputError(f"{table.label}: no row is left by {name}.keep_where = {section.keep_where}")
     return table.select(chosen)
 
 
-def _kept_together(
+def _selected_together(
     name: str, section: FileSection, tables: Sequence[TextTable], selecting: Mapping[Column, Any]
 ) -> list[TextTable]:
     """The tables before they are joined: of files with the same times a row is kept if it is in all, of others in its own.
@@ -260,9 +260,9 @@ def _kept_together(
     chosen = [_chosen(table, selecting) for table in tables]
     if all(np.array_equal(table.values[:, 0], tables[0].values[:, 0]) for table in tables[1:]):
         chosen = [np.logical_and.reduce(chosen)] * len(tables)
-    kept = [_kept(name, section, table, rows) for table, rows in zip(tables, chosen, strict=True)]
+    selected = [_selected(name, section, table, rows) for table, rows in zip(tables, chosen, strict=True)]
     named = set(section.named_columns())
-    return [_only(table, [0, *(k for k, each in enumerate(table.names) if k and each in named)]) for table in kept]
+    return [_only(table, [0, *(k for k, each in enumerate(table.names) if k and each in named)]) for table in selected]
 
 
 def _only(table: TextTable, places: list[int]) -> TextTable:
@@ -280,8 +280,8 @@ def _side_by_side(
             for each in owners:
                 each.setdefault(column, column)
         else:
-            for each, found in zip(places, located(name, files, [column]), strict=True):
-                each |= found
+            for each, place in zip(places, located(name, files, [column]), strict=True):
+                each |= place
     tables = []
     for file, place in zip(files, places, strict=True):
         may_lack = [place[column] for column in optional if column in place]

@@ -355,23 +355,23 @@ class ReferenceSection(PositionSection):
     @classmethod
     def _all_of_each(cls, value: Any, info: ValidationInfo) -> Any:
         keys = {**info.data, "attitude_unit": value}
-        given, faults = [name for name, each in keys.items() if each is not None], []
+        present, faults = [name for name, each in keys.items() if each is not None], []
         for group in _TOGETHER:
-            stated = [name for name in group if name in given]
+            stated = [name for name in group if name in present]
             if stated and len(stated) != len(group) and set(group) <= set(keys):
                 faults.append(f"{', '.join(group[:-1])} and {group[-1]} go together; only {', '.join(stated)} given")
         for group in _ONE_OF:
-            stated = [name for name in group if name in given]
+            stated = [name for name in group if name in present]
             if len(stated) > 1:
                 faults.append(f"{' and '.join(stated)} exclude one another")
-        if "velocity_ecef" in given and "position_ecef" not in given and "position_ecef" in keys:
+        if "velocity_ecef" in present and "position_ecef" not in present and "position_ecef" in keys:
             faults.append("velocity_ecef needs position_ecef")
         if keys.get("velocity_vertical") == "up" and keys.get("navigation_axes", "NED") != "NED":
             faults.append(f"velocity_vertical = 'up' goes with navigation_axes = 'NED', not {keys['navigation_axes']!r}")
-        if keys.get("height_offset_m") and "height" not in given and "height" in keys:
+        if keys.get("height_offset_m") and "height" not in present and "height" in keys:
             faults.append("height_offset_m goes with height")
         known = {name for group in _ONE_OF for name in group}
-        if known <= set(keys) and not known & set(given):
+        if known <= set(keys) and not known & set(present):
             faults.append("give the columns of position, velocity or attitude")
         if faults:
             raise ValueError("; ".join(faults))

@@ -156,14 +156,14 @@ the error at the end over it."""
 def outage_rows(outages: Outages) -> list[tuple[str, ...]]:
     """By outage, and of all: a label, then the cells of `OUTAGE_COLUMNS`."""
     labels = [f"{one.begin:.10g} s, for {one.end - one.begin:.6g} s" for one in outages.each]
-    found = [one.statistics() for one in outages.each]
-    if len(found) > 1:
-        labels.append(f"all {len(found)}, rms")
-        found.append(outages.summary())
+    statistics = [one.statistics() for one in outages.each]
+    if len(statistics) > 1:
+        labels.append(f"all {len(statistics)}, rms")
+        statistics.append(outages.summary())
     kinds = ("end", "max", "stated", "ratio")
     return [
         (label, *(number(one[kind][name]) for name in SHOWN for kind in kinds))
-        for label, one in zip(labels, found, strict=True)
+        for label, one in zip(labels, statistics, strict=True)
     ]
 
 

@@ -62,12 +62,12 @@ def start_time(log: RecordedLog, start: str) -> float:
 
     Raises `InputError` where [initial] gives a state that may be of another time, because the log is used from a later one on.
     """
-    given = log.description.initial.start_s
+    start_s = log.description.initial.start_s
     first = float(log.imu_time[0] - log.dt[0])
     if start != "reference":
         _check_time_of_state(log, first)
-    if given is not None or start != "reference" or log.reference is None:
-        return first if given is None else given
+    if start_s is not None or start != "reference" or log.reference is None:
+        return first if start_s is None else start_s
     return max(first, float(log.reference.time[0]))
 
 
@@ -79,10 +79,10 @@ def _begin(log: RecordedLog, first: int) -> float:
 def _check_time_of_state(log: RecordedLog, first: float) -> None:
     """Raise `InputError` unless the state in [initial] is of the time at which the used part begins (`first`, s), or later."""
     initial, cut = log.description.initial, log.description.start_s
-    given = [KEYS[name] for name in stated_of(log) if not name.endswith("_sigma")]
-    if not given or log.description.in_place:
+    keys = [KEYS[name] for name in stated_of(log) if not name.endswith("_sigma")]
+    if not keys or log.description.in_place:
         return
-    state = f"the state in [initial] ({', '.join(given)})"
+    state = f"the state in [initial] ({', '.join(keys)})"
     if initial.start_s is None and cut is not None and cut > first - EARLY:
         raise InputError(
             f"start_s = {clock(cut)} s leaves out what was recorded before, and nothing tells of which time {state} is: "
@@ -133,7 +133,7 @@ def _known(log: RecordedLog, in_place: bool, **state: Any) -> Knowledge:
         **log.motion_errors(),
         **log.fix_wander(),
         antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
+        instruments=log.stated_errors,
         sensors=log.sensors(in_place=in_place),
     )
 
@@ -354,8 +354,8 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         sigmas["position_sigma"] = position_sigma  # the given one is that of the given place
     tilt_sigma, heading = sigmas["tilt_sigma"], 0.0
     of_motion: tuple[Remark, ...] = ()
-    found_by_gyros = gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < HEADING_SIGMA
-    if "heading" not in stated and found_by_gyros:
+    gyros_show_heading = gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < HEADING_SIGMA
+    if "heading" not in stated and gyros_show_heading:
         sigmas["heading_sigma"] = np.pi
     elif sigmas["heading_sigma"] < np.pi:
         level = start_at_rest(rest, (roll, pitch), latitude, 0.0, np.pi, sensors, tilt_sigma)

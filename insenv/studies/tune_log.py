@@ -82,7 +82,7 @@ class Fixes:
         estimator, n = self.ready.chosen[0], len(factors)
         table, outputs = estimator.model.parameters, estimator.model.outputs
         start = self.ready.starts[0].knowledge
-        rows = np.tile(table.pack(estimator.parameters(start, rows=self.ready.given[estimator.id])), (n, 1))
+        rows = np.tile(table.pack(estimator.parameters(start, rows=self.ready.parameter_rows[estimator.id])), (n, 1))
         for k, parameter in enumerate(self.parameters):
             for row, each in enumerate(factors):
                 rows[row, table.slice(parameter.row.name)] = parameter.value(each[k])
@@ -126,7 +126,7 @@ def tune_log(
     if len(samples) < LEAST_FIXES:
         raise InputError(f"{len(samples)} fixes: tuning on a log needs at least {LEAST_FIXES}")
     table = chosen.model.parameters
-    present = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.given[chosen.id])))
+    present = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.parameter_rows[chosen.id])))
     fixes = Fixes(ready, tuned_parameters(chosen, present, keys, but=(SLOW,)), samples, _sigma(ready, samples))
     half, count = len(samples) // 2, len(fixes.parameters)
     first = max(1, round(UNSETTLED * half))

@@ -280,9 +280,9 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
 
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
         place = {"latitude": parameters["start_latitude"], "heading_sigma": 0.0}  # any heading will do
-        told = {**parameters, **place} if by_earth_rate else parameters
+        start = {**parameters, **place} if by_earth_rate else parameters
         return (
-            *applicability.linear_start(told, duration_s, UNKNOWN_START),
+            *applicability.linear_start(start, duration_s, UNKNOWN_START),
             *(
                 applicability.notes({**parameters, "latitude": parameters["start_latitude"]}, duration_s)
                 if by_earth_rate

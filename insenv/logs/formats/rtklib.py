@@ -149,8 +149,8 @@ def _places(label: str, kind: str, values: Array, text: str) -> tuple[Array, Arr
 
 def _base(label: str, text: str) -> tuple[float, float, float]:
     """Latitude, longitude (rad) and height (m) of the base station, as the heading states them."""
-    found = _BASE.search(text)
-    words = found[1].replace(",", " ").split() if found else []
+    match = _BASE.search(text)
+    words = match[1].replace(",", " ").split() if match else []
     try:
         numbers = [float(word) for word in words]
     except ValueError:

@@ -92,8 +92,8 @@ def _messages(raw: bytes) -> tuple[list[Any], dict[int, Any], int]:
     import pyubx2
 
     solutions, precise, damaged = [], {}, 0
-    for found in _BEGIN.finditer(raw):  # not by the lengths of the messages before it: a damaged one hides what follows
-        begin = found.start()
+    for mark in _BEGIN.finditer(raw):  # not by the lengths of the messages before it: a damaged one hides what follows
+        begin = mark.start()
         message = raw[begin : begin + 8 + int.from_bytes(raw[begin + 4 : begin + 6], "little")]
         try:
             parsed = pyubx2.UBXReader.parse(message, validate=pyubx2.VALCKSUM)

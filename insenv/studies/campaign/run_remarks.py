@@ -67,7 +67,8 @@ def of_batch(estimator: Estimator, batch: Batch, duration_s: float, differ: bool
         return [[] for _ in range(batch.rows)]
     model = estimator.model
     p, x = (
-        _own(*each) for each in ((model.parameters, batch.model.parameters, batch.p), (model.state, batch.model.state, batch.x))
+        _part_of(*each)
+        for each in ((model.parameters, batch.model.parameters, batch.p), (model.state, batch.model.state, batch.x))
     )
     shown = np.array(model.kernels["output"].function(p.T, x.T)).T
     said: list[list[Said]] = []
@@ -83,10 +84,10 @@ def of_batch(estimator: Estimator, batch: Batch, duration_s: float, differ: bool
 def estimator_parameters(estimator: Estimator, batch: Batch) -> Iterator[dict[str, Any]]:
     """The parameters of the estimator by row name, run by run."""
     table = estimator.model.parameters
-    return map(table.unpack, _own(table, batch.model.parameters, batch.p))
+    return map(table.unpack, _part_of(table, batch.model.parameters, batch.p))
 
 
-def _own(part: Table, table: Table, values: Array) -> Array:
+def _part_of(part: Table, table: Table, values: Array) -> Array:
     """The estimator's part (runs, own.size) of the model's parameters or state."""
     return np.concatenate([values[:, table.slice(PREFIX + name)] for name in part.names], axis=1)
 
@@ -144,9 +145,9 @@ def shares(seeds: Sequence[int], said: Sequence[Sequence[Said]]) -> tuple[Share,
     for seed, of_run in zip(seeds, said, strict=True):
         for one in of_run:
             about.setdefault((one.remark.code, one.subject), []).append((int(seed), one))
-    found = []
+    all_shares = []
     for each in about.values():
         seed, worst = max(each, key=lambda one: one[1].size)
         alike = len({one.remark for _, one in each}) == 1
-        found.append(Share(worst, seed, alike, tuple(dict.fromkeys(seed for seed, _ in each)), len(said)))
-    return tuple(found)
+        all_shares.append(Share(worst, seed, alike, tuple(dict.fromkeys(seed for seed, _ in each)), len(said)))
+    return tuple(all_shares)
