@@ -62,7 +62,7 @@ class PageMachine:
 
     @property
     def parameters(self) -> Array:
-        """The parameters, with what the estimators are told."""
+        """The parameters, with the initial knowledge of the estimators."""
         return self._get(self._p, self.live.page.model.parameters.size)
 
     @property

@@ -43,7 +43,7 @@ RANKED = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel
 class Variation:
     """What varies between the episodes of every environment, besides the seed; None keeps the scenario's value.
 
-    A random unit is one of those of `insenv.envs.units`; `imu_sheet` is what is told of it.  `initial_error` is both reported
+    A random unit is one of those of `insenv.envs.units`; `imu_sheet` is its data sheet.  `initial_error` is both reported
     and used for the draw.
     """
 

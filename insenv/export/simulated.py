@@ -82,7 +82,7 @@ def _log(plant: Plant, columns: Mapping[str, Array]) -> RecordedLog:
         description=description_class().model_validate(_description(plant, gnss, readings, reference)),
         unit=scenario.imu.rows(scenario.rate_hz),
         instruments=tuple(each for each in readings if len(each.time)),
-        stated_errors=plant.knowledge.instruments,
+        told=plant.knowledge.instruments,
     )
 
 
@@ -135,7 +135,7 @@ def _left_out(plant: Plant, columns: Mapping[str, Array]) -> list[Remark]:
 
 
 def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings, ...], reference: Reference) -> dict[str, Any]:
-    """Values of the log's description: the unit, the instruments and the start, as the estimators of a run are told of them."""
+    """Values of the log's description: the unit, the instruments and the start, as stated to the estimators of a run."""
     scenario = plant.scenario
     data: dict[str, Any] = {
         "title": scenario.title,

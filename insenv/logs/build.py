@@ -35,7 +35,7 @@ def recorded_log(
     unit: Mapping[str, Any] | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> RecordedLog:
-    """The log, with the end of the time at rest as it shows it and what estimators are told of its instruments.
+    """The log, with the end of the time at rest as it shows it and the stated errors of its instruments.
 
     The arguments are the fields of `RecordedLog`.  Raises `InputError` for a magnetometer without a place.
     """
@@ -54,9 +54,9 @@ def recorded_log(
         unit=unit,
         settings=settings or {},
         instruments=tuple(readings),
-        stated_errors=stated,
+        told=stated,
     )
-    return replace(log, stated_errors=stated | _assumed_delay(log))
+    return replace(log, told=stated | _assumed_delay(log))
 
 
 LATE = 0.1

@@ -294,13 +294,13 @@ _TOGETHER: tuple[tuple[str, ...], ...] = (
     ("quaternion", "quaternion_order", "quaternion_direction"),
     ("position_local", "origin_latitude_deg", "origin_longitude_deg", "origin_height_m"),
 )
-"""Keys of a reference of which all are given, or none."""
+"""Keys of a reference of which all are present, or none."""
 _ONE_OF: tuple[tuple[str, ...], ...] = (
     ("latitude", "position_ecef", "position_local"),
     ("velocity", "velocity_ecef"),
     ("roll", "quaternion"),
 )
-"""Keys of a reference of which at most one is given."""
+"""Keys of a reference of which at most one is present."""
 
 
 class ReferenceSection(PositionSection):

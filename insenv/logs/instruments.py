@@ -1,4 +1,4 @@
-"""Aiding instruments of a recorded log: their sections, their readings, and what estimators are told of them.
+"""Aiding instruments of a recorded log: their sections, their readings, and their stated errors.
 
 All of it follows from the declaration of the instrument (`insenv.sensors.instrument`).
 """
@@ -131,7 +131,7 @@ def _values(section: Any, column: MeasuredColumn, table: TextTable) -> Array:
 
 
 def stated_errors(id: str, section: Any, place: Place | None) -> dict[str, Any]:
-    """What is told of an instrument, by row of its `stated_errors`, by its section; None: by the default grade.
+    """Stated errors of an instrument, by row of its `stated_errors`, by its section; None: by the default grade.
 
     place: where the log is, for the field of the Earth.  Raises `InputError` where a magnetometer has none.
     """

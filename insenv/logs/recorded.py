@@ -139,9 +139,9 @@ class RecordedLog(InertialSamples):
 
     gnss, reference: None where the log has none; lever_arm_b (3,) m FRD: from IMU to antenna; sources: the files read;
     notes: remarks for the user; description: of the log, from its TOML file or made for a flight log; unit: parameter rows
-    (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; stated_errors: rows of
-    these that estimators know (`sensors.registry.stated_rows`); settings: parameter rows (SI) by estimator id that the log
-    states, over which those of the description go.
+    (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; told: stated errors of
+    these, by row (`sensors.registry.stated_rows`); settings: parameter rows (SI) by estimator id that the log states, which
+    those of the description replace.
     """
 
     gnss: GnssFixes | None
@@ -153,7 +153,7 @@ class RecordedLog(InertialSamples):
     unit: Mapping[str, Any] | None = None
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     instruments: tuple[Readings, ...] = ()
-    stated_errors: Mapping[str, Any] = field(default_factory=dict)
+    told: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def rate_hz(self) -> float:

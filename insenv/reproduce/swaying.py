@@ -267,7 +267,7 @@ def _as_printed() -> Estimator:
 
 
 def _run(scenario: Scenario, duration: float, seeds: int, ids: tuple[str, ...], records: int | None = None) -> Ensemble:
-    """Recorded every second, if `records` is not given."""
+    """Recorded every second, if `records` is None."""
     chosen = [_as_printed() if id == PRINTED else get(id) for id in ids]
     tuning, records = {PRINTED: FIRST_ANSWER}, records or round(duration)
     return ensemble(scenario, chosen, range(1, seeds + 1), duration_s=duration, records=records, tuning=tuning)

@@ -60,7 +60,7 @@ WIDENED = 3.0
 """Factor on the sigma that is stated of the start, because the filter that starts from it uses the same fixes once more; up to
 what a linearised filter starts from, as those of the bank do."""
 CONFLICT = 3.0
-"""Standard deviations by which a given heading and that of the motion may differ."""
+"""Standard deviations by which a stated heading and that of the motion may differ."""
 LEAST_SIGMA = float(np.radians(1.0))
 """Smallest standard deviation that is stated of a heading (rad): scale factors turn what is carried back."""
 BY_BANK = declared(

@@ -33,13 +33,13 @@ from insenv.vehicles import registry as vehicles
 STARTS = ("coarse", "reference", "stated")
 """Sources of the initial state: the log alone, its reference solution (of navigation), or its [initial]."""
 ON_ITS_BACK = 0.5  # share of gravity that points down at rest
-LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
-HEADING_SIGMA = float(np.radians(5.0))  # of a given heading
+LEVEL_SIGMA = float(np.radians(0.5))  # of stated roll and pitch
+HEADING_SIGMA = float(np.radians(5.0))  # of a stated heading
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
 SURE_SPEED = 3.0  # m/s: of a fix, above which a vehicle does not stand whatever its inertial unit shows
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
-PLACE_SIGMAS = 4.0  # by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
+PLACE_SIGMAS = 4.0  # by which a stated position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
 PLACE = ("latitude", "longitude", "height")
 WITH_FIXES = "the start is that of the fixes"
 EARLY = 0.1  # s: a stated time this much before the first sample is that of the sample, rounded
@@ -133,13 +133,13 @@ def _known(log: RecordedLog, in_place: bool, **state: Any) -> Knowledge:
         **log.motion_errors(),
         **log.fix_wander(),
         antenna_lever_arm=log.lever_arm_b,
-        instruments=log.stated_errors,
+        instruments=log.told,
         sensors=log.sensors(in_place=in_place),
     )
 
 
 def _sigmas(stated: dict[str, Any], **otherwise: Any) -> dict[str, Any]:
-    """The standard deviations that [initial] states, or else those given by name (m, m/s, rad)."""
+    """The standard deviations that [initial] states, or else the defaults by name (m, m/s, rad)."""
     return {name: stated.get(name, value) for name, value in otherwise.items()}
 
 
@@ -351,7 +351,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         heading_sigma=HEADING_SIGMA,
     )
     if far:
-        sigmas["position_sigma"] = position_sigma  # the given one is that of the given place
+        sigmas["position_sigma"] = position_sigma  # the stated one is that of the stated place
     tilt_sigma, heading = sigmas["tilt_sigma"], 0.0
     of_motion: tuple[Remark, ...] = ()
     gyros_show_heading = gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < HEADING_SIGMA
@@ -402,7 +402,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
     "unit is worse than its grade",
 )
 def _heading_conflict(start: RestStart, heading: float) -> dict[str, Any] | None:
-    """A given heading (rad) that the gyros at rest contradict."""
+    """A stated heading (rad) that the gyros at rest contradict."""
     if not start.conflict:
         return None
     stated, apart = np.degrees(heading), np.degrees(abs(start.conflict))
@@ -464,8 +464,8 @@ def _far_note(
     initial = log.description.initial
     if initial.latitude_deg is None or initial.longitude_deg is None:
         return None
-    given = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
-    north, east, _ = geodesy.numeric.ned_offset(*given, *fixed)
+    place = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
+    north, east, _ = geodesy.numeric.ned_offset(*place, *fixed)
     stated = (ROUNDED_PLACE, ROUNDED_PLACE) if initial.position_sigma_m is None else initial.position_sigma_m[:2]
     both = float(np.hypot(max(stated), max(sigma[:2])))
     apart = max(float(np.hypot(north, east)) - float(np.linalg.norm(log.lever_arm_b)) - moved, 0.0)

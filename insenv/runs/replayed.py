@@ -145,8 +145,8 @@ class Prepared:
 
     first: number of the first sample; columns: samples from it on, by name of the estimators' inputs; dropped: fixes left out;
     begin_s: start time; families, chosen: estimators as asked for, and adapted to the log; starts: what each knows at the
-    start; tunings: parameter rows (SI) that the log sets, by estimator id; parameter_rows: those in force.  notes: who else was asked
-    for, and why the log is not for it; what the log contradicts of its instruments.
+    start; tunings: parameter rows (SI) that the log sets, by estimator id; parameter_rows: those in force.  notes: who else
+    was asked for, and why the log is not for it; what the log contradicts of its instruments.
     whole: the log with the fixes that outages withhold from `log`; withheld: these, None without outages.
     """
 
@@ -323,7 +323,7 @@ def _outages(ready: Prepared, times: Array, outputs: Mapping[str, Array]) -> Out
     if lost is None:
         return None
     fixes = Fixes(*(getattr(lost.fixes, name) for name in ("time", "latitude", "longitude", "height", "position_sigma")))
-    stated_errors = ready.log.stated_errors
+    stated_errors = ready.log.told
     arm_sigma, delay_sigma = (stated_errors.get(name, 0.0) for name in ("antenna_lever_arm_sigma", "gnss_delay_sigma"))
     antenna = Antenna(ready.log.lever_arm_b, arm_sigma, delay_sigma, LEVER_ARM.name, DELAY.name)
     return outages_of(times, outputs, fixes, lost.windows, lost.resumed, antenna)

@@ -225,7 +225,7 @@ def _knowledge(
 
 
 def stated_errors(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """What estimators are told of a scenario's sensors with these parameter rows (SI), by row of `stated_rows`."""
+    """Stated errors of a scenario's sensors with these parameter rows (SI), by row of `stated_rows`."""
     rows: dict[str, Any] = {}
     for id, section in scenario.sensors.items():
         if section.sensor.stated_errors is not None:
@@ -266,7 +266,7 @@ def start_sigmas(known: KnowledgeSection) -> Vector:
 
 
 def stated_start_errors(known: KnowledgeSection) -> tuple[float | None, ...]:
-    """The errors that are given (9), in the order and units of `start_errors`; None for one that is drawn."""
+    """The errors that the scenario states (9), in the order and units of `start_errors`; None for one that is drawn."""
     errors, none = rows_of(known), (None,) * 3
     angles = [errors.get(f"{angle}_error") for angle in ("roll", "pitch", "heading")]
     return (*angles, *errors.get("position_error", none), *errors.get("velocity_error", none))

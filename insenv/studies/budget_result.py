@@ -197,7 +197,7 @@ def facts(budget: Budget) -> str:
 
 @dataclass(frozen=True)
 class BudgetRow:
-    """One line of a table.  values: by channel, of the source alone and of the error without it; None: not told.
+    """One line of a table.  values: by channel, of the source alone and of the error without it; None: unknown.
 
     large: by channel, whether the source has a quarter of the variance.
     """

@@ -1,4 +1,4 @@
-"""A vehicle on a given track: position and attitude are splines of degree 5 over time (`insenv.vehicles.track`).
+"""A vehicle on a prescribed track: position and attitude are splines of degree 5 over time (`insenv.vehicles.track`).
 
 Latitude, longitude, height, roll, pitch and heading are the channels; their control points are rows of a parameter. The model
 holds the six points of the interval that it is in; at a knot it looks up the next one. The velocity is the exact derivative:

@@ -35,5 +35,5 @@ def simulated_log(
         unit=None,
         settings={},
         instruments=(),
-        stated_errors={},
+        told={},
     )

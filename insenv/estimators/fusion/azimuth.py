@@ -56,7 +56,7 @@ def _moments(p: Any) -> tuple[Any, Any, Any]:
 
 
 def turned_variance(p: Any, vector_n: Any) -> Any:
-    """Variance of each horizontal component that the unknown azimuth gives a vector (3, n) told at the start."""
+    """Variance of each horizontal component that the unknown azimuth gives a vector (3, n) stated at the start."""
     return (1 - _moments(p)[0]) * ca.sumsqr(vector_n[:2])
 
 

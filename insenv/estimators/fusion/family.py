@@ -37,8 +37,8 @@ from insenv.geodesy import OMEGA_IE
 # Which states and aids a filter has where nobody says: by the unit, the instruments and the vehicle.
 #
 # A state is worth its place if what it does exceeds a share of what the unit's white noise does in a minute: a scale factor or
-# a misalignment in a manoeuvre (`insenv.estimators.parts.error_model`), an error of an instrument if it is told at all. On a
-# turntable, which turns gravity from axis to axis, every error of the unit that is told is worth it.
+# a misalignment in a manoeuvre (`insenv.estimators.parts.error_model`), an error of an instrument if it is stated at all. On a
+# turntable, which turns gravity from axis to axis, every stated error of the unit is worth it.
 
 MOORED = moored.AID.id
 WORTH = 0.1
@@ -88,7 +88,7 @@ def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[st
 
 
 def stated_unit_errors(known: Knowledge) -> list[str]:
-    """The states of the unit beside its biases whose standard deviation is told."""
+    """The states of the unit beside its biases whose standard deviation is stated."""
     rows = known.rows
     return [state for state in OF_UNIT if _is_stated(rows, all_states()[state].sigma)]
 
@@ -119,7 +119,7 @@ def _is_stated(rows: dict[str, Any], sigma: str) -> bool:
 
 
 def mounting_unknown(known: Knowledge) -> bool:
-    """Whether nothing is told of how the inertial unit is mounted to the wheels."""
+    """Whether nothing is stated of how the inertial unit is mounted to the wheels."""
     return "odometer_lever_arm_b" not in known.instruments
 
 
@@ -131,9 +131,7 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
     (`insenv.estimators.parts.error_model`).
     """
     rows, sheet = known.rows_of(table), known.sensors
-    for (
-        name
-    ) in known.instruments:  # an error that is not told, of a state that was asked for, has the size that its row starts with
+    for name in known.instruments:  # an error that is not stated, of a requested state, has the size that its row starts with
         if name in rows and not np.any(rows[name]) and table[name].flat_start().any():
             del rows[name]
     if mounting_unknown(known) and "non_holonomic_arm_sigma" in table:
