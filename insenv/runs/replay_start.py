@@ -464,8 +464,8 @@ def _far_note(
     initial = log.description.initial
     if initial.latitude_deg is None or initial.longitude_deg is None:
         return None
-    place = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
-    north, east, _ = geodesy.numeric.ned_offset(*place, *fixed)
+    stated_place = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
+    north, east, _ = geodesy.numeric.ned_offset(*stated_place, *fixed)
     stated = (ROUNDED_PLACE, ROUNDED_PLACE) if initial.position_sigma_m is None else initial.position_sigma_m[:2]
     both = float(np.hypot(max(stated), max(sigma[:2])))
     apart = max(float(np.hypot(north, east)) - float(np.linalg.norm(log.lever_arm_b)) - moved, 0.0)
