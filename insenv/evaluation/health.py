@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 
 from insenv.base.remarks import Doubt, Remark, declared, remark
+from insenv.core.tables import Array
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation.nis import APART as APART
 from insenv.evaluation.nis import BLOCKS as BLOCKS
-from insenv.evaluation.nis import NO_NIS, NOTABLE, Array, Nis, of_records, sums_of
+from insenv.evaluation.nis import NO_NIS, NOTABLE, Nis, of_records, sums_of
 from insenv.evaluation.nis import VERDICTS as VERDICTS
 from insenv.evaluation.nis import WRONG as WRONG
 from insenv.evaluation.nis import Verdict as Verdict

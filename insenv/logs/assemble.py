@@ -12,13 +12,14 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs.columns import FileSection, MeasurementSection, before, window_words
 from insenv.logs.description import PositionSection
 from insenv.logs.formats.csv_table import Column, TextTable, check_finite
 from insenv.logs.formats.series import nearest_rows
 from insenv.logs.recorded import Source
 from insenv.logs.section_files import SectionFile, located, open_files
-from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
+from insenv.logs.units import ANGLE_UNITS, TIME_UNITS
 
 # Columns of several files side by side: row by row where they have the same times, otherwise by time.
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from insenv.base.remarks import Remark
+from insenv.core.tables import Array
 from insenv.logs import instruments
 from insenv.logs.description import AnyLog, LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
 from insenv.logs.rest import rest_until
-from insenv.logs.units import Array
 from insenv.sensors.contract import Place
 
 LEFT_OUT = 1

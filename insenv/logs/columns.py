@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Strict
 
 from insenv.base.remarks import clock
 from insenv.base.toml import Number, Positive, Section, check_three, key
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 
 
 def _check_column(value: object) -> object:

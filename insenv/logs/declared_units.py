@@ -23,6 +23,7 @@ import numpy as np
 
 from insenv import geodesy
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.geodesy import OMEGA_IE, STANDARD_GRAVITY
 from insenv.logs.description import ImuSection
 from insenv.logs.files import all_of
@@ -40,7 +41,7 @@ from insenv.logs.rest import (
     rest_until,
     turn_ratio,
 )
-from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array
+from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS
 from insenv.sensors import registry
 from insenv.sensors.instrument import Column
 from insenv.sensors.level_equation import Level, equation_at

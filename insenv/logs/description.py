@@ -14,8 +14,9 @@ from insenv.base.remarks import clock
 from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
+from insenv.core.tables import Array
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, PositionUnit, Sigma3
-from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
+from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
 from insenv.sensors.grade_file import grade_of
 from insenv.sensors.units import UNITS

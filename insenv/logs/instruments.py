@@ -14,12 +14,13 @@ from pydantic import AfterValidator, ValidationInfo, create_model, field_validat
 
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Positive, key
+from insenv.core.tables import Array
 from insenv.logs.assemble import LogReader
 from insenv.logs.columns import Column, Columns3, MeasurementSection
 from insenv.logs.description import LogDescription
 from insenv.logs.formats.csv_table import TextTable
 from insenv.logs.recorded import Readings, delivered
-from insenv.logs.units import Array, axes_matrix, wrap
+from insenv.logs.units import axes_matrix, wrap
 from insenv.sensors import registry
 from insenv.sensors.contract import Place
 from insenv.sensors.instrument import Column as MeasuredColumn

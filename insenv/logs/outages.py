@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
+from insenv.core.tables import Array
 from insenv.logs.recorded import GnssFixes, RecordedLog
-from insenv.logs.units import Array
 
 OutagesLike = str | Iterable["str | Sequence[float]"]
 """``"100:160"``, ``"+100:+160"``, ``"every=120,length=60"``, or a list of such texts and of pairs ``(100.0, 160.0)``."""

@@ -22,8 +22,8 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.remarks import declared
-from insenv.core.tables import Vector
-from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Array, Result, Track, checked_estimate, errors, track_of
+from insenv.core.tables import Array, Vector
+from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, checked_estimate, errors, track_of
 from insenv.evaluation.limits import Limit
 from insenv.mavlink.messages import Message, View
 from insenv.mavlink.messages.fields import DEG_E7

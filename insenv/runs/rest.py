@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude, geodesy
+from insenv.core.tables import Array
 from insenv.estimators import ImuDataSheet
 from insenv.logs.rest import Rest
-from insenv.logs.units import Array
 
 CONFLICT = 3.0
 """Standard deviations by which a stated heading may differ from that of the gyros."""

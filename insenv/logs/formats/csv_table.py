@@ -15,9 +15,9 @@ import numpy as np
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs.files import all_of
 from insenv.logs.formats.contract import Drive, Files, Format
-from insenv.logs.units import Array
 
 Column = str | int
 MISSING = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))

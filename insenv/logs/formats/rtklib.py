@@ -16,9 +16,10 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs.formats import log_tables
 from insenv.logs.formats.contract import FileColumns, Format
-from insenv.logs.units import GPS_EPOCH, LOCAL_AXES, WEEK_S, Array, gps_of_unix, of_ecef, of_local, unix_of_gps
+from insenv.logs.units import GPS_EPOCH, LOCAL_AXES, WEEK_S, gps_of_unix, of_ecef, of_local, unix_of_gps
 
 _NO_VELOCITY = declared(
     "velocity-accuracy-zero", "{label}: all standard deviations of the velocity are 0: the velocity is not used"

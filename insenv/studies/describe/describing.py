@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.logs import RecordedLog
 from insenv.logs.loading import load_data
 from insenv.logs.noise import densities_in_motion, in_motion
-from insenv.logs.units import Array
 from insenv.sensors.units import HOUR
 from insenv.studies.describe.finding import Described, Finding, UnclearError
 from insenv.studies.describe.fixes import fixes_of

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from insenv import geodesy
+from insenv.core.tables import Array
 from insenv.logs.text import repeats
-from insenv.logs.units import ANGLE_UNITS, Array
+from insenv.logs.units import ANGLE_UNITS
 from insenv.studies.describe.agreement import Track
 from insenv.studies.describe.finding import Finding, UnclearError, listed
 from insenv.studies.describe.inertial import named_triads

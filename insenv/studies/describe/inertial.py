@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from insenv.core.tables import Array
 from insenv.logs.noise import REST_RATE
-from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array
+from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS
 from insenv.studies.describe.agreement import Motion, Track
 from insenv.studies.describe.tables import LogTable
 

@@ -16,7 +16,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 from insenv.studies.describe.agreement import (
     DELAY,
     DRIFT,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from insenv import attitude
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 from insenv.studies.describe.finding import UnclearError
 from insenv.studies.describe.inertial import Choice
 from insenv.studies.describe.matching import Agreed

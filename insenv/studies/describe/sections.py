@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 from insenv.studies.describe.agreement import ARM, log_ratio
 from insenv.studies.describe.finding import Confidence, Finding, UnclearError, listed
 from insenv.studies.describe.fixes import Fixes, scatter

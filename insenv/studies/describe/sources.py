@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.logs import load
 from insenv.logs.files import read_bytes
 from insenv.logs.formats import SECTION_FORMATS, Format, is_flight_log, log_tables
 from insenv.logs.section_files import SectionFile, form_of
-from insenv.logs.units import Array
 from insenv.studies.describe.finding import listed
 from insenv.studies.describe.tables import LogTable
 from insenv.studies.describe.text_layout import text_table

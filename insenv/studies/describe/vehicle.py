@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from insenv import attitude
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 from insenv.studies.describe.agreement import ACCEL, GYRO, Track
 from insenv.studies.describe.finding import Finding
 from insenv.studies.describe.matching import Agreed
