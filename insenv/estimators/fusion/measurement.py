@@ -87,7 +87,7 @@ def wide(x: Any, n: int) -> Any:
     return select(ca.trace(P[TILT, TILT]) > WIDE**2, 1.0, 0.0)
 
 
-FAR = float(np.radians(30.0))
+FAR = float(np.radians(15.0))
 """rad: standard deviation of the heading from which the passes begin at the heading that fits best."""
 HEADINGS = 24
 """All round, of which that is one."""
