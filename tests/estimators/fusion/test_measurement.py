@@ -173,6 +173,8 @@ def test_one_field_shows_a_heading_far_off_and_leaves_the_iron_alone(off_deg, ag
     if off_deg != 30.0:
         turned = filter.headed(filter.aids[0])(known[0], constants(**x), known[1])
         x |= {name: number(value).reshape(filter.state[name].shape) for name, value in turned.items()}
+        left = Rotation.from_quat(x["q_wb"], scalar_first=True) * truth.inv()
+        assert left.magnitude() <= np.radians(7.6)  # half of what lies between two of the 24
     found = filter.shown(filter.aids[0])(known[0], constants(**x), known[1])
     state = constants(**x | {name: number(value) for name, value in found.items()})
     done, _ = update(filter.aids[0], filter.states, filter.places, filter.n, known[0], state, known[1])
