@@ -102,6 +102,11 @@ class Aid:
         return f"{self.id}_wide"
 
     @property
+    def far_row(self) -> str:
+        """The state row by which its heading is found before that, all round."""
+        return f"{self.id}_far"
+
+    @property
     def misalignment_row(self) -> str:
         """The state row of that attitude."""
         return f"{self.id}_misalignment"
@@ -153,6 +158,7 @@ class Aid:
         flag = () if self.flag else (Row(self.due_row, f"1 when {self.title} measures at this sample"),)
         iterated = (
             Row(self.wide_row, f"1 when {self.title} is to show an attitude that is not known well"),
+            Row(self.far_row, f"1 when {self.title} is to show a heading that is not known"),
             Row(
                 self.misalignment_row, "Misalignment that it then shows, which the next measurement takes out", "rad", (3,), "w"
             ),

@@ -24,7 +24,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.fusion import azimuth, history
 from insenv.estimators.fusion.aid import Aid, repeated
 from insenv.estimators.fusion.error_state import ErrorState
-from insenv.estimators.fusion.measurement import attitude_shown, update, wide
+from insenv.estimators.fusion.measurement import attitude_shown, far, heading_shown, update, wide
 from insenv.estimators.fusion.navigation import corrected, corrected_increments, linear
 from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.error_model import (
@@ -235,7 +235,7 @@ class Composition:
         for aid in self.aids:
             due = aid.due(p, x, u)
             if aid.iterated:
-                stepped[aid.wide_row] = due * wide(x, self.n)
+                stepped[aid.wide_row], stepped[aid.far_row] = due * wide(x, self.n), due * far(x)
             stepped |= {aid.due_row: due, aid.row("since"): getattr(x, aid.row("since")) + u.dt}
             if aid.on_sample is not None:
                 stepped |= aid.on_sample(p, x, u, delta_angle, delta_velocity, change)
@@ -331,6 +331,16 @@ class Composition:
         """The step before that of an aid that is iterated: the attitude that it shows."""
         return lambda p, x, u: {aid.misalignment_row: attitude_shown(aid, self.states, self.places, self.n, p, x, u)}
 
+    def headed(self, aid: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
+        """The step before both: the heading turned to where it fits best."""
+
+        def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
+            turn = ca.SX.zeros(self.n)
+            turn[TILT.stop - 1] = heading_shown(aid, self.states, self.places, self.n, p, x, u)
+            return corrected(x, turn, self.states, self.places)
+
+        return step
+
     def update(self, aid: Aid, p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
         """One measurement of an aid, and its state rows."""
         return update(aid, self.states, self.places, self.n, p, x, u)
@@ -384,6 +394,7 @@ class Composition:
                 "past": history.STEP,
                 **between,
                 "covariance": Step(self.covariance, when="covariance_due"),
+                **{f"{aid.id}_heading": Step(self.headed(aid), when=aid.far_row) for aid in self.aids if aid.iterated},
                 **{f"{aid.id}_attitude": Step(self.shown(aid), when=aid.wide_row) for aid in self.aids if aid.iterated},
                 **{aid.id: Step(self.used(aid), when=aid.due_row) for aid in self.aids},
             },

@@ -275,12 +275,11 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
 
     by_earth_rate = azimuth.STATE in filter.states
+    any_heading = {"heading_sigma": 0.0} if by_earth_rate or any(aid.iterated for aid in filter.aids) else {}
 
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
-        place = {"latitude": parameters["start_latitude"], "heading_sigma": 0.0}  # any heading will do
-        start = {**parameters, **place} if by_earth_rate else parameters
         return (
-            *applicability.linear_start(start, duration_s, UNKNOWN_START),
+            *applicability.linear_start({**parameters, **any_heading}, duration_s, UNKNOWN_START),
             *(
                 applicability.notes({**parameters, "latitude": parameters["start_latitude"]}, duration_s)
                 if by_earth_rate

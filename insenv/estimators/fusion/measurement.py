@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from insenv.core import symmetric
-from insenv.core.elementary import maximum, select
+from insenv.core.elementary import maximum, minimum, select
 from insenv.estimators.fusion.aid import Aid, Spread
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation, linear
@@ -85,6 +85,28 @@ def wide(x: Any, n: int) -> Any:
     """1 where the attitude is known worse than that."""
     P = symmetric.full(x.covariance, n)
     return select(ca.trace(P[TILT, TILT]) > WIDE**2, 1.0, 0.0)
+
+
+FAR = float(np.radians(15.0))
+"""rad: standard deviation of the heading from which the passes begin at the heading that fits best."""
+HEADINGS = 24
+"""All round, of which that is one."""
+
+
+def far(x: Any) -> Any:
+    """1 where the heading is known worse than that."""
+    return select(x.covariance[symmetric.place(TILT.stop - 1, TILT.stop - 1)] > FAR**2, 1.0, 0.0)
+
+
+def heading_shown(aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any) -> Any:
+    """The turn about the vertical (rad), of `HEADINGS` all round, with which the innovation is smallest."""
+    angles = [float(angle) for angle in np.arange(HEADINGS) * (2 * np.pi / HEADINGS)]
+    turns = [turn_of(ca.vertcat(0, 0, angle)) for angle in angles]
+    sizes = [ca.sumsqr(aid.residual(p, Navigation(x, u, states, places, ca.SX.zeros(n), turn), u)) for turn in turns]
+    best, smallest = angles[0], sizes[0]
+    for angle, size in zip(angles[1:], sizes[1:], strict=True):
+        best, smallest = select(size < smallest, angle, best), minimum(size, smallest)
+    return best
 
 
 def attitude_shown(aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any) -> Any:

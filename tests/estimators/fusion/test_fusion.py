@@ -122,6 +122,14 @@ def test_notes_on_the_choice(scenario, filter, settings, said, unsaid):
     assert said in notes and unsaid not in notes
 
 
+def test_a_magnetometer_shows_a_heading_of_which_nothing_is_known():
+    knowledge = {"heading_sigma_deg": 180.0, "heading_error_deg": -150.0}
+    report = insenv.run(changed("multirotor-hover", knowledge=knowledge), "fusion", duration_s=40.0, seed=12)
+    assert "start-uncertain" not in [note.code for note in report.results[0].notes]
+    late = report.to_dataframe().loc[5.0:]
+    assert (late["error_heading_deg"].abs() < 3 * late["sigma_heading_deg"]).all() and late["sigma_heading_deg"].max() < 2.0
+
+
 @pytest.mark.slow
 def test_a_delay_and_a_lever_arm_are_found():
     """0.2 s and 1 m unknown (1 sigma), fixes 0.4 s late: to 10 ms and 5 cm where the drive shows them."""
