@@ -133,11 +133,9 @@ def test_whoever_needs_what_another_compiles_waits_for_it(cache, toy, tmp_path):
 def test_other_equations_conditions_and_code_that_writes_are_other_entries(cache, toy, monkeypatch):
     rare, kick = toy.steps["rare"], toy.steps["kick"]
     changes = [
-        {},
-        {"steps": {**toy.steps, "rare": replace(rare, function=lambda p, x, u, r: {"rare": x.rare + 2})}},
-        {"steps": {**toy.steps, "kick": replace(kick, when="rare_due")}},
-        {"start": lambda p, r: {"rare": r[0] * p.gain}},
-    ]
+        {}, {"steps": {**toy.steps, "rare": replace(rare, function=lambda p, x, u, r: {"rare": x.rare + 2})}},
+        {"steps": {**toy.steps, "kick": replace(kick, when="rare_due")}}, {"start": lambda p, r: {"rare": r[0] * p.gain}},
+    ]  # fmt: skip
     sources = [compiling.native_source, compiling.batch_source, partial(compiling.batch_source, lanes=2)]
     found = [compiling._looked_up(replace(toy, **change), sources[0])() for change in changes]
     found += [compiling._looked_up(toy, source)() for source in sources[1:]]

@@ -30,13 +30,10 @@ def test_layout_is_row_after_row_and_matrices_row_major():
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"speed": 11}, "speed = 11 m/s"),
-        ({"speed": float("nan")}, "speed = nan m/s"),
-        ({"q": (1, 0, float("inf"), 0)}, r"q\[2\] = inf"),
-        ({"q": (1, 0, 0)}, "shape"),
-        ({"sped": 1}, "did you mean 'speed'"),
+        ({"speed": 11}, "speed = 11 m/s"), ({"speed": float("nan")}, "speed = nan m/s"),
+        ({"q": (1, 0, float("inf"), 0)}, r"q\[2\] = inf"), ({"q": (1, 0, 0)}, "shape"), ({"sped": 1}, "did you mean 'speed'"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_value_is_named_with_what_is_allowed(values, said):
     with pytest.raises(InputError, match=said):
         TABLE.pack(values)

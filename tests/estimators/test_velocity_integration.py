@@ -83,16 +83,11 @@ def test_without_errors_the_attitude_is_exact(name, sensor, latency, seconds, fr
 @pytest.mark.parametrize(
     ("name", "row", "sigma"),
     [
-        (CAR, "gyro_bias_sigma", 2e-6),
-        (CAR, "accel_bias_sigma", 1e-3),
-        (CAR, "antenna_lever_arm_sigma", 0.05),
-        (CAR, "gnss_delay_sigma", 0.01),
-        (SHIP, "gyro_bias_sigma", 5e-8),
-        (SHIP, "accel_bias_sigma", 5e-4),
-        (SHIP, "dvl_scale_factor_sigma", 0.002),
-        (SHIP, "dvl_misalignment_sigma", 0.001),
+        (CAR, "gyro_bias_sigma", 2e-6), (CAR, "accel_bias_sigma", 1e-3), (CAR, "antenna_lever_arm_sigma", 0.05),
+        (CAR, "gnss_delay_sigma", 0.01), (SHIP, "gyro_bias_sigma", 5e-8), (SHIP, "accel_bias_sigma", 5e-4),
+        (SHIP, "dvl_scale_factor_sigma", 0.002), (SHIP, "dvl_misalignment_sigma", 0.001),
     ],
-)
+)  # fmt: skip
 def test_what_a_constant_error_does_is_what_is_stated(name, row, sigma):
     """Each component of the error in turn, in the data: the root of the sum of the squares is the stated sigma."""
     model, columns, known = driven(name, 46.0 if name == CAR else 170.0)  # in a turn: the answer is new

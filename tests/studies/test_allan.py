@@ -44,15 +44,10 @@ def log_of(rates, rate=RATE, title="a unit", **imu):
     description = LogDescription.model_validate({"title": title, "imu": {**IMU, **RATES, **imu}})
     empty = {"gnss": None, "lever_arm_b": np.zeros(3), "reference": None, "sources": (), "notes": ()}
     return RecordedLog(
-        imu_time=np.arange(1, count + 1) * interval,
-        delta_angle=rates[:, :3] * interval,
-        delta_velocity=rates[:, 3:] * interval,
-        dt=dt,
-        bridged=np.zeros(count, bool),
-        gaps=Gaps(),
-        description=description,
+        imu_time=np.arange(1, count + 1) * interval, delta_angle=rates[:, :3] * interval,
+        delta_velocity=rates[:, 3:] * interval, dt=dt, bridged=np.zeros(count, bool), gaps=Gaps(), description=description,
         **empty,
-    )
+    )  # fmt: skip
 
 
 def unit_rates(generator, count, arw=1e-4, vrw=1e-3, rate=RATE):

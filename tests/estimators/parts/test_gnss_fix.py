@@ -54,13 +54,11 @@ def late(name, sensor, latency_s):
 @pytest.mark.parametrize(
     ("name", "sensor", "id", "allowed", "too_late"),
     [
-        ("ship-dvl", "dvl", "fusion", 1.0, 1.5),
-        ("car-odometer", "odometer", "fusion-smoother", 1.0, 3.0),
-        ("car-city-drive", "gnss", "loosely-coupled", 1.0, 1.2),
-        ("car-city-drive", "gnss", "aqe-sukf", 0.4, 1.0),
+        ("ship-dvl", "dvl", "fusion", 1.0, 1.5), ("car-odometer", "odometer", "fusion-smoother", 1.0, 3.0),
+        ("car-city-drive", "gnss", "loosely-coupled", 1.0, 1.2), ("car-city-drive", "gnss", "aqe-sukf", 0.4, 1.0),
         ("ship-at-sea", "gnss", "velocity-integration", 0.9, 3.0),
     ],
-)
+)  # fmt: skip
 def test_measurements_that_are_too_old_are_refused(name, sensor, id, allowed, too_late):
     plant = build(late(name, sensor, allowed))
     plant.parameters_of(plant.adapted(id))

@@ -20,13 +20,11 @@ TIME = np.arange(0.0, 60.0, 0.1)
 ZERO = np.zeros_like(TIME)
 COURSES = np.radians(np.arange(0, 360, 15))
 FIGURES = {
-    "loops": ((ZERO, 2.0 * np.pi * TIME / 15.0), ZERO),
-    "rolls": ((ZERO, ZERO), 2.0 * np.pi * TIME / 6.0),
+    "loops": ((ZERO, 2.0 * np.pi * TIME / 15.0), ZERO), "rolls": ((ZERO, ZERO), 2.0 * np.pi * TIME / 6.0),
     "inverted for two thirds": ((ZERO, ZERO), np.where(TIME > 20.0, np.pi, 0.0)),
-    "a circle upside down": ((2.0 * np.pi * TIME / 60.0, ZERO), ZERO + np.pi),
-    "knife edge": ((ZERO, ZERO), ZERO + 0.5 * np.pi),
+    "a circle upside down": ((2.0 * np.pi * TIME / 60.0, ZERO), ZERO + np.pi), "knife edge": ((ZERO, ZERO), ZERO + 0.5 * np.pi),
     "turns": ((2.0 * np.pi * TIME / 30.0, ZERO), ZERO + np.arctan(60.0 * 2.0 * np.pi / 30.0 / 9.81)),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("figure", FIGURES)
