@@ -87,16 +87,13 @@ def test_a_signal_in_a_long_run_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == [begun]
 
 
-@pytest.mark.parametrize(
-    ("argv", "orig", "is_it"),
-    [
-        (["/usr/bin/insenv", "list"], ["python", "/usr/bin/insenv", "list"], True),
-        (["-m", "list"], ["python", "-W", "error", "-m", "insenv", "list"], True),
-        (["-m", "list"], ["python", "-m", "insenv.bench", "list"], False),
-        (["my_insenv.py"], ["python", "my_insenv.py"], False),
-        ([], ["python"], False),
-    ],
-)
+@pytest.mark.parametrize(("argv", "orig", "is_it"), [
+    (["/usr/bin/insenv", "list"], ["python", "/usr/bin/insenv", "list"], True),
+    (["-m", "list"], ["python", "-W", "error", "-m", "insenv", "list"], True),
+    (["-m", "list"], ["python", "-m", "insenv.bench", "list"], False),
+    (["my_insenv.py"], ["python", "my_insenv.py"], False),
+    ([], ["python"], False),
+])  # fmt: skip
 def test_the_command_is_told_from_a_script(argv, orig, is_it):
     assert starting.is_command(argv, orig) is is_it
 

@@ -118,15 +118,12 @@ def test_every_estimator_has_one_of_its_own():
     assert None not in found and len(set(found)) == len(found)
 
 
-@pytest.mark.parametrize(
-    ("place", "value"),
-    [
-        ("insenv.estimators.analytic.TURN", 3.0), ("insenv.estimators.analytic._line", made(0)),
-        ("insenv.estimators.ecef_kf.AXIS_E", ca.SX([0, 0, 7e-5])), ("insenv.geodesy.q_ew_from_geodetic", made(0)),
-        ("insenv.geodesy.E2", 0.0067), ("insenv.core.elementary._SIN", [1.0, -0.1]),
-        ("insenv.core.tables.Table.slice", made(0)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("place", "value"), [
+    ("insenv.estimators.analytic.TURN", 3.0), ("insenv.estimators.analytic._line", made(0)),
+    ("insenv.estimators.ecef_kf.AXIS_E", ca.SX([0, 0, 7e-5])), ("insenv.geodesy.q_ew_from_geodetic", made(0)),
+    ("insenv.geodesy.E2", 0.0067), ("insenv.core.elementary._SIN", [1.0, -0.1]),
+    ("insenv.core.tables.Table.slice", made(0)),
+])  # fmt: skip
 def test_what_a_script_replaces_is_seen(place, value, monkeypatch):
     before = identity(get("ecef-kf").model), identity(get("analytic").model)
     monkeypatch.setattr(place, value)

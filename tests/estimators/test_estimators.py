@@ -88,16 +88,13 @@ COARSE = {"coarse_time": 90.0, "tilt_sigma": 0.002, "heading_sigma": 0.03, "velo
 
 
 @pytest.mark.parametrize("latitude_deg", [-85.0, -40.0, 1.0, 70.0])
-@pytest.mark.parametrize(
-    ("id", "seconds", "bound", "given"),
-    [
-        ("analytic", 60.0, 1e-9, {}),
-        ("ecef-kf", 120.0, 2e-5, COARSE),
-        ("q-method", 120.0, 1e-6, {}),
-        ("qakf", 120.0, 1e-4, {"start_quaternion": [0.9, -0.3, 0.2, 0.1]}),
-        ("qakf-improved", 120.0, 1e-4, {"start_quaternion": [0.9, -0.3, 0.2, 0.1]}),
-    ],
-)
+@pytest.mark.parametrize(("id", "seconds", "bound", "given"), [
+    ("analytic", 60.0, 1e-9, {}),
+    ("ecef-kf", 120.0, 2e-5, COARSE),
+    ("q-method", 120.0, 1e-6, {}),
+    ("qakf", 120.0, 1e-4, {"start_quaternion": [0.9, -0.3, 0.2, 0.1]}),
+    ("qakf-improved", 120.0, 1e-4, {"start_quaternion": [0.9, -0.3, 0.2, 0.1]}),
+])  # fmt: skip
 def test_any_attitude_in_both_hemispheres(id, seconds, bound, given, latitude_deg):
     latitude = np.radians(latitude_deg)
     for q_nb in [*ATTITUDES, drawn(1), drawn(2)]:
@@ -162,14 +159,11 @@ def smallest_eigenvalue(id, state):
     return np.linalg.eigvalsh(P / np.outer(D, D)).min()
 
 
-@pytest.mark.parametrize(
-    ("id", "n", "q_nb", "noise", "given"),
-    [
-        ("qakf", 3, [0.6, 0.0, 0.8, 0.0], 1e-3, {}),
-        ("qakf-improved", 3, [0.6, 0.0, 0.8, 0.0], 1e-3, {}),
-        ("ecef-kf", 12, [1.0, 0.0, 0.0, 0.0], 0.0, {"angle_random_walk": 1e-9, "velocity_random_walk": 1e-7}),
-    ],
-)
+@pytest.mark.parametrize(("id", "n", "q_nb", "noise", "given"), [
+    ("qakf", 3, [0.6, 0.0, 0.8, 0.0], 1e-3, {}),
+    ("qakf-improved", 3, [0.6, 0.0, 0.8, 0.0], 1e-3, {}),
+    ("ecef-kf", 12, [1.0, 0.0, 0.0, 0.0], 0.0, {"angle_random_walk": 1e-9, "velocity_random_walk": 1e-7}),
+])  # fmt: skip
 def test_a_day_at_rest_keeps_the_covariance_positive_definite(id, n, q_nb, noise, given):
     runner = at_rest(id, q_nb, 0.5, DAY, dt=1.0, parameters=given, accel_noise=noise)
     assert np.linalg.eigvalsh(symmetric.full_array(runner.state["covariance"], n)).min() > 0

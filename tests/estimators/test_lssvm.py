@@ -135,18 +135,15 @@ def test_file_keeps_every_bit(tmp_path):
         one.save(tmp_path / "none" / "m.json")
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "words"),
-    [
-        ("machine.raw_inputs", 3, "machine.raw_inputs is 3"),
-        ("format", "other", "its format is not 'insenv-lssvm'"),
-        ("version", 2, "version 2: .* version 1; use a newer"),
-        ("machine", None, "lacks its machine"),
-        ("machine.support", [[1.0, 2.0]], r"machine.support has shape \(1, 2\)"),
-        ("machine.scale", [1e999] * 6, "machine.scale .* not finite"),
-        ("machine.coefficients", [[1.0, 2.0, 3.0]], "5 support vectors, 1 coefficients"),
-    ],
-)
+@pytest.mark.parametrize(("place", "value", "words"), [
+    ("machine.raw_inputs", 3, "machine.raw_inputs is 3"),
+    ("format", "other", "its format is not 'insenv-lssvm'"),
+    ("version", 2, "version 2: .* version 1; use a newer"),
+    ("machine", None, "lacks its machine"),
+    ("machine.support", [[1.0, 2.0]], r"machine.support has shape \(1, 2\)"),
+    ("machine.scale", [1e999] * 6, "machine.scale .* not finite"),
+    ("machine.coefficients", [[1.0, 2.0, 3.0]], "5 support vectors, 1 coefficients"),
+])  # fmt: skip
 def test_wrong_files_are_errors(tmp_path, place, value, words):
     machine().save(tmp_path / "m.json")
     content = json.loads((tmp_path / "m.json").read_text())

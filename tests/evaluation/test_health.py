@@ -193,14 +193,11 @@ def test_a_log_that_is_described_truly_is_consistent(drive):
     assert not any("innovations" in note or "contradict" in note for note in result.notes)
 
 
-@pytest.mark.parametrize(
-    ("right", "wrong", "verdict"),
-    [
-        ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [1.2, 0.3, -1.0]", "overconfident"),
-        ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [-1.2, -0.7, -1.0]", "overconfident"),
-        ("time_offset_s = 0.0", "time_offset_s = 0.3", "overconfident"),
-    ],
-)
+@pytest.mark.parametrize(("right", "wrong", "verdict"), [
+    ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [1.2, 0.3, -1.0]", "overconfident"),
+    ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [-1.2, -0.7, -1.0]", "overconfident"),
+    ("time_offset_s = 0.0", "time_offset_s = 0.3", "overconfident"),
+])  # fmt: skip
 def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong, verdict):
     """As on two recorded logs, of whose fixes 82 to 97 % were refused without a word."""
     text = drive.read_text("utf-8")

@@ -51,13 +51,10 @@ def bound_with(plant, rest, mooring=None):
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
 
 
-@pytest.mark.parametrize(
-    ("times", "from_s", "words"),
-    [
-        ([], 0.0, "at least one"), ([900.0], 0.0, "time 900 s: allowed is 0 to 60 s"), ("late", 0.0, "times = 'late'"),
-        ([float("nan")], 0.0, "time nan s"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("times", "from_s", "words"), [
+    ([], 0.0, "at least one"), ([900.0], 0.0, "time 900 s: allowed is 0 to 60 s"), ("late", 0.0, "times = 'late'"),
+    ([float("nan")], 0.0, "time nan s"),
+])  # fmt: skip
 def test_a_limit_is_asked_only_for_times_that_it_has(times, from_s, words):
     limit = Limit(np.array([0.0, 60.0]), np.zeros((2, 3)), {"roll_deg": np.array([3.0, 1.0])})
     assert limit.rms([0.0, 60.0])["roll_deg"] == pytest.approx(np.sqrt(5.0))

@@ -179,15 +179,12 @@ def test_the_command_writes_the_result_of_the_function(log, tmp_path):
     np.testing.assert_array_equal(list(document["outputs"].values()), given.values[-1])
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--set", "latitude=1,2"), "--set latitude"),
-        (("--output", "no/such/folder/x.csv"), "no/such/folder/x.csv"),
-        (("--stop", "1e300"), "stop time 1e+300 s"),
-        (("--every", "101"), "every = 101"),
-    ],
-)
+@pytest.mark.parametrize(("options", "said"), [
+    (("--set", "latitude=1,2"), "--set latitude"),
+    (("--output", "no/such/folder/x.csv"), "no/such/folder/x.csv"),
+    (("--stop", "1e300"), "stop time 1e+300 s"),
+    (("--every", "101"), "every = 101"),
+])  # fmt: skip
 def test_the_command_reports_what_is_wrong(log, options, said):
     refused(call("fmu", "run", exported(ID), "--input", log, *options), said)
 

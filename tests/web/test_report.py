@@ -85,14 +85,11 @@ def page(driven, tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize(
-    ("size", "dark"),
-    [
-        pytest.param(LAPTOP, False, id="light"),
-        pytest.param(LAPTOP, True, id="dark", marks=pytest.mark.slow),
-        pytest.param(PHONE, False, id="phone", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("size", "dark"), [
+    pytest.param(LAPTOP, False, id="light"),
+    pytest.param(LAPTOP, True, id="dark", marks=pytest.mark.slow),
+    pytest.param(PHONE, False, id="phone", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_the_page_opens_from_disk(browser, page, driven, size, dark):
     browser.open(page, size, dark)
     browser.until("document.querySelectorAll('.plot canvas').length >= 20")

@@ -189,16 +189,13 @@ def test_the_way_by_a_log_is_as_uncertain_as_stated(knowledge, dvl, seconds):
 FAR, NEAR = ({"position_sigma_m": (sigma, sigma, 1e2)} for sigma in (2e4, 1e3))
 
 
-@pytest.mark.parametrize(
-    ("scenario", "seconds", "said", "unsaid"),
-    [
-        (changed("car-city-drive", knowledge=UNKNOWN, gnss={"velocity": False}), 2.0, "too small sigmas", "heading found"),
-        (load("aircraft-inflight-alignment"), 20.0, "the heading is not found to 7 deg", "heading found"),
-        (changed("car-city-drive", estimator={"fusion": UNKNOWN}), 2.0, "180 deg of heading", "heading found"),
-        (changed("ship-log-alignment", knowledge=FAR), 2.0, "is uncertain by 20 km", "heading found"),
-        (changed("ship-log-alignment", knowledge=NEAR), 2.0, "", "place at the start"),
-    ],
-)
+@pytest.mark.parametrize(("scenario", "seconds", "said", "unsaid"), [
+    (changed("car-city-drive", knowledge=UNKNOWN, gnss={"velocity": False}), 2.0, "too small sigmas", "heading found"),
+    (load("aircraft-inflight-alignment"), 20.0, "the heading is not found to 7 deg", "heading found"),
+    (changed("car-city-drive", estimator={"fusion": UNKNOWN}), 2.0, "180 deg of heading", "heading found"),
+    (changed("ship-log-alignment", knowledge=FAR), 2.0, "is uncertain by 20 km", "heading found"),
+    (changed("ship-log-alignment", knowledge=NEAR), 2.0, "", "place at the start"),
+])  # fmt: skip
 def test_notes_on_the_start(scenario, seconds, said, unsaid):
     notes = insenv.run(scenario, "fusion", seed=1, duration_s=seconds).results[0].notes
     assert any(said in note for note in notes) or not said

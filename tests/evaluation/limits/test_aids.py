@@ -152,13 +152,10 @@ OUTLIERS = {"noise_m": [0.01, 0.02, 0.03], "outlier_probability": 0.75}
 ROUNDED = {"noise_m": 0.3, "quantum_m": 1.2}
 
 
-@pytest.mark.parametrize(
-    ("id", "section", "noise"),
-    [
-        ("heading", OUTLIERS, [0.02, 0.04, 0.06]),
-        ("barometer", {"noise_m": 0.3, "quantum_m": 1.2}, math.hypot(0.3, 1.2 / 12**0.5)),
-    ],
-)
+@pytest.mark.parametrize(("id", "section", "noise"), [
+    ("heading", OUTLIERS, [0.02, 0.04, 0.06]),
+    ("barometer", {"noise_m": 0.3, "quantum_m": 1.2}, math.hypot(0.3, 1.2 / 12**0.5)),
+])  # fmt: skip
 def test_a_detected_outlier_is_a_measurement_that_is_missing_and_rounding_is_noise(id, section, noise):
     np.testing.assert_allclose(aid_of(id, **{"grade": "perfect", **section}).noise, noise, rtol=1e-12)
 
@@ -194,23 +191,20 @@ def parked(**knowledge):
     return {"vehicle": {"kind": "car"}, "knowledge": {"heading_sigma_deg": 40.0, **knowledge}}
 
 
-@pytest.mark.parametrize(
-    ("id", "section", "drive", "channel", "expected", "near"),
-    [
-        # start and bias are constants: the height is their weighted mean, whatever the unit does
-        ("barometer", {"bias_sigma_m": 4.0}, FREE, "down_m", 1 / math.hypot(1 / 6.0, 1 / 4.0), 0.01),
-        # the anomaly over the horizontal field, of which it alone has an east component
-        ("magnetometer", {"anomaly_sigma_nt": [0.0, 300.0, 0.0], "field_nt": [20000.0, 0.0, 40000.0]},
-         {"imu": LEVEL, **parked(tilt_sigma_deg=0.5)}, "heading_deg", math.degrees(300.0 / 20000.0), 0.02),
-        ("odometer", {"noise_mps": 0.05}, EAST, "ve_mps", 0.05 / math.sqrt(600), 0.02),
-        # at one speed nothing shows the scale
-        ("odometer", {"noise_mps": 0.05, "scale_factor_sigma_percent": 1.0}, EAST, "ve_mps", 0.15, 0.02),
-        ("heading", {"noise_m": 0.01, "interval_s": 1.0, "baseline_m": [2.0, 0.0, 0.0]},
-         {"imu": {"grade": "navigation"}, **parked()}, "heading_deg", math.degrees(0.005 / math.sqrt(60)), 0.02),
-        ("dvl", {"water_track": True, "current_sigma_mps": 0.4, "current_time_s": 1e6},
-         SAILING, "vn_mps", 0.4, 0.02),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("id", "section", "drive", "channel", "expected", "near"), [
+    # start and bias are constants: the height is their weighted mean, whatever the unit does
+    ("barometer", {"bias_sigma_m": 4.0}, FREE, "down_m", 1 / math.hypot(1 / 6.0, 1 / 4.0), 0.01),
+    # the anomaly over the horizontal field, of which it alone has an east component
+    ("magnetometer", {"anomaly_sigma_nt": [0.0, 300.0, 0.0], "field_nt": [20000.0, 0.0, 40000.0]},
+     {"imu": LEVEL, **parked(tilt_sigma_deg=0.5)}, "heading_deg", math.degrees(300.0 / 20000.0), 0.02),
+    ("odometer", {"noise_mps": 0.05}, EAST, "ve_mps", 0.05 / math.sqrt(600), 0.02),
+    # at one speed nothing shows the scale
+    ("odometer", {"noise_mps": 0.05, "scale_factor_sigma_percent": 1.0}, EAST, "ve_mps", 0.15, 0.02),
+    ("heading", {"noise_m": 0.01, "interval_s": 1.0, "baseline_m": [2.0, 0.0, 0.0]},
+     {"imu": {"grade": "navigation"}, **parked()}, "heading_deg", math.degrees(0.005 / math.sqrt(60)), 0.02),
+    ("dvl", {"water_track": True, "current_sigma_mps": 0.4, "current_time_s": 1e6},
+     SAILING, "vn_mps", 0.4, 0.02),
+])  # fmt: skip
 def test_what_an_instrument_tells_is_its_closed_form(id, section, drive, channel, expected, near):
     assert final(**{id: {"grade": "perfect", **section}}, **drive)[channel] == pytest.approx(expected, rel=near)
     assert final(**drive)[channel] > 3 * expected, "it is the instrument that tells it"
