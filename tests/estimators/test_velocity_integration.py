@@ -173,14 +173,11 @@ def test_the_memory_balances_fixes_and_gyros():
     assert velocity_integration.memory_time(1.0, 0.0) == velocity_integration.SHORTEST
 
 
-def test_a_straight_line_shows_no_heading_and_the_run_says_so():
+def test_a_straight_line_shows_no_heading_and_a_run_without_fixes_no_attitude():
     result = run("car-unknown-heading", ID, seed=3, duration_s=28.0).results[0]
     assert result.sigma["heading_deg"].min() > 90.0 and result.sigma["roll_deg"][-1] < 0.2
     assert any("heading is unknown at the end" in note for note in result.notes)
     assert not any("heading found" in note for note in result.notes)  # as it is lost again
-
-
-def test_a_run_without_fixes_gives_no_attitude():
     (result,) = run(changed(CAR, gnss={"outages_s": ((0.0, 30.0),)}), ID, duration_s=20.0).results
     assert result.sigma["roll_deg"][-1] > 90.0 and any("no attitude was found" in note for note in result.notes)
 

@@ -259,9 +259,7 @@ FLIGHTS = {
             "grade": "rtk", "position_noise_m": 1.0, "velocity_noise_mps": 0.1, "wander_sigma_m": 0.0, "latency_s": 0.2,
             "interval_s": 1.0, "lever_arm_m": [1.0, 0.5, -1.5], "outages_s": [[50.0, 61.0]],
         },
-        "knowledge": {
-            "tilt_sigma_deg": 0.5, "heading_sigma_deg": 1.0, "position_sigma_m": 3.0, "velocity_sigma_mps": 0.3,
-        },
+        "knowledge": {"tilt_sigma_deg": 0.5, "heading_sigma_deg": 1.0, "position_sigma_m": 3.0, "velocity_sigma_mps": 0.3},
     },
 }  # fmt: skip
 

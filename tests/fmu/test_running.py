@@ -189,7 +189,8 @@ def test_the_command_reports_what_is_wrong(log, options, said):
     refused(call("fmu", "run", exported(ID), "--input", log, *options), said)
 
 
-def test_csv_reads_back_bit_identical(tmp_path):
+def test_csv_reads_back_bit_identical_and_one_without_times_is_named(tmp_path):
+    """Wrong rows: tests/logs/formats/test_csv_table.py."""
     columns = {"a": np.array([0.1, 1e-300, -1 / 3]), "m": np.arange(12.0).reshape(3, 2, 2) / 7}
     flat = flattened(columns)
     write_csv(tmp_path / "x.csv", Series(0.005 * np.arange(3), tuple(flat), np.array(list(flat.values())).T))
@@ -198,17 +199,11 @@ def test_csv_reads_back_bit_identical(tmp_path):
     np.testing.assert_array_equal(back.time, 0.005 * np.arange(3))
     for name, value in back.named().items():
         np.testing.assert_array_equal(value, columns[name])
-
-
-def test_csv_of_fmpy_with_blanks_inside_arrays(tmp_path):
+    # FMPy writes blanks inside arrays
     (tmp_path / "x.csv").write_text('"time","a","b"\n0.0,1 2 3,4\n0.005,5 6 7,8\n')
     back = read_csv(tmp_path / "x.csv")
     assert back.names == ("a[1]", "a[2]", "a[3]", "b")
     np.testing.assert_array_equal(back.values, [[1, 2, 3, 4], [5, 6, 7, 8]])
-
-
-def test_a_csv_without_times_is_named(tmp_path):
-    """Wrong rows: tests/logs/formats/test_csv_table.py."""
     (tmp_path / "bad.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="no column 'time'"):
         read_csv(tmp_path / "bad.csv")

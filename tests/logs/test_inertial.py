@@ -167,9 +167,8 @@ def test_a_late_stamp_is_jitter_not_a_gap():
     assert missing.tolist() == [0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 1, 0]
 
 
-@pytest.mark.parametrize(
-    "time", [np.concatenate([k * 0.1 + np.arange(16) * 1e-3 for k in range(50)]), np.cumsum(np.tile([0.005, 0.015], 200))]
-)
+@pytest.mark.parametrize("time",
+    [np.concatenate([k * 0.1 + np.arange(16) * 1e-3 for k in range(50)]), np.cumsum(np.tile([0.005, 0.015], 200))])  # fmt: skip
 def test_bursts_and_alternating_steps_are_no_gaps(time):
     found = sampling(time, None)
     assert found.gap_s is not None and found.missing(time).sum() == 0

@@ -124,9 +124,8 @@ def marked(things: list, page_of) -> list:
     return [pytest.param(x, id=str(x), marks=[] if page_of(x) in FIRST else pytest.mark.slow) for x in things]
 
 
-@pytest.mark.parametrize(
-    "block", marked([b for b in ALL if b.language in ("console", "sh") or b.reason], lambda block: block.page)
-)
+@pytest.mark.parametrize("block",
+    marked([b for b in ALL if b.language in ("console", "sh") or b.reason], lambda block: block.page))  # fmt: skip
 def test_commands(block, tmp_path):
     if block.reason is not None:
         pytest.skip(f"{block}: {block.reason}")

@@ -100,9 +100,8 @@ def kept_pass(kept, p, own=SMOOTHING):
     """The record of a forward pass of 15 states, every instant smoothed, as a `Pass`; transitions from the error model."""
     flat = ca.SX.sym("i", own.interval.size)
     rows = own.interval.symbols(flat)
-    interval = Interval(
-        rows.last_since_propagation, rows.last_since_propagation_velocity_w, rows.last_omega_ie_w, rows.last_omega_ew_w
-    )
+    interval = Interval(rows.last_since_propagation, rows.last_since_propagation_velocity_w, rows.last_omega_ie_w,
+        rows.last_omega_ew_w)  # fmt: skip
     A = ca.SX(15, 15)
     A[:9, :9] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
     A[TILT, GYRO] = rows.last_since_propagation_angle_gyro_bias
