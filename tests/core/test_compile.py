@@ -53,16 +53,11 @@ def test_the_level_of_optimisation_is_chosen(monkeypatch):
         find_compiler()
 
 
-def linked(library, elsewhere):
-    library.parent.rename(elsewhere)
-    library.parent.symlink_to(elsewhere)
-
-
 DAMAGE = {
     "truncated": lambda library, _: library.write_bytes(library.read_bytes()[:-100]),
     "digest missing": lambda library, _: (library.parent / "model.sha256").unlink(),
     "writable by others": lambda library, _: library.chmod(0o777),
-    "a link": linked,
+    "a link": lambda library, elsewhere: library.parent.rename(elsewhere) and library.parent.symlink_to(elsewhere),
 }
 
 

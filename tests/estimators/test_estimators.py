@@ -1,5 +1,8 @@
 """All estimators: one run beside its theoretical limit, the errors of many, any attitude, biases, covariances after a day."""
 
+import os
+from unittest import mock
+
 import numpy as np
 import pytest
 from resting import ATTITUDES, at_rest, attitude_error, drawn, samples
@@ -43,17 +46,12 @@ def test_every_estimator_is_beside_its_limit():
     assert sorted([*NEAR, *SMOOTHERS, *WITHOUT_SIGMA]) == sorted(registered())
 
 
-@pytest.fixture
-def interpreted(monkeypatch):
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
-
-
 def results(name, ids, seconds):
     scenario = load(name).model_copy(update={"rate_hz": RATES[name.split("-")[0]]})
-    return insenv.run(scenario, ids, seed=7, duration_s=seconds).results
+    with mock.patch.dict(os.environ, INSENV_BACKEND="interpreter"):
+        return insenv.run(scenario, ids, seed=7, duration_s=seconds).results
 
 
-@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("id", NEAR)
 def test_one_run_is_near_its_limit_and_states_its_error(id):
     """No sigma below what any estimator can have, but for 20 % of the printed filters and of chance; errors of 3.5 sigma."""
@@ -65,7 +63,6 @@ def test_one_run_is_near_its_limit_and_states_its_error(id):
         assert abs(result.errors[channel][-1]) < 3.5 * min(sigma, 3.0 * limit), channel
 
 
-@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("id", SMOOTHERS)
 def test_a_smoother_is_surer_than_its_filter_and_states_its_error(id):
     filter, smoothed = results("car-city-drive", [SMOOTHERS[id], id], 50.0)
@@ -76,7 +73,6 @@ def test_a_smoother_is_surer_than_its_filter_and_states_its_error(id):
     assert smoothed.sigma["heading_deg"][middle] < 0.9 * filter.sigma["heading_deg"][middle]
 
 
-@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("id", WITHOUT_SIGMA)
 def test_free_inertial_navigation_drifts_as_its_unit(id):
     (result,) = results("aircraft-free-inertial", id, 60.0)
@@ -84,13 +80,10 @@ def test_free_inertial_navigation_drifts_as_its_unit(id):
         assert 0.0 < np.abs(error[-1]) < 3.5 * result.limit_sigma[channel][-1], channel
 
 
-COARSE = {"coarse_time": 90.0, "tilt_sigma": 0.002, "heading_sigma": 0.03, "velocity_random_walk": 1e-5}
-
-
 @pytest.mark.parametrize("latitude_deg", [-85.0, -40.0, 1.0, 70.0])
 @pytest.mark.parametrize(("id", "seconds", "bound", "given"), [
     ("analytic", 60.0, 1e-9, {}),
-    ("ecef-kf", 120.0, 2e-5, COARSE),
+    ("ecef-kf", 120.0, 2e-5, {"coarse_time": 90.0, "tilt_sigma": 0.002, "heading_sigma": 0.03, "velocity_random_walk": 1e-5}),
     ("q-method", 120.0, 1e-6, {}),
     ("qakf", 120.0, 1e-4, {"start_quaternion": [0.9, -0.3, 0.2, 0.1]}),
     ("qakf-improved", 120.0, 1e-4, {"start_quaternion": [0.9, -0.3, 0.2, 0.1]}),

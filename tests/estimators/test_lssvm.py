@@ -63,8 +63,8 @@ def test_inputs_against_closed_form(phi_deg):
     columns = samples(q_nb, latitude, 300.0, dt)
     n = len(columns["dt"])
     antenna = geodesy.numeric.geodetic_from_ned_offset(numeric.rotate(q_nb, arm), latitude, 0.3, 10.0)
-    columns |= {f"gnss_{name}": np.full(n, value) for name,
-        value in zip(("latitude", "longitude", "height"), antenna, strict=True)}  # fmt: skip
+    places = dict(zip(("latitude", "longitude", "height"), antenna, strict=True))
+    columns |= {f"gnss_{name}": np.full(n, value) for name, value in places.items()}
     columns |= {"gnss_valid": (np.arange(1, n + 1) % 50 == 0).astype(float), "gnss_velocity_valid": np.ones(n)}
     columns |= {f"gnss_{name}_sigma": np.full((n, 3), 1e-6) for name in ("position", "velocity")}
     given = numeric.to_euler(numeric.multiply(numeric.from_rotation_vector(np.radians(phi_deg)), q_nb))

@@ -9,11 +9,8 @@ from resting import at_rest, attitude_error, samples
 from insenv import attitude, geodesy, run
 from insenv.estimators import qakf
 
-IDS = ["qakf", "qakf-improved"]
-PRINTED = ("qakf-printed", "qakf-improved-printed")
 
-
-@pytest.mark.parametrize("id", IDS)
+@pytest.mark.parametrize("id", ["qakf", "qakf-improved"])
 @pytest.mark.parametrize("opposite", np.eye(4)[1:])
 def test_start_opposite_to_the_truth(id, opposite):
     """Half a turn off about each axis: every residual along the sphere is zero there; noise leads away from it."""
@@ -130,7 +127,7 @@ def both_at_rest(id, q_nb, parameters, n=400, dt=0.05, latitude=0.6):
     return runner, np.einsum("tij,tj->ti", turns_b, columns["delta_velocity"] / dt), np.einsum("tij,j->ti", turns, up)
 
 
-@pytest.mark.parametrize("id", PRINTED)
+@pytest.mark.parametrize("id", ("qakf-printed", "qakf-improved-printed"))
 @pytest.mark.parametrize("reading",
     [{}, {"forgetting": 0.97}, {"subtracted": 1.0, "least_noise_sigma": 1e-4}, {"noise_sigma": 1e-3}])  # fmt: skip
 def test_against_the_textbook(id, reading):

@@ -49,11 +49,6 @@ def blocks_of(name: str, page: str) -> list[Block]:
     return [Block(name, line, m["language"], m["text"], m["reason"]) for line, m in found]
 
 
-def shown_below(text: str) -> list[tuple[str, list[str]]]:
-    parts = re.split(r"^\$ ", text.replace("\\\n", " "), flags=re.MULTILINE)[1:]
-    return [(part.splitlines()[0], part.splitlines()[1:]) for part in parts]
-
-
 TIMES = re.compile(r"(?:, \S+ us a sample|, \S+ us per step|simulated in \S+ s|lateness .*|\d+ messages to .*)")
 
 
@@ -132,7 +127,8 @@ def test_commands(block, tmp_path):
     folder = tmp_path if "$ insenv examples" in block.text else linked(tmp_path)
     path = path_of(block.page, folder)
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-    for command, shown in shown_below(block.text):
+    parts = re.split(r"^\$ ", block.text.replace("\\\n", " "), flags=re.MULTILINE)[1:]
+    for command, *shown in map(str.splitlines, parts):
         if re.fullmatch(r"python examples/\w+\.py", command) and not shown:
             continue  # test_examples.py runs them, and looks at what they print
         if command.startswith("make "):

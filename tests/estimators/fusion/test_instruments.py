@@ -58,16 +58,12 @@ def test_each_error_alone_is_found_with_its_sign(states):
         assert share.size and np.all((share > 0.7) & (share < 1.3)), (state, share)
 
 
-def day():
-    """The ship of `ship-dvl` without its log, with a barometer; GNSS is lost after ten minutes."""
-    lost, barometer = {"outages_s": [[600.0, 90000.0]]}, {"grade": "ms5611", "interval_s": 1.0}
-    return changed("ship-dvl", gnss=lost, dvl=None, barometer=barometer, duration_s=86400.0, rate_hz=20.0)
-
-
 @pytest.mark.slow
 def test_the_height_of_a_day_without_gnss_is_that_of_the_barometer():
-    """Without it the height error grows by a factor of e every 9.5 minutes."""
-    found = ensemble(day(), ["fusion"], range(20000, 20004), records=288)
+    """Without it the height error grows by a factor of e every 9.5 minutes; GNSS is lost after ten."""
+    lost, barometer = {"outages_s": [[600.0, 90000.0]]}, {"grade": "ms5611", "interval_s": 1.0}
+    day = changed("ship-dvl", gnss=lost, dvl=None, barometer=barometer, duration_s=86400.0, rate_hz=20.0)
+    found = ensemble(day, ["fusion"], range(20000, 20004), records=288)
     outputs, late = found.outputs["fusion"], found.time > 600.0
     error = (outputs["height"] - found.truth["height"])[:, late]
     sigma = outputs["position_sigma"][:, late, 2]

@@ -148,12 +148,8 @@ def test_the_equations_of_a_fix_are_the_derivatives_of_what_it_shows():
         np.testing.assert_allclose(column, (up - down) / (2 * h), rtol=1e-5, atol=1e-7)
 
 
-OUTLIERS = {"noise_m": [0.01, 0.02, 0.03], "outlier_probability": 0.75}
-ROUNDED = {"noise_m": 0.3, "quantum_m": 1.2}
-
-
 @pytest.mark.parametrize(("id", "section", "noise"), [
-    ("heading", OUTLIERS, [0.02, 0.04, 0.06]),
+    ("heading", {"noise_m": [0.01, 0.02, 0.03], "outlier_probability": 0.75}, [0.02, 0.04, 0.06]),
     ("barometer", {"noise_m": 0.3, "quantum_m": 1.2}, math.hypot(0.3, 1.2 / 12**0.5)),
 ])  # fmt: skip
 def test_a_detected_outlier_is_a_measurement_that_is_missing_and_rounding_is_noise(id, section, noise):

@@ -89,13 +89,12 @@ TIME = np.arange(100.0)
 ROWS = closed_form(TIME)
 GAP = (TIME < 30) | (TIME > 45)
 JUMP = ROWS + np.where(TIME[:, None] >= 60, [[100.0 / 6.37e6, 0, 0, 0, 0, 0]], 0.0)
-BACK = np.where(TIME == 50, 40.0, TIME)
 
 
 @pytest.mark.parametrize(("time", "values", "vehicle", "said"), [
     (TIME[GAP], ROWS[GAP], {}, "no points between 29 s and 46 s: a gap of 17 s, allowed max_gap_s = 10 s$"),
     (TIME, JUMP, {}, "a jump near (59|60) s: .* m/s2 over a second, allowed max_acceleration_mps2 = 20"),
-    (BACK, ROWS, {}, "time goes from 49 s to 40 s at point 51"),
+    (np.where(TIME == 50, 40.0, TIME), ROWS, {}, "time goes from 49 s to 40 s at point 51"),
     (TIME, ROWS, {"columns": {"position_unit": "rad"}}, "check position_unit"),
 ])  # fmt: skip
 def test_what_is_no_track(tmp_path, time, values, vehicle, said):
