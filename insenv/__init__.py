@@ -81,76 +81,47 @@ _starting.prepare()  # before anything that takes long to import
 
 from typing import TYPE_CHECKING  # noqa: E402
 
-from insenv.base.registration import register as _register_environments  # noqa: E402
 from insenv.base.shipped import __version__ as __version__  # noqa: E402
+from insenv.base.shipped import register as _register_environments  # noqa: E402
 
-if TYPE_CHECKING:
-    from insenv import testing
-    from insenv.base.errors import InputError, InsenvError
-    from insenv.core.model import Model, Step
-    from insenv.core.tables import Row, Table
-    from insenv.envs import agents
-    from insenv.estimators import Estimator, Knowledge
-    from insenv.estimators.fusion import fusion
-    from insenv.export import record, write
-    from insenv.extending import register
-    from insenv.fmu import export_fmu, export_ssp
-    from insenv.report import Report
-    from insenv.runs.replayed import replay
-    from insenv.runs.simulated import run
-    from insenv.scenario import Scenario, limit, load
-    from insenv.sensors import Sensor, SensorSection
-    from insenv.sensors.instrument import Instrument
-    from insenv.studies.allan import allan
-    from insenv.studies.budget import budget
-    from insenv.studies.budget_result import Budget
-    from insenv.studies.campaign import campaign
-    from insenv.studies.campaign.comparison import Comparison
-    from insenv.studies.campaign.summary import Summary
-    from insenv.studies.tune import tune
-    from insenv.studies.tune_result import Tuning
-    from insenv.vehicles import StartSection, Vehicle, VehicleSection
-    from insenv.web.live import page
-
-__all__ = [
-    "Budget",
-    "Comparison",
-    "Estimator",
-    "InputError",
-    "InsenvError",
-    "Instrument",
-    "Knowledge",
-    "Model",
-    "Report",
-    "Row",
-    "Scenario",
-    "Sensor",
-    "SensorSection",
-    "StartSection",
-    "Step",
-    "Summary",
-    "Table",
-    "Tuning",
-    "Vehicle",
-    "VehicleSection",
-    "agents",
-    "allan",
-    "budget",
-    "campaign",
-    "export_fmu",
-    "export_ssp",
-    "fusion",
-    "limit",
-    "load",
-    "page",
-    "record",
-    "register",
-    "replay",
-    "run",
-    "testing",
-    "tune",
-    "write",
-]
+if TYPE_CHECKING:  # type checkers read only imports that are written out
+    from insenv import testing as testing
+    from insenv.base.errors import InputError as InputError
+    from insenv.base.errors import InsenvError as InsenvError
+    from insenv.core.model import Model as Model
+    from insenv.core.model import Step as Step
+    from insenv.core.tables import Row as Row
+    from insenv.core.tables import Table as Table
+    from insenv.envs import agents as agents
+    from insenv.estimators import Estimator as Estimator
+    from insenv.estimators import Knowledge as Knowledge
+    from insenv.estimators.fusion import fusion as fusion
+    from insenv.export import record as record
+    from insenv.export import write as write
+    from insenv.extending import register as register
+    from insenv.fmu import export_fmu as export_fmu
+    from insenv.fmu import export_ssp as export_ssp
+    from insenv.report import Report as Report
+    from insenv.runs.replayed import replay as replay
+    from insenv.runs.simulated import run as run
+    from insenv.scenario import Scenario as Scenario
+    from insenv.scenario import limit as limit
+    from insenv.scenario import load as load
+    from insenv.sensors import Sensor as Sensor
+    from insenv.sensors import SensorSection as SensorSection
+    from insenv.sensors.instrument import Instrument as Instrument
+    from insenv.studies.allan import allan as allan
+    from insenv.studies.budget import budget as budget
+    from insenv.studies.budget_result import Budget as Budget
+    from insenv.studies.campaign import campaign as campaign
+    from insenv.studies.campaign.comparison import Comparison as Comparison
+    from insenv.studies.campaign.summary import Summary as Summary
+    from insenv.studies.tune import tune as tune
+    from insenv.studies.tune_result import Tuning as Tuning
+    from insenv.vehicles import StartSection as StartSection
+    from insenv.vehicles import Vehicle as Vehicle
+    from insenv.vehicles import VehicleSection as VehicleSection
+    from insenv.web.live import page as page
 
 _HOMES = {
     "insenv.studies.campaign": ("campaign",),
@@ -180,9 +151,12 @@ _HOMES = {
     "insenv.studies.tune_result": ("Tuning",),
     "insenv.web.live": ("page",),
 }
+"""By module, the public names that it defines."""
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
-if not TYPE_CHECKING:  # a type checker reads the imports above
+__all__ = sorted(_HOME)
+
+if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
         """A public name, or a submodule, imported on first use."""

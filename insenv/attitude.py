@@ -11,11 +11,10 @@ from types import SimpleNamespace
 
 import casadi as ca
 
-from insenv.core.elementary import Scalar, atan2, atan_series, cos_half, select, sin_cos, sinc_half, wrap_angle
+from insenv.core.elementary import Scalar, atan2, atan_series, cos_half, select, sin_cos, sinc_half, split_half_angles
 from insenv.core.numeric import vectorized
 
 _SMALL_SQUARE = 0.25  # rad^2: up to here the series of cos_half and sinc_half are accurate to rounding
-_DEGENERATE = 1e-28  # below this squared radius a point is the origin but for rounding
 
 
 def skew(v: ca.SX) -> ca.SX:
@@ -157,18 +156,6 @@ def to_euler(q: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     roll, heading = split_half_angles(sum_x, sum_y, difference_x, difference_y)
     cos_pitch = ca.sqrt((sum_x**2 + sum_y**2) * (difference_x**2 + difference_y**2))
     return roll, atan2(2.0 * (w * y - x * z), cos_pitch), heading
-
-
-def split_half_angles(sum_x: ca.SX, sum_y: ca.SX, difference_x: ca.SX, difference_y: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Angles a, b in (-pi, pi] from points of arguments (a + b)/2 and (a - b)/2; a = 0 if one vanishes."""
-    half_sum, half_difference = atan2(sum_y, sum_x), atan2(difference_y, difference_x)
-    no_sum = sum_x**2 + sum_y**2 < _DEGENERATE
-    no_difference = difference_x**2 + difference_y**2 < _DEGENERATE
-    half_sum, half_difference = (
-        select(no_sum, -half_difference, half_sum),
-        select(no_difference, -half_sum, half_difference),
-    )
-    return wrap_angle(half_sum + half_difference), wrap_angle(half_sum - half_difference)
 
 
 def error_rotation_vector(q_estimate: ca.SX, q_true: ca.SX) -> ca.SX:

@@ -2,6 +2,7 @@
 
 python tools/moored.py [first seed]           the table of docs/estimators/fusion.md, ten minutes
 python tools/moored.py slow [first seed]      the other one: surges that are slower or larger than what fusion assumes
+python tools/moored.py fir [first seed]       that of inertial-fir.md: surges that pass its low-passes, two minutes
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ HEADER = "\n".join((
     "| sea | limit | `fusion` | beyond 3 sigma | " + " | ".join(f"`{id}`" for id in OTHERS) + " |",
     "|---" * (4 + len(OTHERS)) + "|",
 ))  # fmt: skip
+FIR_HEADER = "| surge | heading | tilt | heading, rms (stated), at 45 deg |\n|---|---|---|---|"
+FIR_SEED, FIR_FROM_S, LATITUDES_DEG = 985000, 200.0, (0.0, 45.0, 70.0)
 SLOW_HEADER = "| surge | limit | `fusion` | beyond 3 sigma: tilt, heading |\n|---|---|---|---|"
 
 
@@ -50,18 +53,42 @@ SEAS = {
     "`ship-irregular-sea`": values_of("ship-irregular-sea"),
     "the same, peak at 18 s": values_of("ship-irregular-sea", peak_period_s=18.0),
 }
+PASSED = {f"{a:g} m, {t:g} s": surging(a, t) for t in (12.0, 18.0, 25.0, 40.0, 60.0, 120.0) for a in (0.05, 0.3, 2.0)}
 SLOW = {f"{size:g} m, {period:g} s": surging(size, period) for period in (30.0, 60.0, 120.0) for size in (0.05, 0.3, 1.0, 2.0)}
+
+
+PARTS = CHANNELS.index("heading_deg"), [CHANNELS.index(name) for name in ("roll_deg", "pitch_deg")]
+
+
+def campaign(values: dict[str, Any], id: str, first_seed: int) -> tuple[Any, ...]:
+    """Times (k), errors and stated sigmas (runs, k, channels) of a scenario."""
+    plan = make_plan(parse(values, "sea", "sea"), id, RUNS, first_seed=first_seed)
+    blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
+    return plan.times, *(np.concatenate([block[name] for block in blocks]) for name in ("error", "sigma"))
+
+
+def passed(values: dict[str, Any], first_seed: int) -> tuple[str, str, str]:
+    """Largest shares (%) of heading and tilt beyond 3 sigma by `inertial-fir` at any latitude, and its heading at the end."""
+    shares, at_end = [], ""
+    for latitude_deg in LATITUDES_DEG:
+        values["start"]["latitude_deg"] = latitude_deg
+        times, error, sigma = campaign(values, "inertial-fir", first_seed)
+        late = times >= FIR_FROM_S
+        shares.append([100 * np.mean(np.abs(error) > 3 * sigma, axis=0)[late][:, part].mean() for part in PARTS])
+        if latitude_deg == 45.0:
+            rms, stated = (np.sqrt(np.mean(part[:, -1, PARTS[0]] ** 2)) for part in (error, sigma))
+            at_end = f"{shown(rms)} ({shown(stated)})"
+    of_heading, of_tilt = np.max(shares, axis=0)
+    return f"{shown(of_heading)} %", f"{shown(of_tilt)} %", at_end
 
 
 def found(values: dict[str, Any], id: str, first_seed: int) -> tuple[str, str, str]:
     """Limit, rms (stated) of the heading at `AT_S` in deg, and shares (%) of tilt and heading beyond 3 sigma at any time."""
     scenario = parse(values, "sea", "sea")
-    plan = make_plan(scenario, id, RUNS, first_seed=first_seed)
-    blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
-    error, sigma = (np.concatenate([block[name] for block in blocks]) for name in ("error", "sigma"))
-    heading, tilts = CHANNELS.index("heading_deg"), [CHANNELS.index(name) for name in ("roll_deg", "pitch_deg")]
+    times, error, sigma = campaign(values, id, first_seed)
     limit = insenv.limit(scenario).at(np.array(AT_S))["heading_deg"]
-    at = [int(np.argmin(np.abs(plan.times - seconds))) for seconds in AT_S]
+    heading, tilts = PARTS
+    at = [int(np.argmin(np.abs(times - seconds))) for seconds in AT_S]
     rms, stated = (np.sqrt(np.mean(part[:, at, heading] ** 2, axis=0)) for part in (error, sigma))
     beyond = [100 * np.mean(np.abs(error[:, :, k]) > 3 * sigma[:, :, k]) for k in (tilts, heading)]
     pairs = (f"{shown(one)} ({shown(other)})" for one, other in zip(rms, stated, strict=True))
@@ -74,11 +101,15 @@ def shown(value: float) -> str:
 
 
 if __name__ == "__main__":
-    slow = "slow" in sys.argv
-    seeds = [int(argument) for argument in sys.argv[1:] if argument != "slow"]
-    first = seeds[0] if seeds else FIRST_SEED
-    print(SLOW_HEADER if slow else HEADER)
-    for name, values in (SLOW if slow else SEAS).items():
-        limit, by_fusion, beyond = found(values, "fusion", first)
-        others = [] if slow else [found(values, id, first)[1] for id in OTHERS]
-        print(f"| {' | '.join([name, limit, by_fusion, beyond, *others])} |", flush=True)
+    mode = next((name for name in ("slow", "fir") if name in sys.argv), "")
+    seeds = [int(argument) for argument in sys.argv[1:] if argument != mode]
+    first = seeds[0] if seeds else FIR_SEED if mode == "fir" else FIRST_SEED
+    print({"": HEADER, "slow": SLOW_HEADER, "fir": FIR_HEADER}[mode])
+    for name, values in {"": SEAS, "slow": SLOW, "fir": PASSED}[mode].items():
+        if mode == "fir":
+            cells: tuple[str, ...] = passed(values, first)
+        else:
+            limit, by_fusion, beyond = found(values, "fusion", first)
+            others = [] if mode == "slow" else [found(values, id, first)[1] for id in OTHERS]
+            cells = (limit, by_fusion, beyond, *others)
+        print(f"| {' | '.join([name, *cells])} |", flush=True)

@@ -15,7 +15,7 @@ from site_sensors import grades, sensor_pages
 from site_tables import DOCS, Pages, estimator_pages, overview, rows_with_bounds, sentence
 
 import insenv
-from insenv.base.registration import SPECS, titles
+from insenv.base.shipped import SPECS, titles
 from insenv.scenario import load, summaries
 
 

@@ -1,4 +1,4 @@
-"""What insenv ships: its version, and where each estimator, kind of vehicle and sensor is defined, in the order of listings.
+"""What insenv ships: its version; estimators, kinds of vehicle, sensors and environments, in the order of listings.
 
 As the entry points of an outside package, a place is ``"module:attribute"``, imported when the thing is asked for
 (`insenv.base.plugins`), so that a command imports only what it uses.
@@ -60,3 +60,49 @@ SENSORS = {
 IMU_GRADES = ("perfect", "consumer", "autopilot", "industrial", "tactical", "navigation", "marine", "leador", "n380")
 GNSS_GRADES = ("perfect", "spp", "sbas", "rtk", "centimetre")
 """Names of the grades of `insenv.sensors.catalogue`, but of those that papers simulate: a list of names imports no figures."""
+
+
+# Environments: Gymnasium imports the module of one when it is made.
+
+
+SPECS: dict[str, tuple[str, dict[str, object]]] = {
+    "insenv/ShipAlignment-v0": ("Alignment", {"scenario": "ship-swaying", "vehicle": "ship"}),
+    "insenv/VehicleAlignment-v0": ("Alignment", {"scenario": "car-parked", "vehicle": "car"}),
+    "insenv/AircraftAlignment-v0": ("Alignment", {"scenario": "aircraft-parked", "vehicle": "aircraft"}),
+    "insenv/ShipNavigation-v0": ("Navigation", {"scenario": "ship-underway", "vehicle": "ship"}),
+    "insenv/VehicleNavigation-v0": ("Navigation", {"scenario": "car-city-drive", "vehicle": "car"}),
+    "insenv/AircraftNavigation-v0": ("Navigation", {"scenario": "aircraft-survey", "vehicle": "aircraft"}),
+    "insenv/Tuning-v0": ("Tuning", {"scenario": "car-city-drive"}),
+    "insenv/Manoeuvre-v0": ("Manoeuvre", {"scenario": "car-unknown-heading"}),
+}
+IDS = tuple(SPECS)
+"""Ids of all environments."""
+
+
+def register() -> None:
+    """Register the environments that are not yet registered."""
+    from gymnasium.envs.registration import register as add
+    from gymnasium.envs.registration import registry
+
+    for id, (name, kwargs) in SPECS.items():
+        if id not in registry:
+            add(
+                id,
+                entry_point=f"insenv.envs:{name}Env",
+                vector_entry_point=f"insenv.envs:{name}VectorEnv",
+                disable_env_checker=True,
+                kwargs=kwargs,
+            )
+
+
+def titles() -> dict[str, str]:
+    """Return a one-line description of each environment, by id."""
+    return {id: f"{_TASKS[name]}, by default in {kwargs['scenario']}" for id, (name, kwargs) in SPECS.items()}
+
+
+_TASKS = {
+    "Alignment": "estimate the attitude of a vehicle in place, and declare when aligned",
+    "Navigation": "estimate attitude, velocity and position of a vehicle with GNSS",
+    "Tuning": "tune the noise parameters of a filter while it runs",
+    "Manoeuvre": "move the vehicle such that the filter finds the heading",
+}

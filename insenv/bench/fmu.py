@@ -23,7 +23,6 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InsenvError
 from insenv.base.installing import install_extra
@@ -33,14 +32,13 @@ from insenv.core.codegen import native_source
 from insenv.core.compile import Compiler, compile_library, find_compiler, pointer
 from insenv.core.compile import load as load_library
 from insenv.core.runner import make_runner
+from insenv.core.tables import Array
 from insenv.fmu import export_fmu, export_ssp, run, run_ssp
 from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.running import flattened
 from insenv.fmu.subject import Subject, subject
 from insenv.scenario import build, load
 from insenv.scenario.chunks import input_rows
-
-Array = NDArray[np.float64]
 
 ESTIMATOR, SCENARIO = "qakf-improved", "ship-swaying"
 DURATION_S = 100.0

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.bench.figure import Figure, empty_loop, median_time
 from insenv.core.runner import make_runner
+from insenv.core.tables import Array
 from insenv.web.live import Live, compressed, live, page
 from insenv.web.start import reported_places
-
-Array = NDArray[np.float64]
 
 
 class PageMachine:
@@ -64,7 +62,7 @@ class PageMachine:
 
     @property
     def parameters(self) -> Array:
-        """The parameters, with what the estimators are told."""
+        """The parameters, with the initial knowledge of the estimators."""
         return self._get(self._p, self.live.page.model.parameters.size)
 
     @property

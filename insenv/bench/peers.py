@@ -14,12 +14,11 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.core.tables import Array
 from insenv.geodesy import NOMINAL_GRAVITY
 
-Array = NDArray[np.float64]
 Peer = tuple[str, float]
 
 SAMPLES = 1000  # 5 s at 200 Hz: its cost per sample grows with the length of a run, so a short run favours it

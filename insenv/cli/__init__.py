@@ -131,16 +131,16 @@ def _plain(message: str, arguments: Sequence[str], context: Any, parameter: Any)
 
 def _value_of(parameter: Any, arguments: Sequence[str]) -> str | None:
     """The last value that the command line gives an option; None if it gives none, or for an argument."""
-    found = None
+    value = None
     for name in parameter.opts if _is_option(parameter) else ():
         for place, text in enumerate(arguments):
             if text == name and place + 1 < len(arguments):
-                found = arguments[place + 1]
+                value = arguments[place + 1]
             elif name.startswith("--") and text.startswith(f"{name}="):
-                found = text.partition("=")[2]
+                value = text.partition("=")[2]
             elif len(name) == 2 and text.startswith(name) and not text.startswith("--") and len(text) > 2:
-                found = text[2:]
-    return found
+                value = text[2:]
+    return value
 
 
 def _is_option(parameter: Any) -> bool:

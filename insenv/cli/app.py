@@ -8,14 +8,13 @@ from typing import Annotated, Any
 import typer
 
 from insenv.cli import fmu
-from insenv.cli.campaign import campaign
 from insenv.cli.describe import describe
 from insenv.cli.lists import examples, list_all, new, schema
 from insenv.cli.measures import bench, prove, reproduce
 from insenv.cli.options import HELP, OnceCommand
 from insenv.cli.runs import page, replay, run
 from insenv.cli.stream import stream
-from insenv.cli.studies import allan, budget, train, tune
+from insenv.cli.studies import allan, budget, campaign, train, tune
 
 app = typer.Typer(
     pretty_exceptions_enable=False,

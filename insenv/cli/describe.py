@@ -56,7 +56,7 @@ def describe(
     from insenv.cli.output import print_line
     from insenv.runs.replayed import replay
     from insenv.studies.describe import describe as describe_log
-    from insenv.studies.describe.described import document, write
+    from insenv.studies.describe.written import document, write
 
     path = output.out
     next_step = "-o LOG.toml writes the description and runs fusion on it"

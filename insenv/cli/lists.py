@@ -57,7 +57,7 @@ def list_all(
 def _known(what: What) -> dict[str, Rows]:
     """What there is, by the key of the JSON document."""
     from insenv import estimators, scenario, sensors, vehicles
-    from insenv.base.registration import titles
+    from insenv.base.shipped import titles
     from insenv.base.toml import summary
     from insenv.estimators.fusion.available import all_aids, all_states
     from insenv.sensors import registry
@@ -85,7 +85,7 @@ def _known(what: What) -> dict[str, Rows]:
         return {"sensors": _titled("id", {id: summary(section) for id, section in registry.registered().items()})}
     if what is What.environments:
         return {"environments": _titled("id", titles())}
-    grades = {"imu_grades": {**sensors.IMU_GRADES, **_own_grades()}, "gnss_grades": sensors.GNSS_GRADES}
+    grades = {"imu_grades": {**sensors.IMU_GRADES, **_folder_grades()}, "gnss_grades": sensors.GNSS_GRADES}
     lists = {key: _titled("name", {name: known[name].title for name in real_first(known)}) for key, known in grades.items()}
     lists["instrument_grades"] = [
         {"sensor": id, "name": grade.name, "title": grade.title}
@@ -100,7 +100,7 @@ def _titled(key: str, titles: Mapping[str, str]) -> Rows:
     return [{key: name, "title": title} for name, title in titles.items()]
 
 
-def _own_grades() -> dict[str, Any]:
+def _folder_grades() -> dict[str, Any]:
     """The grades of inertial units in files of the working folder; files that hold none are named on stderr."""
     if not any(_may_be_grade(path) for path in Path.cwd().glob("*.toml")):  # without the import of all sensors
         return {}
@@ -129,15 +129,14 @@ def real_first(grades: Iterable[str]) -> list[str]:
 
 def _names() -> Iterator[tuple[str, list[str]]]:
     """All names but those of papers' simulations and printed forms, by what they name; what insenv ships is not imported."""
-    from insenv.base.registration import IDS
     from insenv.base.resources import scenario_titles
-    from insenv.base.shipped import ESTIMATORS, GNSS_GRADES, IMU_GRADES, SENSORS, VEHICLES
+    from insenv.base.shipped import ESTIMATORS, GNSS_GRADES, IDS, IMU_GRADES, SENSORS, VEHICLES
 
     yield "scenarios", [name for name, title in scenario_titles().items() if "paper" not in title.lower()]
     yield "estimators", [id for id in _with_installed("estimators", ESTIMATORS) if not id.endswith("-printed")]
     yield "vehicles", _with_installed("vehicles", VEHICLES)
     yield "sensors", _with_installed("sensors", SENSORS)
-    yield "IMU grades", real_first([*IMU_GRADES, *_own_grades()])
+    yield "IMU grades", real_first([*IMU_GRADES, *_folder_grades()])
     yield "GNSS grades", real_first(GNSS_GRADES)
     yield "environments", list(IDS)
 

@@ -37,8 +37,8 @@ class Interruptions:
 
     def __enter__(self) -> Interruptions:
         if hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread():
-            own = (signal.default_int_handler, signal.SIG_DFL, end)
-            taken = [number for number in SIGNALS if signal.getsignal(number) in own]
+            default = (signal.default_int_handler, signal.SIG_DFL, end)
+            taken = [number for number in SIGNALS if signal.getsignal(number) in default]
             taken += [signal.SIGALRM] if taken else []
             self._before = {number: signal.signal(number, self._interrupt) for number in taken}
         return self

@@ -157,6 +157,21 @@ def atan2(y: Scalar, x: Scalar) -> Scalar:
     return y_sign * (PI * x_negative + x_sign * a)
 
 
+_DEGENERATE = 1e-28  # below this squared radius a point is the origin but for rounding
+
+
+def split_half_angles(sum_x: Scalar, sum_y: Scalar, difference_x: Scalar, difference_y: Scalar) -> tuple[Scalar, Scalar]:
+    """Angles a, b in (-pi, pi] from points of arguments (a + b)/2 and (a - b)/2; a = 0 if one vanishes."""
+    half_sum, half_difference = atan2(sum_y, sum_x), atan2(difference_y, difference_x)
+    no_sum = sum_x**2 + sum_y**2 < _DEGENERATE
+    no_difference = difference_x**2 + difference_y**2 < _DEGENERATE
+    half_sum, half_difference = (
+        select(no_sum, -half_difference, half_sum),
+        select(no_difference, -half_sum, half_difference),
+    )
+    return wrap_angle(half_sum + half_difference), wrap_angle(half_sum - half_difference)
+
+
 def exp(x: Scalar) -> Scalar:
     """e^x to a relative 2e-16; the argument is clamped to [-700, 700], so that the result is a normal float."""
     x = clamp(x, -700.0, 700.0)

@@ -33,7 +33,7 @@ LONG_CYCLE = 50
 def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = None, backend: str | None = None) -> Runner:
     """Make and start a runner of `model`.
 
-    parameters: values by row name (checked), or the flat vector; rows that are not given have the table's start values.
+    parameters: values by row name (checked), or the flat vector; absent rows have the table's start values.
     backend: "native", "interpreter", or None: the environment's INSENV_BACKEND, else native if a C compiler is found.
     If no folder can hold compiled models, the interpreter is used with a warning, unless "native" is requested.
     Raises `InputError` for values that do not fit, an unknown backend, or "native" without a C compiler.
@@ -73,7 +73,7 @@ def prepare(models: Iterable[Model], backend: str | None = None) -> None:
 
 
 def resolve_backend(backend: str | None = None) -> str:
-    """The backend to use: the given one, else native if there is a C compiler; warns once if there is none."""
+    """The backend to use: `backend`, else native if there is a C compiler; warns once if there is none."""
     chosen = _requested(backend)
     if chosen and chosen not in BACKENDS:
         raise InputError(f"backend {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")

@@ -4,7 +4,7 @@ A table is the only description of a vector of numbers in insenv.  The same rows
 define the layout of the flat float64 vector of the generated code, check user values, label result files and become the
 variables of an FMU.
 
-Layout: the rows follow one another in the given order; a matrix is stored row by row (C order), as in NumPy.
+Layout: the rows follow one another in their order; a matrix is stored row by row (C order), as in NumPy.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 
-Vector = NDArray[np.float64]
+Array = NDArray[np.float64]
+"""Real numbers of any shape."""
+Vector = Array
+"""The numbers of a table, one after another."""
 Spans = tuple[slice, ...]
 
 
@@ -173,7 +176,7 @@ class Table:
         return np.concatenate([row.flat_start() for row in self.rows] or [np.zeros(0)])
 
     def pack(self, values: Mapping[str, Any], base: Vector | None = None) -> Vector:
-        """Flat vector with `values` by name written over `base` (the start values if not given), each checked.
+        """Flat vector with `values` by name written over `base` (the start values if None), each checked.
 
         Raises `InputError` for an unknown name, a wrong shape, or an element that is not finite or out of bounds.
         """

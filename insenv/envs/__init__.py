@@ -6,7 +6,7 @@
 The ids are `IDS`.  An observation contains what a navigator knows and measures; only the info contains the truth.
 """
 
-from insenv.base.registration import IDS, register
+from insenv.base.shipped import IDS, register
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
 from insenv.envs.estimation_task import estimate_action
 from insenv.envs.knowledge import knowledge_of

@@ -22,6 +22,7 @@ from insenv.base.errors import InputError
 from insenv.core.batch import make_batch
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
+from insenv.core.tables import Array
 from insenv.envs.checks import check_number, check_whole
 from insenv.envs.estimation_task import FIX_SOURCES, estimate_action
 from insenv.envs.knowledge import knowledge_of
@@ -29,8 +30,6 @@ from insenv.envs.setup import Setup
 from insenv.estimators import Estimator
 from insenv.scenario import build
 from insenv.scenario.chunks import bridge_lost
-
-Array = NDArray[np.float64]
 
 
 def make(

@@ -8,11 +8,9 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, UnknownArgumentError, nearest
-
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
 
 MAX_TEXT = 80
 """Characters of a value in a message, at most."""

@@ -137,7 +137,7 @@ class AlignmentEnv(Alignment, InertialEnv):
     - `duration_s`: length of an episode, s; None: that of the scenario. `samples_per_step`: inertial samples per step.
     - `imu`: a grade of `insenv list`, or "random" for a draw at each reset of one of 64 units between two grades, whose
       figures are independent: `imu_range`, the better grade first; None: marine to tactical. `imu_sheet`: what the agent is
-      told of a random unit: "drawn", its own data sheet, or "middle", that of the unit halfway between the grades.
+      known of a random unit: "drawn", its own data sheet, or "middle", that of the unit halfway between the grades.
     - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway,
       engine and gusts. `initial_error`: standard deviations (tilt, heading) of the reported attitude, deg.
       `sway_phases`: whether the phases of sway, waves and engine are drawn. `mounting_deg`: roll and pitch of the mounted

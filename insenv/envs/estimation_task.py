@@ -22,14 +22,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, maximum, minimum, select
 from insenv.core.model import Model, Step
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.envs import gravity
 from insenv.envs.checks import as_numbers, refused
 from insenv.envs.gravity import CORRECTION
@@ -47,8 +46,6 @@ from insenv.envs.task import (
     from_reference,
     truth,
 )
-
-Array = NDArray[np.float64]
 
 WORST_MEASURE = 20.0
 """Largest value of the error measure, and its value for an invalid estimate."""

@@ -8,17 +8,15 @@ from math import pi, radians
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.core.model import Model
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.estimators.contract import ImuDataSheet, Knowledge
 from insenv.scenario import Scenario, reported_attitude, start_errors
 from insenv.sensors.data_sheet import motion_errors
 from insenv.sensors.imu_tables import HUGE
 
-Array = NDArray[np.float64]
 _FIELDS = {field.name for field in fields(ImuDataSheet)}
 
 KNOWN = Table((

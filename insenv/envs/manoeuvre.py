@@ -41,7 +41,7 @@ from insenv.envs.starts import InnerStarts, Range, Ranges
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
 from insenv.scenario import Scenario, ScenarioLike, plant_of
-from insenv.scenario.assembly import plant_model
+from insenv.scenario.plant import plant_model
 from insenv.vehicles import Actions, Vehicle, registry
 from insenv.vehicles.turntable import INDEXING, on_turntable
 

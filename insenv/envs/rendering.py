@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base import style
+from insenv.core.tables import Array
 from insenv.envs.setup import Setup
 
-Array = NDArray[np.float64]
 History = Sequence[tuple[Array, dict[str, Any]]]
 """Observation and info of the reset and of each step of an episode."""
 

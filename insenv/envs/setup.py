@@ -9,19 +9,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.envs.checks import check_choice, check_type, check_whole, is_number, refused
 from insenv.envs.starts import Ranges, Starts, Variation
 from insenv.envs.task import HUGE_ACTION, Task
 from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.commands import DRIVEN
-from insenv.scenario.description import MAX_DURATION_S
 from insenv.scenario.poles import check_reach
+from insenv.vehicles.section import MAX_DURATION_S
 
-Array = NDArray[np.float64]
 FLOAT64 = np.dtype(np.float64)
 RewardOf = Callable[[Mapping[str, Any]], float]
 
@@ -105,8 +103,8 @@ class Arguments(Variation):
         ranges = self._ranges(scenario)
         samples = check_whole("samples_per_step", self.samples_per_step)
         check_choice("dtype", self.dtype, ("float64", "float32"))
-        own = self.reward if callable(self.reward) else None
-        if own is None and (not isinstance(self.reward, str) or self.reward not in self.rewards):
+        reward = self.reward if callable(self.reward) else None
+        if reward is None and (not isinstance(self.reward, str) or self.reward not in self.rewards):
             names = ", ".join(map(repr, self.rewards))
             raise refused("reward", self.reward, f"{names} or a function of the info that returns a number")
         constants, task = self._constants(scenario), self._task(scenario)
@@ -116,9 +114,9 @@ class Arguments(Variation):
         if decisions < 1:
             raise refused("duration_s", duration, f"a number from one step, {step:g} s, to {MAX_DURATION_S:g} s", "s")
         check_reach(scenario, task.model, decisions * step)
-        constants = {"decision_limit": float(decisions), "dense": float(own is None and self.reward != "final"), **constants}
+        constants = {"decision_limit": float(decisions), "dense": float(reward is None and self.reward != "final"), **constants}
         starts = self._starts(scenario, task, ranges, constants, decisions * step)
-        return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(self.dtype), own)
+        return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(self.dtype), reward)
 
     def _scenario(self) -> Scenario:
         """Return the scenario; a track stands for each kind of vehicle."""

@@ -8,19 +8,16 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import gymnasium
-import numpy as np
 from gymnasium.error import ResetNeeded
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 from insenv.core.runner import make_runner
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.envs.checks import check_choice, check_keywords, check_type
 from insenv.envs.rendering import draw, write
 from insenv.envs.setup import RewardOf, Setup, checked_action
 from insenv.envs.starts import RANGES
 
-Array = NDArray[np.float64]
 Made = TypeVar("Made", bound="Interface")
 
 

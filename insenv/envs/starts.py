@@ -15,7 +15,7 @@ from insenv import estimators
 from insenv.base.errors import InputError, nearest
 from insenv.core.model import Model
 from insenv.core.noise import first_uniforms
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.envs.checks import as_numbers, check_choice, check_number, check_range, check_type, is_number, refused
 from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
@@ -31,7 +31,6 @@ from insenv.sensors.grade_file import grade_of
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 from insenv.sensors.sampled import OUTAGES
 
-Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 IMU_RANGE = ("marine", "tactical")
@@ -44,7 +43,7 @@ RANKED = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel
 class Variation:
     """What varies between the episodes of every environment, besides the seed; None keeps the scenario's value.
 
-    A random unit is one of those of `insenv.envs.units`; `imu_sheet` is what is told of it.  `initial_error` is both reported
+    A random unit is one of those of `insenv.envs.units`; `imu_sheet` is its data sheet.  `initial_error` is both reported
     and used for the draw.
     """
 
@@ -126,8 +125,8 @@ class Ranges(Variation):
         if "run_seed" not in options:
             return replace(self, **values)
         imu = None if self.imu == "random" else self.imu
-        kept = {name: getattr(self, name) for name in ("imu_range", "imu_sheet", "gnss_outages_s", "units")}
-        return Ranges(imu=imu, **{**kept, **values})
+        unchanged = {name: getattr(self, name) for name in ("imu_range", "imu_sheet", "gnss_outages_s", "units")}
+        return Ranges(imu=imu, **{**unchanged, **values})
 
 
 RANGES = tuple(field.name for field in fields(Ranges) if field.name != "units")
@@ -261,10 +260,10 @@ class Starts:
             sigmas = {"tilt_sigma_deg": tilt, "heading_sigma_deg": heading}
             scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=sigmas)})
         if self._sheets is None:
-            told = self._pool
+            stated = self._pool
             if self.ranges.imu == "random" and self.ranges.imu_sheet == "middle":
-                told = np.tile(middle_unit(*self._grades, self._plant.parameters), (len(told), 1))
-            self._sheets = data_sheets(self._plant.parameters.unpack(told, IMU_PARAMETERS.names), scenario.vehicle.in_place)
+                stated = np.tile(middle_unit(*self._grades, self._plant.parameters), (len(stated), 1))
+            self._sheets = data_sheets(self._plant.parameters.unpack(stated, IMU_PARAMETERS.names), scenario.vehicle.in_place)
         sheets = self._sheets if len(self._pool) == 1 else {name: values[units] for name, values in self._sheets.items()}
         p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, sheets)
         if "limit" in model.parameters:

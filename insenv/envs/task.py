@@ -7,15 +7,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.core.elementary import select
 from insenv.core.model import Model, Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.vehicles import TRUTH_STATE
-
-Array = NDArray[np.float64]
 
 CLOCK = Row("time", "Time since the start", "s", lower=0.0, upper=1e6)
 DECISION_LIMIT = Row("decision_limit", "Decisions in an episode", start=1.0, lower=1.0, upper=1e9)

@@ -11,10 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.sensors.imu_tables import IMU_PARAMETERS
-
-Array = NDArray[np.float64]
 
 UNITS = 64
 """Units of a pool; more than a unit has figures."""

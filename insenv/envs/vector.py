@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.core.batch import Batch, make_batch
+from insenv.core.tables import Array
 from insenv.envs.checks import check_type, check_whole, is_whole, refused
 from insenv.envs.setup import checked_action
 from insenv.envs.single import Interface, Snapshot, places_of
 
-Array = NDArray[np.float64]
 Infos = dict[str, Any]
 
 

@@ -99,7 +99,7 @@ STATE = strapdown.STATE + rows.BIASES + Table((
 
 
 def start(p: Any) -> dict[str, Any]:
-    """The given start; frame w is NED there."""
+    """The stated start; frame w is NED there."""
     navigation = strapdown.start_state(p)
     return {
         **navigation,

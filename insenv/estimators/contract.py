@@ -13,13 +13,12 @@ from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, naming
 from insenv.base.plugins import check_id
 from insenv.base.remarks import Caveat, Remark, coded, remark
 from insenv.core.model import Model, Values
-from insenv.core.tables import Table, Vector, check_rows
+from insenv.core.tables import Array, Table, Vector, check_rows
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import understated as motion_errors_understated
 from insenv.estimators.parts.fed import misfed
@@ -437,9 +436,7 @@ class Estimator:
         with naming(f"estimator {self.id!r}, applicability"):
             return coded(self.applicability(parameters, duration_s), "applicability")
 
-    def shown(
-        self, parameters: Mapping[str, Any], time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]
-    ) -> tuple[Remark, ...]:
+    def shown(self, parameters: Mapping[str, Any], time: Array, outputs: Mapping[str, Array]) -> tuple[Remark, ...]:
         """What must be said of a run with these parameters and outputs (by row name): see `findings`.
 
         time (k,): of its records since its start, s.
@@ -450,9 +447,7 @@ class Estimator:
             when = [said for each in reaches for said in each.said(time, outputs)]
         return (*(sentence.filled(ratio=f"{ratio:.3g}") for sentence, ratio in held.values()), *when)
 
-    def held(
-        self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]
-    ) -> dict[str, tuple[Remark, float]]:
+    def held(self, parameters: Mapping[str, Any], outputs: Mapping[str, Array]) -> dict[str, tuple[Remark, float]]:
         """The findings that hold at the end of such a run, with their ratios (`Finding`): the first of each row, by row."""
         held: dict[str, tuple[Remark, float]] = {}
         with naming(f"estimator {self.id!r}, findings"):

@@ -15,8 +15,8 @@ Correction to the paper: its observation z = -v_ins with H = [I 0 0 0] (26) cont
 With dv = estimate minus truth, z is +v_ins (minus the velocity known from outside).
 
 Start: from a coarse alignment by the q-method over the first `coarse_time` seconds (any attitude, any sway), with the
-accuracy that it states and the correlation of its errors with the biases; or, with `coarse_time` = 0, from the given
-attitude. On a moving base always from the given attitude.
+accuracy that it states and the correlation of its errors with the biases; or, with `coarse_time` = 0, from the stated
+attitude. On a moving base always from the stated attitude.
 
 Observation: the mean velocity over a window, which is zero (or the velocity itself, against that of a fix). Attitude,
 velocity and biases are fed back at the end of a window only, so over T the mean error is H x with H = [I, -T/2 [f x],
@@ -180,7 +180,7 @@ def observation(A: Any, lag: Any) -> Any:
 
 
 def start(p: Any) -> dict[str, Any]:
-    """The given attitude, its covariance, and the place."""
+    """The stated attitude, its covariance, and the place."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
     coarse = (p.coarse_time > 0) * (1 - p.moving)
     return {
@@ -195,7 +195,7 @@ def start(p: Any) -> dict[str, Any]:
 
 
 def start_attitude(p: Any, q_en: Any) -> dict[str, Any]:
-    """State rows of a filter that starts with the given attitude, where n has attitude q_en."""
+    """State rows of a filter that starts with the stated attitude, where n has attitude q_en."""
     tilt = ca.diag(ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma) ** 2)
     q_nb = attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)
     return _filter_start(p, q_en, q_nb, Aligned(tilt, ca.SX(3, 3), ca.SX(3, 3)), p.velocity_sigma_start)

@@ -9,9 +9,9 @@
     feedback     velocity, attitude and biases are corrected, and the state is zero again
 
 Correction to the paper: z = -v_ins with H = [I 0 0 0] contradicts the sign of its (8) and (12); with dv = estimate minus
-truth z is +v_ins. The text leaves open the start covariance (here that of the given attitude and of the data sheet), the noise
+truth z is +v_ins. The text leaves open the start covariance (here that of the stated attitude and of the data sheet), the noise
 of the observation (`zero_velocity_sigma`), and the size of the gravity disturbance dg, which (25) counts as process noise
-(`gravity_noise`, 0 here). Its start is the given attitude, and the base must be at rest: a sway is taken for tilt.
+(`gravity_noise`, 0 here). Its start is the stated attitude, and the base must be at rest: a sway is taken for tilt.
 
 Stated accuracy: P, larger where the innovations are larger than it says (their mean square over 10 s): a start that is too far
 for a linear filter, or a sway, shows there.
@@ -62,7 +62,7 @@ STATE = Table((
 
 
 def start(p: Any) -> dict[str, Any]:
-    """The given attitude, its covariance, and gravity."""
+    """The stated attitude, its covariance, and gravity."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
     filter_rows = ecef_kf.start_attitude(p, q_en)
     return {

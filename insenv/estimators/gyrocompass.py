@@ -1,6 +1,6 @@
 """`gyrocompass`: the classical alignment of a vehicle in place: levelling by velocity feedback, then the heading loop.
 
-It starts from a given heading; the larger the error of that, the longer it takes. With phi the attitude error about n,
+It starts from a stated heading; the larger the error of that, the longer it takes. With phi the attitude error about n,
 v the error of the integrated velocity (the true one is zero) and R the horizontal Earth rate:
 
     v_N' = -g phi_E - K1 v_N,   phi_E' = R phi_D + K2 v_N / g,   phi_D' = K3 v_N / (g R)

@@ -18,6 +18,10 @@ newest and the oldest edge. Every later vector, one every 2 s, lengthens the dif
 the heading as the whole difference does, and the heading is the mean over all k steps, the new one with the weight 1/k. The
 mean of the steps is the difference of the ends. `heading_memory` = 0 keeps the first fix, as in the paper.
 
+Motion slower than the stop-band passes the cascade, as the surge of a ship at a mooring does, and is taken for the way of
+gravity. What passes is measured: the scatter of the ends about a straight line (`insenv.estimators.parts.scatter`). Beyond
+that of the noises it counts in the standard deviations of heading and level, in the gain of the levelling, and in a note.
+
 The cascade passes what rotates with the Earth with a gain 2.0e-7 below that of what does not: a tilt about east of at
 most 1.0e-7 rad, which is not corrected.
 
@@ -26,16 +30,20 @@ Source: the swaying-base paper (Lian, Tang, Wu, Hu 2007), numbers of its equatio
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import cos
 from typing import Any
 
 import casadi as ca
 
 from insenv import attitude, geodesy
-from insenv.core.elementary import PI, exp, minimum, select, sin_cos
+from insenv.base.remarks import declared
+from insenv.core.elementary import PI, exp, maximum, minimum, select, sin_cos
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, frozen_frame, rows
+from insenv.estimators.parts import applicability, frozen_frame, rows, scatter
+from insenv.estimators.parts.finding import Finding
 from insenv.estimators.parts.frozen_frame import BLOCK_S
 
 # The cascade of low-passes: each sub-filter is of odd length and symmetric, so its delay is exactly half its length at every
@@ -86,10 +94,14 @@ END = (0.746, 0.278, -0.005, -0.14, -0.169, -0.136, -0.073, -0.006, 0.052, 0.1, 
 """Weights of the vectors of an end, from its edge inwards: those of the least noise of heading after 240 s, for N of 0.002
 deg/sqrt(h) and V of 20 ug/sqrt(Hz), with a white noise of 1e-6 rad of each vector added, which keeps the weights small and so
 the attenuation of the cascade (a test designs them again)."""
+ENDS_FROM = CASCADE_SPAN + (len(END) - 1) * STRIDE
+"""Blocks until the first end."""
 LAG = sum(j * weight for j, weight in enumerate(END))
 """Steps from the edge to the mean time of an end."""
 START = BASELINE - 2 * LAG
 """Steps between the two ends at the first fix."""
+END_DELAY = 0.5 + CASCADE_DELAY + LAG * STRIDE
+"""Blocks from the mean time of the newest end to the end of the last block."""
 STEP_DELAY = 0.5 + CASCADE_DELAY + (LAG + 0.5) * STRIDE
 """Blocks from the middle of the newest step to the end of the last block."""
 PRINTED_SMEAR, PRINTED_ENDS = 9.859, 0.06397
@@ -121,10 +133,25 @@ def noise_times(elapsed: Any, memory: Any) -> tuple[Any, Any]:
     )
 
 
+SCATTERED = 2 * STRIDE * BLOCK_S * scatter.MEMORY / 15
+"""s: the variance of a Brownian path of unit density about the line through its last part."""
+EXPECTED = 3.0
+"""Variances of the noises up to which the scatter of the ends counts as noise: it is the largest of many."""
+SHAKEN = 60.0
+"""s over which the horizontal acceleration is averaged."""
+IN_PHASE = 0.2
+"""Part of the acceleration that moves with the heading and does not average out: largest in surges of 18 s."""
+LEAST_HEADING = 1e-4
+"""rad: what motion makes of the heading is not worth a note below this, however good the gyros."""
+
 PARAMETERS = frozen_frame.PARAMETERS + Table((
     Row("sway_velocity_sigma", "Standard deviation of horizontal sway velocity", "m/s", start=0.3, lower=1e-6, upper=100.0),
     Row("level_sigma", "Standard deviation of tilt after the first fix", "rad", start=3e-5, lower=1e-9, upper=1.0),
     Row("heading_memory", "Time since the first fix that the heading is averaged over", "s", start=600.0, lower=0.0, upper=1e6),
+))  # fmt: skip
+
+OUTPUTS = rows.ALIGNMENT + Table((
+    Row("motion_heading_sigma", "Part of the standard deviation of the heading: slow motion of the base", "rad"),
 ))  # fmt: skip
 
 STATE = frozen_frame.STATE + Table((
@@ -136,6 +163,7 @@ STATE = frozen_frame.STATE + Table((
     Row("first_due", "1 when the first sub-filter is due", "1"),
     Row("second_due", "1 when the second sub-filter is due", "1"),
     Row("third_due", "1 when the third sub-filter is due", "1"),
+    Row("end_due", "1 when the newest filtered vectors make an end", "1"),
     Row("fix_due", "1 when the filtered vectors give a fix", "1"),
     Row("fixes", "Number of fixes", "1"),
     Row("level_due", "1 when a block for levelling is complete", "1"),
@@ -143,7 +171,9 @@ STATE = frozen_frame.STATE + Table((
     Row("velocity_variance", "Its variance in a horizontal channel", "m^2/s^2"),
     Row("tilt_variance", "Variance of the tilt of that channel", "rad^2"),
     Row("velocity_tilt", "Their covariance", "m/s"),
-))  # fmt: skip
+    Row("shaking", "Mean square of the horizontal acceleration", "m^2/s^4"),
+    Row("end_motion", "Largest variance of an end by motion that passes the cascade", "m^2/s^4"),
+)) + scatter.state("end", "the ends", "m/s^2", 3, "i")  # fmt: skip
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -155,10 +185,12 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def level(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Velocity feedback, once per block: Kalman filter of velocity and tilt, with the same gains north and east."""
     T, g = x.block_time, x.gravity
-    velocity = x.velocity_n + frozen_frame.block_velocity_n(x)
-    # time update: velocity error' = g tilt, tilt' = white noise; a gyro bias as the noise that drifts as far in 100 s
+    gained = frozen_frame.block_velocity_n(x)
+    velocity = x.velocity_n + gained
+    # time update: velocity error' = g tilt, tilt' = white noise; a gyro bias, and the Earth's rotation that a wrong heading
+    # leaves over, as the noise that drifts as far in 100 s
     tilt = x.tilt_variance
-    drift = p.angle_random_walk**2 + 100.0 * p.gyro_bias_sigma**2
+    drift = p.angle_random_walk**2 + 100.0 * (p.gyro_bias_sigma**2 + _rate_of_motion(p, x))
     vv = x.velocity_variance + g * T * (2 * x.velocity_tilt + g * T * tilt) + p.velocity_random_walk**2 * T
     vt = x.velocity_tilt + g * T * tilt
     # velocity observed to be zero, with the sway as noise with a correlation time of 1 s
@@ -167,6 +199,7 @@ def level(p: Any, x: Any, u: Any) -> dict[str, Any]:
     turn = ca.vertcat(-gain_t * velocity[1], gain_t * velocity[0], 0)
     return {
         "q_n0i": frozen_frame.corrected(x, turn),
+        "shaking": x.shaking + T / SHAKEN * (ca.sumsqr(gained[:2] / T) - x.shaking),
         "velocity_n": ca.vertcat((1 - gain_v) * velocity[:2], 0),
         "velocity_variance": (1 - gain_v) * vv,
         "velocity_tilt": (1 - gain_v) * vt,
@@ -201,7 +234,24 @@ def second(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def third(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Third sub-filter."""
     y = filtered(FILTERS[2], x.third_inputs)
-    return {"filtered": _pushed(x.filtered, y), "third_due": 0, "fix_due": x.blocks >= SPAN}
+    return {"filtered": _pushed(x.filtered, y), "third_due": 0, "end_due": x.blocks >= ENDS_FROM}
+
+
+def end(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """The newest end: how much the ends scatter about a straight line."""
+    newest = sum((END[j] * x.filtered[j, :].T for j in range(len(END))), ca.SX.zeros(3))
+    curved_n0 = attitude.rotate(_q_n0n_before(x, END_DELAY), _curved(x, -x.gravity_n))
+    evenly = newest - attitude.rotate_inverse(x.q_n0i, curved_n0)
+    return {**scatter.taken(x, "end", evenly), "end_due": 0, "fix_due": x.blocks >= SPAN}
+
+
+def _curved(x: Any, force_n: Any) -> Any:
+    """What the way of a vector that stays in n bends away from its direction at the first fix, in axes n now."""
+    turned = geodesy.OMEGA_IE * x.fixes * STRIDE * x.time / x.blocks
+    s, c = sin_cos(turned)
+    about = ca.cross(x.axis_n, force_n)
+    then = c * force_n - s * about + (1 - c) * ca.dot(x.axis_n, force_n) * x.axis_n
+    return force_n - then - turned * ca.cross(x.axis_n, then)
 
 
 def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -228,6 +278,7 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     to_n0 = frozen_frame.q_n0n(x.half_turn, x.axis_n)
     turn = attitude.rotate(to_n0, ca.vertcat(0, 0, weight * way_n[0] / full))
     return {
+        "end_motion": maximum(x.end_motion, _motion(p, x, north)),
         "q_n0i": attitude.normalize(attitude.multiply(attitude.from_rotation_vector(turn), base)),
         "fixes": x.fixes + 1,
         "fix_due": 0,
@@ -236,18 +287,38 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     }
 
 
+def _motion(p: Any, x: Any, axis_i: Any) -> Any:
+    """Variance ((m/s^2)^2) of an end along an axis (3, i) beyond that of the noises."""
+    noise = p.velocity_random_walk**2 * ENDS / 2 + (x.gravity * p.angle_random_walk) ** 2 * SCATTERED
+    return maximum(axis_i.T @ scatter.covariance(x, "end") @ axis_i - EXPECTED * noise, 0.0)
+
+
+def _rate_of_motion(p: Any, x: Any) -> Any:
+    """Variance ((rad/s)^2) of the Earth's horizontal rate that motion of both ends leaves over, 0 before the first fix."""
+    whole = STRIDE * BLOCK_S * (START + minimum(x.fixes - 1.0, p.heading_memory / (STRIDE * BLOCK_S)))
+    return 2 * x.end_motion / (x.gravity * whole) ** 2
+
+
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now, and the limit of biases and white noise; before the first fix the heading is unknown."""
     g = x.gravity
     interval = STRIDE * BLOCK_S
     drift_time, cube = noise_times(interval * (x.fixes - 1.0), p.heading_memory)
     noise = p.angle_random_walk**2 / drift_time + (p.velocity_random_walk / g) ** 2 / cube
-    tilt, heading = p.accel_bias_sigma / g, ca.sqrt(frozen_frame.heading_variance(p, x, noise))
+    by_motion = _rate_of_motion(p, x)
+    tilt, heading = p.accel_bias_sigma / g, ca.sqrt(frozen_frame.heading_variance(p, x, noise + by_motion))
+    # a heading that moves with the base turns its acceleration to and fro
+    moved = ca.sqrt(by_motion) / frozen_frame.horizontal_earth_rate(x)
+    turned = (IN_PHASE * moved / g) ** 2 * x.shaking
     # at most the gyro drift since the time of the fix's vertical
-    levelled = ca.sqrt(tilt**2 + x.tilt_variance + (p.gyro_bias_sigma * (DELAY * BLOCK_S)) ** 2)
+    levelled = ca.sqrt(tilt**2 + x.tilt_variance + turned + (p.gyro_bias_sigma * (DELAY * BLOCK_S)) ** 2)
     unknown = x.fixes == 0
     levelled, heading = select(unknown, 0.2, levelled), select(unknown, PI, minimum(heading, PI))
-    return {"q_nb": frozen_frame.q_nb(x, x.q_n0i), "attitude_sigma": ca.vertcat(levelled, levelled, heading)}
+    return {
+        "q_nb": frozen_frame.q_nb(x, x.q_n0i),
+        "attitude_sigma": ca.vertcat(levelled, levelled, heading),
+        "motion_heading_sigma": moved,
+    }
 
 
 def _q_n0n_before(x: Any, blocks: Any) -> Any:
@@ -285,7 +356,7 @@ MODEL = Model(
     parameters=PARAMETERS,
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
-    outputs=rows.ALIGNMENT,
+    outputs=OUTPUTS,
     steps={
         "begin": frozen_frame.levelling(lambda p: 0.0),  # the heading until the first fix
         "sample": Step(sample),
@@ -294,11 +365,26 @@ MODEL = Model(
         "first": Step(first, when="first_due"),
         "second": Step(second, when="second_due"),
         "third": Step(third, when="third_due"),
+        "end": Step(end, when="end_due"),
         "fix": Step(fix, when="fix_due"),
     },
     output=output,
     start=frozen_frame.start,
 )
+
+_SLOW = declared(
+    "slow-motion",
+    "behind the low-passes the specific force still moves to and fro, as on a base that moves with periods above 15 s: this "
+    "makes the heading {ratio} times as uncertain as the gyro biases do, which its stated sigma counts; fusion models such "
+    "motion",
+)
+
+
+def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Whether slow motion of the base makes the heading worse than the unit does."""
+    by_gyros = float(parameters["gyro_bias_sigma"]) / (geodesy.OMEGA_IE * max(cos(float(parameters["latitude"])), 1e-9))
+    return (Finding("motion_heading_sigma", _SLOW, max(by_gyros, LEAST_HEADING)),)
+
 
 ESTIMATOR = Estimator(
     MODEL,
@@ -307,4 +393,5 @@ ESTIMATOR = Estimator(
     needs=lambda parameters: SPAN * BLOCK_S,  # until the first fix
     applicability=applicability.notes,
     on_turntable=applicability.TURNED,
+    findings=findings,
 )

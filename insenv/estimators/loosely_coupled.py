@@ -16,8 +16,8 @@ from insenv.core.tables import Row
 from insenv.estimators.contract import Estimator
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.composition import Composition
+from insenv.estimators.fusion.error_state import ACCEL_BIAS, GYRO_BIAS
 from insenv.estimators.fusion.gnss import WHITE
-from insenv.estimators.fusion.inertial import ACCEL_BIAS, GYRO_BIAS
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.fusion.zero_velocity import AT_EACH_SAMPLE

@@ -40,20 +40,17 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.output import atomic
 from insenv.core.elementary import minimum, polynomial, select
 from insenv.core.model import Model, Step
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.estimators.contract import Estimator, Knowledge
 from insenv.estimators.parts import frozen_frame, rows
 from insenv.estimators.parts import sins_gnss_differences as differences
 from insenv.estimators.parts.sins_gnss_differences import FEATURES, READY
-
-Array = NDArray[np.float64]
 
 FORMAT = "insenv-lssvm"
 VERSION = 1

@@ -27,7 +27,7 @@ EstimatorsLike = str | Estimator | Iterable[str | Estimator]
 
 
 def get(id_or_estimator: str | Estimator) -> Estimator:
-    """The estimator of that id, or the object given.  Raises `InputError` with the nearest id."""
+    """The estimator of that id, or the object itself.  Raises `InputError` with the nearest id."""
     if isinstance(id_or_estimator, Estimator):
         return id_or_estimator
     if not isinstance(id_or_estimator, str):

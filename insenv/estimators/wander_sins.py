@@ -1,4 +1,4 @@
-"""`wander-sins`, `wander-sins-plain`: free-inertial navigation in the wander-azimuth frame, from a given start.
+"""`wander-sins`, `wander-sins-plain`: free-inertial navigation in the wander-azimuth frame, from a stated start.
 
 Source: the airborne-navigation paper, equations (3)-(11). `wander-sins` has them in exact form
 (`insenv.estimators.parts.strapdown`), `wander-sins-plain` as printed, for comparison: no coning, sculling or rotation

@@ -19,7 +19,7 @@ _LARGE = 10.0
 
 
 def quantile(probability: ArrayLike, degrees: float) -> Any:
-    """The value below which a chi-square of so many degrees of freedom lies with the given probabilities, each within (0, 1).
+    """The value below which a chi-square of so many degrees of freedom lies with these probabilities, each within (0, 1).
 
     Abramowitz and Stegun 1964, eq. 26.4.19: P(chi^2 | n) is the regularised incomplete gamma function P(n/2, chi^2/2).
     """

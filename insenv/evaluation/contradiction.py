@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.remarks import Doubt, Remark, remark
-from insenv.core.tables import Vector
+from insenv.core.tables import Array, Vector
 
 FIXES = 5
 """Successive fixes of which the median counts."""
@@ -65,7 +65,7 @@ class Jump:
     size: float
 
 
-def contradiction_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> tuple[Remark, ...]:
+def contradiction_notes(time: Vector, outputs: Mapping[str, Array]) -> tuple[Remark, ...]:
     """The worst contradiction and the largest jump, a sentence each.
 
     time (n,) s; outputs: `innovation` (n, 6) and `test_ratio` (n, 6), position and velocity in n, of the last fix; there are
@@ -110,7 +110,7 @@ def _more(count: int, what: str) -> str:
     return "" if not count else f" ({count} more such {what}{'s' if count > 1 else ''})"
 
 
-def contradictions(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Contradiction]:
+def contradictions(time: Vector, outputs: Mapping[str, Array]) -> list[Contradiction]:
     """The intervals in which test ratios stay beyond `RATIO`, in order.  Arguments: see `contradiction_notes`."""
     time, innovations, ratios = _fixes(time, outputs)
     if len(time) < FIXES:
@@ -136,7 +136,7 @@ def contradictions(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> 
     return intervals
 
 
-def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump]:
+def jumps(time: Vector, outputs: Mapping[str, Array]) -> list[Jump]:
     """The jumps of the velocity, in order.  Arguments: see `contradiction_notes`."""
     records, stated = time, outputs.get("velocity_sigma")
     time, innovations, ratios = _fixes(time, outputs)
@@ -171,7 +171,7 @@ def _groups(holds: NDArray[np.bool_], apart: int) -> list[NDArray[np.intp]]:
     return np.split(at, np.flatnonzero(np.diff(at) > apart) + 1) if at.size else []
 
 
-def _fixes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> tuple[Vector, Vector, Vector]:
+def _fixes(time: Vector, outputs: Mapping[str, Array]) -> tuple[Vector, Vector, Vector]:
     """Time (k,), innovation (k, 6) and test ratio (k, 6) of each fix in the records; empty without such outputs."""
     ratios, innovations = outputs.get("test_ratio"), outputs.get("innovation")
     if ratios is None or innovations is None or ratios.shape[1:] != (6,):
@@ -208,7 +208,7 @@ SIDEWAYS = np.radians(30.0)
     "vertical by that; look at `axes` and `mounting_angles_deg`, which fixes of GNSS do not show",
     Doubt,
 )
-def sideways_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> dict[str, Any] | None:
+def sideways_notes(time: Vector, outputs: Mapping[str, Array]) -> dict[str, Any] | None:
     """Heading less course is steadily far from 0.
 
     time (n,) s; outputs by row name: `q_nb` (n, 4), `velocity_n` (n, 3) m/s, none of an alignment, and `attitude_sigma` (n, 3)

@@ -13,14 +13,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared, remark
 from insenv.core.elementary import sin_cos, wrap_angle
 from insenv.core.model import Values
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.estimators import Estimator
 from insenv.evaluation.health import Health
 from insenv.evaluation.outages import Outages
@@ -86,8 +85,6 @@ def unit_errors(vehicle: str, outputs: Mapping[str, Array], true: Mapping[str, A
         ]
     return tuple(unit)
 
-
-Array = NDArray[np.float64]
 
 ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 POSITION = ("north_m", "east_m", "down_m")

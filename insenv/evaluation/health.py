@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 
 from insenv.base.remarks import Doubt, Remark, declared, remark
+from insenv.core.tables import Array
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation.nis import APART as APART
 from insenv.evaluation.nis import BLOCKS as BLOCKS
-from insenv.evaluation.nis import NO_NIS, NOTABLE, Array, Nis, of_records, sums_of
+from insenv.evaluation.nis import NO_NIS, NOTABLE, Nis, of_records, sums_of
 from insenv.evaluation.nis import VERDICTS as VERDICTS
 from insenv.evaluation.nis import WRONG as WRONG
 from insenv.evaluation.nis import Verdict as Verdict
@@ -256,8 +257,8 @@ def models_slow_errors(parameters: Mapping[str, Any]) -> bool:
 
 
 def counts_fixes_less(parameters: Mapping[str, Any], outputs: Iterable[str]) -> bool:
-    """Whether a filter with these parameters and outputs (by row name) is told of slow errors of the fixes without estimating
-    them.  Its records count that a fix came."""
+    """Whether a filter with these parameters and outputs (by row name) models slow errors of the fixes without estimating them.
+    Its records count that a fix came."""
     return models_slow_errors(parameters) and "fix_count" in outputs and "gnss_wander" not in outputs
 
 
@@ -271,7 +272,7 @@ LARGER = 1.2
     "lets fixes with a slow error count less the more often they come; `fusion` estimates that error",
 )
 def fixes_count_less(parameters: Mapping[str, Any], outputs: Mapping[str, Array], fix_sigma: Array) -> dict[str, float] | None:
-    """A filter that is told of slow errors of the fixes and does not estimate them is worse than one fix.
+    """A filter that models slow errors of the fixes and does not estimate them is worse than one fix.
 
     fix_sigma (k, 3): standard deviations of its fixes, m.
     """

@@ -27,12 +27,11 @@ from typing import Any, Literal, get_args
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.core.elementary import maximum, polynomial, select
+from insenv.core.tables import Array
 from insenv.evaluation.chi_square import bound_polynomial, quantile
 
-Array = NDArray[np.float64]
 Verdict = Literal["untested", "consistent", "overconfident", "diverged"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 """From nothing known, and from good, to bad."""

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.remarks import Doubt, remark
-
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
 
 BEYOND = 3.0
 """Standard deviations that one error in 370 exceeds if these are true.  An rms of them beyond it contradicts what is stated."""
@@ -85,10 +83,10 @@ class Outages:
 
     def summary(self) -> dict[str, dict[str, float]]:
         """By kind and component as of one outage: the rms over the outages, and of `max` the largest."""
-        found = [one.statistics() for one in self.each]
-        names = tuple(found[0]["end"])
+        statistics = [one.statistics() for one in self.each]
+        names = tuple(statistics[0]["end"])
         over = {name: lambda values: float(np.sqrt(np.mean(np.square(values)))) for name in KINDS} | {"max": max}
-        return {kind: {name: over[kind]([one[kind][name] for one in found]) for name in names} for kind in KINDS}
+        return {kind: {name: over[kind]([one[kind][name] for one in statistics]) for name in names} for kind in KINDS}
 
     @property
     def ratios(self) -> Array:
@@ -142,15 +140,15 @@ def outages_of(
     if antenna.delay_row in outputs:
         valid = valid - np.interp(valid, time, np.ravel(outputs[antenna.delay_row]))
     later = np.searchsorted(time, valid)
-    found = []
+    outages = []
     for (begin, end), again in zip(windows, resumed, strict=True):
         inside = (fixes.time >= begin) & (fixes.time < end) & (later > 0) & (later < len(time))
         rows = np.flatnonzero(inside)
         rows = rows[time[later[rows]] < again]
         if len(rows):
             error, sigma = _differences(time, outputs, fixes, rows, valid[rows], later[rows], antenna)
-            found.append(Outage(float(begin), float(end), fixes.time[rows], error, sigma))
-    return Outages(tuple(found)) if found else None
+            outages.append(Outage(float(begin), float(end), fixes.time[rows], error, sigma))
+    return Outages(tuple(outages)) if outages else None
 
 
 def _differences(

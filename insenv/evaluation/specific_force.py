@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.remarks import remark
+from insenv.core.tables import Array
 from insenv.evaluation.outages import attitude_between
-
-Array = NDArray[np.float64]
 
 FEWEST = 20
 """Intervals in each half of a run below which a reference is not judged."""

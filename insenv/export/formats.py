@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.installing import need
+from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, stated_sigma, track_of
 from insenv.logs import RecordedLog
 from insenv.logs.formats import WRITTEN
@@ -62,7 +62,7 @@ def write(
     log: the log of the same drive, beside a report: `record` makes that of a scenario.
     name: first part of the file names; None: the scenario's.
 
-    Raises `InputError` for an unknown format, for one that needs what is not given, for a package that is missing, or for a
+    Raises `InputError` for an unknown format, for one that needs an absent argument, for a package that is missing, or for a
     folder that cannot be written to; `InsenvError` if writing fails.
     """
     report = source if isinstance(source, RunData) else None
@@ -77,7 +77,7 @@ def write(
 
 
 def contents_of(report: RunData | None, log: RecordedLog | None, formats: Iterable[str], name: str | None = None) -> Files:
-    """The contents of all files of some formats, by name.  Raises `InputError` for a format that needs what is not given."""
+    """The contents of all files of some formats, by name.  Raises `InputError` for a format that needs an absent argument."""
     title = report.scenario if report is not None else log.description.title if log is not None else ""
     drive = Drive(name if name is not None else file_name(title or "run"), log)
     if report is not None:
@@ -105,7 +105,7 @@ def _tracks(report: RunData) -> tuple[NamedTrack, ...]:
 def _named(name: str, track: Track, sigma: Columns) -> NamedTrack:
     """sigma: standard deviations (n,) by channel; empty if none are stated."""
 
-    def of(channels: tuple[str, ...]) -> NDArray[np.float64] | None:
+    def of(channels: tuple[str, ...]) -> Array | None:
         return np.stack([sigma[channel] for channel in channels], axis=1) if channels[0] in sigma else None
 
     place = (track.latitude, track.longitude, track.height)

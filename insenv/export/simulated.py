@@ -16,6 +16,7 @@ from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
+from insenv.core.tables import Array
 from insenv.logs import GnssFixes, RecordedLog, Reference
 from insenv.logs.formats import log_tables
 from insenv.logs.formats.text_log import file_of
@@ -28,8 +29,6 @@ from insenv.scenario.chunks import bridge_lost, chunks
 from insenv.sensors import registry
 from insenv.sensors.imu import FIGURES
 from insenv.sensors.units import ZERO_CELSIUS
-
-Array = NDArray[np.float64]
 
 
 def record(
@@ -136,7 +135,7 @@ def _left_out(plant: Plant, columns: Mapping[str, Array]) -> list[Remark]:
 
 
 def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings, ...], reference: Reference) -> dict[str, Any]:
-    """Values of the log's description: the unit, the instruments and the start, as the estimators of a run are told of them."""
+    """Values of the log's description: the unit, the instruments and the start, as stated to the estimators of a run."""
     scenario = plant.scenario
     data: dict[str, Any] = {
         "title": scenario.title,

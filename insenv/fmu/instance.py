@@ -229,9 +229,9 @@ class Instance:
         return int(getattr(component, "value", component))
 
     def _log(self, status: int, text: bytes | None) -> None:
-        kept = self.warnings if status == _LABELS.index("warning") else self.messages
-        if status and text and len(kept) < MAX_MESSAGES:
-            kept.append(text.decode("utf-8", "replace"))
+        log = self.warnings if status == _LABELS.index("warning") else self.messages
+        if status and text and len(log) < MAX_MESSAGES:
+            log.append(text.decode("utf-8", "replace"))
 
     def _reason(self) -> str:
         """What the FMU has logged, in one line."""

@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
-
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
 
 KINDS = {  # by type in the model description: dtype of its values, suffix of its functions
     "Real": (np.float64, "Real"),

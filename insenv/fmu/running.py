@@ -20,8 +20,9 @@ import numpy as np
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.output import atomic
 from insenv.core.runner import Progress, check_progress
+from insenv.core.tables import Array
 from insenv.fmu.instance import Instance
-from insenv.fmu.reading import Array, Variable, element_names
+from insenv.fmu.reading import Variable, element_names
 from insenv.fmu.stepping import DOING, STEPPING, Plan, Ports, make_steps, prepared
 from insenv.logs.formats.csv_table import check_finite, read_table
 

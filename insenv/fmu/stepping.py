@@ -20,7 +20,7 @@ from insenv.base.errors import InputError
 from insenv.base.resources import fmu_folder
 from insenv.core.compile import CompileError, compile_library, find_compiler
 from insenv.core.runner import Progress, resolve_backend
-from insenv.fmu.reading import Array
+from insenv.core.tables import Array
 
 DOING = ("setting the inputs", "the step", "reading the outputs")
 SETTING, STEPPING, READING = range(3)

@@ -18,8 +18,7 @@ from types import SimpleNamespace
 
 import casadi as ca
 
-from insenv.attitude import split_half_angles, to_dcm
-from insenv.core.elementary import PI, Scalar, atan2, sin_cos, wrap_angle
+from insenv.core.elementary import PI, Scalar, atan2, sin_cos, split_half_angles, wrap_angle
 from insenv.core.numeric import vectorized
 from insenv.core.tables import Row
 
@@ -178,6 +177,12 @@ def geodetic_from_q_ew(q_ew: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     return atan2(s2 - c2, 2.0 * ca.sqrt(s2 * c2)), longitude, wander
 
 
+def axis_w(q_ew: ca.SX) -> ca.SX:
+    """The Earth's axis in w (3x1, unit, towards north): the last row of C_ew. Groves 2013, sec. 2.2.3."""
+    w, x, y, z = ca.vertsplit(q_ew)
+    return ca.vertcat(2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z)
+
+
 def transport_rate_w(velocity_w: ca.SX, q_ew: ca.SX, height: Scalar) -> ca.SX:
     """omega_ew^w (3x1, rad/s), its down component zero, at velocity_w (3x1, m/s). Valid at the poles.
 
@@ -185,7 +190,7 @@ def transport_rate_w(velocity_w: ca.SX, q_ew: ca.SX, height: Scalar) -> ca.SX:
     difference is e^2 cos^2(latitude) R_M / ((1 - e^2)(R_M + h)(R_N + h)), and cos(latitude) times the w components of
     north are elements of C_ew, so that neither the wander angle nor the latitude is needed.
     """
-    return transport_rate_about_axis(velocity_w, to_dcm(q_ew)[2, :].T, height)
+    return transport_rate_about_axis(velocity_w, axis_w(q_ew), height)
 
 
 def transport_rate_about_axis(velocity_w: ca.SX, axis_w: ca.SX, height: Scalar) -> ca.SX:
@@ -203,8 +208,8 @@ def transport_rate_about_axis(velocity_w: ca.SX, axis_w: ca.SX, height: Scalar) 
 
 
 def earth_rate_w(q_ew: ca.SX) -> ca.SX:
-    """omega_ie^w (3x1, rad/s): the Earth's rate along the last row of C_ew."""
-    return OMEGA_IE * to_dcm(q_ew)[2, :].T
+    """omega_ie^w (3x1, rad/s)."""
+    return OMEGA_IE * axis_w(q_ew)
 
 
 # Positions: geodetic, Earth-centred, and in metres from a reference point without loss of digits.

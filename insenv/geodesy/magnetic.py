@@ -13,13 +13,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.core.elementary import Scalar, sin_cos, wrap_angle
+from insenv.core.tables import Array
 from insenv.geodesy import radii
-
-Array = NDArray[np.float64]
 
 _TESLA_PER_NT = 1e-9
 _HALF_WAY = 10e3

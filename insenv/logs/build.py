@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from insenv.base.remarks import Remark
+from insenv.core.tables import Array
 from insenv.logs import instruments
 from insenv.logs.description import AnyLog, LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
 from insenv.logs.rest import rest_until
-from insenv.logs.units import Array
 from insenv.sensors.contract import Place
 
 LEFT_OUT = 1
@@ -35,7 +35,7 @@ def recorded_log(
     unit: Mapping[str, Any] | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> RecordedLog:
-    """The log, with the end of the time at rest as it shows it and what estimators are told of its instruments.
+    """The log, with the end of the time at rest as it shows it and the stated errors of its instruments.
 
     The arguments are the fields of `RecordedLog`.  Raises `InputError` for a magnetometer without a place.
     """

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Strict
 
 from insenv.base.remarks import clock
 from insenv.base.toml import Number, Positive, Section, check_three, key
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 
 
 def _check_column(value: object) -> object:
@@ -95,7 +95,7 @@ def before(time: Array, limit: float) -> np.ndarray:
 
 
 def window_words(start_s: float | None, stop_s: float | None) -> str:
-    """The part of a log that its keys start_s and stop_s choose, for a message; those that are not given are left out."""
+    """The part of a log that its keys start_s and stop_s choose, for a message; absent ones are left out."""
     begin = "" if start_s is None else f"from start_s = {clock(start_s)} s"
     end = "" if stop_s is None else f"to stop_s = {clock(stop_s)} s"
     return " ".join(filter(None, (begin, end))) or "in the whole log"

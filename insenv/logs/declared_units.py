@@ -23,6 +23,7 @@ import numpy as np
 
 from insenv import geodesy
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.geodesy import OMEGA_IE, STANDARD_GRAVITY
 from insenv.logs.description import ImuSection
 from insenv.logs.files import all_of
@@ -40,7 +41,7 @@ from insenv.logs.rest import (
     rest_until,
     turn_ratio,
 )
-from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array
+from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS
 from insenv.sensors import registry
 from insenv.sensors.instrument import Column
 from insenv.sensors.level_equation import Level, equation_at
@@ -205,21 +206,21 @@ def _stillness(log: RecordedLog) -> None:
     """In another unit the gyros at rest have the noise and the rate that the grade allows, and in the declared one neither."""
     if not log.states_unit:
         return
-    found, rows = rest_by_other_unit(log), rest_rows(log)
-    if found is not None:
-        rows = np.flatnonzero(log.imu_time <= found[2])
+    rest_seen, rows = rest_by_other_unit(log), rest_rows(log)
+    if rest_seen is not None:
+        rows = np.flatnonzero(log.imu_time <= rest_seen[2])
     elif len(rows) < REST_SAMPLES or log.dt[rows].sum() < STEADY_S:
         return
     rest, sheet, interval = rest_of(log, rows, 0), log.sensors(in_place=True), float(np.median(log.dt))
     noise = noise_at_rest(log.delta_angle[rows], interval) / sheet.angle_random_walk
     rate, scatter = float(np.linalg.norm(rest.rate)), RATE_SIGMAS * np.sqrt(3.0) * rest.rate_sigma
     bias = SIGMAS * np.sqrt(3.0) * sheet.gyro_bias_sigma
-    if noise <= NOISE_CONTRADICTS or (found is None and rate <= OMEGA_IE + bias + scatter):
+    if noise <= NOISE_CONTRADICTS or (rest_seen is None and rate <= OMEGA_IE + bias + scatter):
         return
     section = log.description.imu
     for name, factor in _others(GYRO_UNITS, "gyro", section, interval).items():
         noisy = 1.0 / NOISE_FITS < noise / factor < NOISE_FITS and abs(rate / factor - OMEGA_IE) < bias + scatter / factor
-        turning = found is not None and bias < KNOWN * OMEGA_IE and abs(np.log(rate / factor / OMEGA_IE)) < FITS
+        turning = rest_seen is not None and bias < KNOWN * OMEGA_IE and abs(np.log(rate / factor / OMEGA_IE)) < FITS
         if noisy or turning:
             raise InputError(
                 f"imu.gyro_unit = {section.gyro_unit!r}: for {rest.duration:.3g} s the accelerometers are at rest, the gyros "

@@ -14,8 +14,9 @@ from insenv.base.remarks import clock
 from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
+from insenv.core.tables import Array
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, PositionUnit, Sigma3
-from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
+from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
 from insenv.sensors.grade_file import grade_of
 from insenv.sensors.units import UNITS
@@ -294,13 +295,13 @@ _TOGETHER: tuple[tuple[str, ...], ...] = (
     ("quaternion", "quaternion_order", "quaternion_direction"),
     ("position_local", "origin_latitude_deg", "origin_longitude_deg", "origin_height_m"),
 )
-"""Keys of a reference of which all are given, or none."""
+"""Keys of a reference of which all are present, or none."""
 _ONE_OF: tuple[tuple[str, ...], ...] = (
     ("latitude", "position_ecef", "position_local"),
     ("velocity", "velocity_ecef"),
     ("roll", "quaternion"),
 )
-"""Keys of a reference of which at most one is given."""
+"""Keys of a reference of which at most one is present."""
 
 
 class ReferenceSection(PositionSection):
@@ -355,23 +356,23 @@ class ReferenceSection(PositionSection):
     @classmethod
     def _all_of_each(cls, value: Any, info: ValidationInfo) -> Any:
         keys = {**info.data, "attitude_unit": value}
-        given, faults = [name for name, each in keys.items() if each is not None], []
+        present, faults = [name for name, each in keys.items() if each is not None], []
         for group in _TOGETHER:
-            stated = [name for name in group if name in given]
+            stated = [name for name in group if name in present]
             if stated and len(stated) != len(group) and set(group) <= set(keys):
                 faults.append(f"{', '.join(group[:-1])} and {group[-1]} go together; only {', '.join(stated)} given")
         for group in _ONE_OF:
-            stated = [name for name in group if name in given]
+            stated = [name for name in group if name in present]
             if len(stated) > 1:
                 faults.append(f"{' and '.join(stated)} exclude one another")
-        if "velocity_ecef" in given and "position_ecef" not in given and "position_ecef" in keys:
+        if "velocity_ecef" in present and "position_ecef" not in present and "position_ecef" in keys:
             faults.append("velocity_ecef needs position_ecef")
         if keys.get("velocity_vertical") == "up" and keys.get("navigation_axes", "NED") != "NED":
             faults.append(f"velocity_vertical = 'up' goes with navigation_axes = 'NED', not {keys['navigation_axes']!r}")
-        if keys.get("height_offset_m") and "height" not in given and "height" in keys:
+        if keys.get("height_offset_m") and "height" not in present and "height" in keys:
             faults.append("height_offset_m goes with height")
         known = {name for group in _ONE_OF for name in group}
-        if known <= set(keys) and not known & set(given):
+        if known <= set(keys) and not known & set(present):
             faults.append("give the columns of position, velocity or attitude")
         if faults:
             raise ValueError("; ".join(faults))

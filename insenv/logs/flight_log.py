@@ -14,6 +14,7 @@ from pydantic import model_validator
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared
 from insenv.base.toml import Number, Vector3, key, validated
+from insenv.core.tables import Array
 from insenv.logs.build import LEFT_OUT, overlaps, place_of, recorded_log, span_of
 from insenv.logs.columns import before, window_words
 from insenv.logs.description import AnyLog, Grade, LogDescription, Sigma3
@@ -24,7 +25,7 @@ from insenv.logs.formats.vehicle_parameters import lever_arm, settings, unit_row
 from insenv.logs.inertial import implausible, increments, sampling
 from insenv.logs.instruments import description_class
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
-from insenv.logs.units import Array, wrap
+from insenv.logs.units import wrap
 
 USABLE_HZ = 20.0
 """Lowest rate at which the attitude can be propagated through a vehicle's turns."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 
 # Whether samples are regular: only then does a long step between two stamps mean that samples are missing.
 #

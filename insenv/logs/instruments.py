@@ -1,4 +1,4 @@
-"""Aiding instruments of a recorded log: their sections, their readings, and what estimators are told of them.
+"""Aiding instruments of a recorded log: their sections, their readings, and their stated errors.
 
 All of it follows from the declaration of the instrument (`insenv.sensors.instrument`).
 """
@@ -14,12 +14,13 @@ from pydantic import AfterValidator, ValidationInfo, create_model, field_validat
 
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Positive, key
+from insenv.core.tables import Array
 from insenv.logs.assemble import LogReader
 from insenv.logs.columns import Column, Columns3, MeasurementSection
 from insenv.logs.description import LogDescription
 from insenv.logs.formats.csv_table import TextTable
 from insenv.logs.recorded import Readings, delivered
-from insenv.logs.units import Array, axes_matrix, wrap
+from insenv.logs.units import axes_matrix, wrap
 from insenv.sensors import registry
 from insenv.sensors.contract import Place
 from insenv.sensors.instrument import Column as MeasuredColumn
@@ -131,7 +132,7 @@ def _values(section: Any, column: MeasuredColumn, table: TextTable) -> Array:
 
 
 def stated_errors(id: str, section: Any, place: Place | None) -> dict[str, Any]:
-    """What is told of an instrument, by row of its `stated_errors`, by its section; None: by the default grade.
+    """Stated errors of an instrument, by row of its `stated_errors`, by its section; None: by the default grade.
 
     place: where the log is, for the field of the Earth.  Raises `InputError` where a magnetometer has none.
     """

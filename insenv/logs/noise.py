@@ -21,8 +21,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.core.tables import Array
 from insenv.logs.inertial import InertialSamples
-from insenv.logs.units import Array
 
 ORDER = 4
 REST_TIMES = (0.04, 0.08, 0.16)

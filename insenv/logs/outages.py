@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
+from insenv.core.tables import Array
 from insenv.logs.recorded import GnssFixes, RecordedLog
-from insenv.logs.units import Array
 
 OutagesLike = str | Iterable["str | Sequence[float]"]
 """``"100:160"``, ``"+100:+160"``, ``"every=120,length=60"``, or a list of such texts and of pairs ``(100.0, 160.0)``."""
@@ -54,19 +54,19 @@ def withheld(log: RecordedLog, outages: Iterable[Any], begin_s: float) -> tuple[
     gnss, end_s = log.gnss, float(log.imu_time[-1])
     if gnss is None:
         raise InputError("outages withhold fixes of GNSS: the log has none")
-    given: list[tuple[float, float]] = []
+    stated: list[tuple[float, float]] = []
     regular: list[tuple[float, float]] = []
     for each in outages:
         if isinstance(each, str) and "=" in each:
             regular += _pattern(each, begin_s, end_s)
         else:
-            given.append(_window(each, begin_s, end_s))
+            stated.append(_window(each, begin_s, end_s))
     holding = [window for window in regular if np.any(_inside(gnss, *window))]
-    windows = sorted(given + holding)
+    windows = sorted(stated + holding)
     for one, next_one in pairwise(windows):
         if next_one[0] < one[1]:
             raise InputError(f"the outages {shown(*one)} and {shown(*next_one)} overlap: allowed are outages apart")
-    for window in given:
+    for window in stated:
         if not np.any(_inside(gnss, *window)):
             raise InputError(f"outage {shown(*window)}: no fix of the log is in it, so there is nothing to compare with")
     if not windows:
@@ -97,25 +97,25 @@ def listed(outages: OutagesLike) -> list[Any]:
         raise InputError(f"outages = {outages!r}: {ALLOWED}, or a list of these and of pairs of numbers") from None
 
 
-def _window(given: Any, begin_s: float, end_s: float) -> tuple[float, float]:
+def _window(outage: Any, begin_s: float, end_s: float) -> tuple[float, float]:
     """One window on the clock of the log."""
     offset = 0.0
-    if isinstance(given, str):
-        match = _ON_CLOCK.fullmatch(given.strip())
+    if isinstance(outage, str):
+        match = _ON_CLOCK.fullmatch(outage.strip())
         if match is None:
-            match, offset = _SINCE_START.fullmatch(given.strip()), begin_s
+            match, offset = _SINCE_START.fullmatch(outage.strip()), begin_s
         if match is None:
-            raise InputError(f"outage {given!r}: {ALLOWED}")
+            raise InputError(f"outage {outage!r}: {ALLOWED}")
         pair = [float(text) + offset for text in match.groups()]
     else:
         try:
-            pair = [float(number) for number in given]
+            pair = [float(number) for number in outage]
         except (TypeError, ValueError):
             raise InputError(
-                f"outage {given!r}: allowed is a pair of numbers (begin, end) in s, or a text: {ALLOWED}"
+                f"outage {outage!r}: allowed is a pair of numbers (begin, end) in s, or a text: {ALLOWED}"
             ) from None
     if len(pair) != 2 or not np.isfinite(pair).all() or not pair[0] < pair[1]:
-        raise InputError(f"outage {given!r}: allowed are a begin and an end after it, in s")
+        raise InputError(f"outage {outage!r}: allowed are a begin and an end after it, in s")
     begin, end = pair
     if begin < begin_s - 1e-6 or end > end_s + 1e-6:
         meant = f"; +{begin:g}:+{end:g} counts from its start" if begin >= 0.0 and end <= end_s - begin_s else ""
@@ -149,8 +149,8 @@ def _inside(gnss: GnssFixes, begin: float, end: float) -> Any:
     return (gnss.time >= begin) & (gnss.time < end)
 
 
-def _rows(gnss: GnssFixes, kept: Any) -> GnssFixes:
-    """The fixes at which `kept` (m,) is True."""
+def _rows(gnss: GnssFixes, rows: Any) -> GnssFixes:
+    """The fixes at which `rows` (m,) is True."""
     columns = {each.name: getattr(gnss, each.name) for each in fields(gnss)}
-    chosen: dict[str, Any] = {name: None if values is None else values[kept] for name, values in columns.items()}
+    chosen: dict[str, Any] = {name: None if values is None else values[rows] for name, values in columns.items()}
     return GnssFixes(**chosen)

@@ -11,13 +11,13 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock
+from insenv.core.tables import Array
 from insenv.estimators import ImuDataSheet
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.noise import densities_in_motion, in_motion
-from insenv.logs.units import Array
 from insenv.sensors import registry
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.grade_file import grade_of
@@ -139,9 +139,9 @@ class RecordedLog(InertialSamples):
 
     gnss, reference: None where the log has none; lever_arm_b (3,) m FRD: from IMU to antenna; sources: the files read;
     notes: remarks for the user; description: of the log, from its TOML file or made for a flight log; unit: parameter rows
-    (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; told: what estimators
-    are told of these (`sensors.registry.stated_rows`); settings: parameter rows (SI) by estimator id that the log states, over
-    which those of the description go.
+    (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; told: stated errors of
+    these, by row (`sensors.registry.stated_rows`); settings: parameter rows (SI) by estimator id that the log states, which
+    those of the description replace.
     """
 
     gnss: GnssFixes | None

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from insenv import attitude, geodesy
+from insenv.core.tables import Array
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.description import ReferenceSection
 from insenv.logs.formats.csv_table import Column, TextTable
-from insenv.logs.frames import LOCAL_AXES, of_ecef, of_local
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.recorded import Reference
-from insenv.logs.units import ANGLE_UNITS, Array, axes_matrix, wrap
+from insenv.logs.units import ANGLE_UNITS, LOCAL_AXES, axes_matrix, of_ecef, of_local, wrap
 
 Place = tuple[Array, Array, Array]
 """Latitude, longitude (n,) rad and height (n,) m above the ellipsoid."""

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.estimators import ImuDataSheet
 from insenv.geodesy import OMEGA_IE
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.noise import shaken
 from insenv.logs.recorded import NO_INFORMATION, GnssFixes, Readings, RecordedLog
-from insenv.logs.units import Array
 
 # Whether the vehicle of a log stands or moves: the time at rest, and travel over the ground.
 #

@@ -108,14 +108,14 @@ def _numbers_of_fields(form: Format, section: str) -> list[int]:
 
 
 def _table_of(
-    label: str, raw: bytes, found: FileColumns, columns: Sequence[Column], skip_empty: bool, optional: Sequence[Column]
+    label: str, raw: bytes, file: FileColumns, columns: Sequence[Column], skip_empty: bool, optional: Sequence[Column]
 ) -> TextTable:
     """The columns as a table.  Its rows are numbered from 1, unless they have lines in the file."""
-    missing = [name for name in columns if name not in found.columns]
+    missing = [name for name in columns if name not in file.columns]
     if missing:
-        known = list(map(str, found.columns))
+        known = list(map(str, file.columns))
         raise InputError("\n".join(f"{label}: no column {name!r}{nearest(str(name), known)}" for name in missing))
-    lengths = {name: len(found.columns[name]) for name in columns}
+    lengths = {name: len(file.columns[name]) for name in columns}
     first = columns[0]
     other = next((name for name in columns if lengths[name] != lengths[first]), None)
     if other is not None:
@@ -123,17 +123,17 @@ def _table_of(
             f"{label}: column {other!r} has {lengths[other]} rows and {first!r} has {lengths[first]}: the columns of a section "
             "must have the same length"
         )
-    values = np.column_stack([np.asarray(found.columns[name], dtype=np.float64) for name in columns])
-    lined = found.lines is not None and len(found.lines) == len(values)
-    lines = found.lines if lined and found.lines is not None else np.arange(1, len(values) + 1)
+    values = np.column_stack([np.asarray(file.columns[name], dtype=np.float64) for name in columns])
+    lined = file.lines is not None and len(file.lines) == len(values)
+    lines = file.lines if lined and file.lines is not None else np.arange(1, len(values) + 1)
     table = TextTable(
         label,
         tuple(columns),
         values,
         lines,
-        len(found.columns),
+        len(file.columns),
         sha256(raw).hexdigest(),
-        found.notes,
+        file.notes,
         "line" if lined else "row",
     )
     if skip_empty:

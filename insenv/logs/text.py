@@ -13,6 +13,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import instruments
@@ -26,7 +27,7 @@ from insenv.logs.inertial import InertialSamples, covered_steps, implausible, in
 from insenv.logs.recorded import GnssFixes, RecordedLog, fixes_from_course
 from insenv.logs.reference import read_reference
 from insenv.logs.rest import rest_rate_notes, turn_notes
-from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
+from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, wrap
 from insenv.sensors import registry, units
 from insenv.sensors.imu_tables import without_thermal_errors
 

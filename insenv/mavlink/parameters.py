@@ -67,7 +67,7 @@ class Parameter:
 
 
 class Parameters:
-    """The parameters of a vehicle, in order and by name: those given, of the plant's sensors, of the estimator."""
+    """The parameters of a vehicle, in order and by name: the vehicle's, those of the plant's sensors, of the estimator."""
 
     def __init__(self, parameters: Iterable[Parameter], simulation: Simulation) -> None:
         self.all = [*parameters, *_of_plant(simulation), *_of_estimator(simulation)]

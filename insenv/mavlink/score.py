@@ -22,12 +22,12 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.remarks import declared
-from insenv.core.tables import Vector
-from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Array, Result, Track, checked_estimate, errors, track_of
+from insenv.core.tables import Array, Vector
+from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, checked_estimate, errors, track_of
 from insenv.evaluation.limits import Limit
 from insenv.mavlink.messages import Message, View
 from insenv.mavlink.messages.fields import DEG_E7
-from insenv.mavlink.simulation import POSE
+from insenv.mavlink.simulation import PLACE, POSE
 from insenv.report import Report
 from insenv.runs.function import Called
 from insenv.runs.simulated import result_of
@@ -40,7 +40,6 @@ MAX_DISTANCE_M = 1e5
 """Largest distance from home, m, within which the axes at home make sense."""
 _POSE_SIGMA = {0: POSITION[0], 6: POSITION[1], 11: POSITION[2], 15: ATTITUDE[0], 18: ATTITUDE[1], 20: ATTITUDE[2]}
 """Channels on the diagonal of a pose covariance, whose upper triangle stands row by row."""
-_PLACE = ("latitude", "longitude", "height")
 _LONGITUDE = 8  # its element in a row of `POSE`
 
 
@@ -144,7 +143,7 @@ def _place(message: Any, origin: Origin) -> dict[str, float]:
         )
     home = (origin.latitude, origin.longitude, origin.height)
     place = geodesy.numeric.geodetic_from_ned_offset(np.array(offset), *home)
-    return dict(zip(_PLACE, map(float, place), strict=True))
+    return dict(zip(PLACE, map(float, place), strict=True))
 
 
 def _pose_sigma(triangle: Sequence[float]) -> dict[str, float]:

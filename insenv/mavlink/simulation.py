@@ -25,8 +25,8 @@ from insenv.scenario import Scenario, build, poles
 from insenv.scenario.files import named_estimators
 
 _INCREMENTS = ("delta_angle", "delta_velocity")
-_PLACE = ("latitude", "longitude", "height")
-POSE = ("q_nb", "velocity_n", *_PLACE)
+PLACE = ("latitude", "longitude", "height")
+POSE = ("q_nb", "velocity_n", *PLACE)
 
 
 @dataclass(frozen=True)
@@ -215,8 +215,8 @@ class Simulation:
         """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""
         known, start, now = self.plant.knowledge, self._start, self.truth
         reported = (known.latitude, known.longitude, known.height)
-        error_m = geodesy.numeric.ned_offset(*reported, *(start[name] for name in _PLACE))
-        place = geodesy.numeric.geodetic_from_ned_offset(error_m, *(now[name] for name in _PLACE))
+        error_m = geodesy.numeric.ned_offset(*reported, *(start[name] for name in PLACE))
+        place = geodesy.numeric.geodetic_from_ned_offset(error_m, *(now[name] for name in PLACE))
         latitude, longitude, height = map(float, place)
         error = np.array([known.roll, known.pitch, known.heading]) - np.array(attitude.numeric.to_euler(start["q_nb"]))
         roll, pitch, heading = np.array(attitude.numeric.to_euler(now["q_nb"])) + error

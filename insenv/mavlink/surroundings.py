@@ -14,12 +14,11 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.base.errors import InputError
 from insenv.core import noise
-from insenv.core.tables import Vector
+from insenv.core.tables import Array, Vector
 from insenv.geodesy.magnetic import world_magnetic_years
 from insenv.scenario import Scenario
 from insenv.sensors import registry
@@ -91,7 +90,7 @@ def air_data(truth: Mapping[str, Any], undulation: float, barometer: int, seed: 
 
 
 @lru_cache(maxsize=8)
-def _normals(seed: int, block: int) -> NDArray[np.float64]:
+def _normals(seed: int, block: int) -> Array:
     """Standard normals of the dynamic pressure, `_AHEAD` of them."""
     from scipy.special import ndtri
 
@@ -100,7 +99,7 @@ def _normals(seed: int, block: int) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=1)
-def _atmosphere() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _atmosphere() -> tuple[Array, Array, Array]:
     """Heights above mean sea level (m), natural logarithm of pressure (Pa), temperature (K).
 
     Between heights 10 m apart the logarithm is linear to 1e-8.

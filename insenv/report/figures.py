@@ -10,12 +10,12 @@ import numpy as np
 
 from insenv.base import style
 from insenv.base.style import COLOURS, LIMIT, PALE, STATISTICS, TRUTH
+from insenv.core.tables import Array
 from insenv.report.panels import (
     DASHED,
     OPAQUE,
     TIME,
     TRUTH_GROUP,
-    Array,
     Band,
     Curve,
     IntervalsPanel,

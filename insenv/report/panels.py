@@ -13,11 +13,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from insenv.base.style import DASHED
+from insenv.core.tables import Array
 
 TRUTH_GROUP = -1
 TIME = "time [s]"
-DASHED = (0, (4, 2))
 OPAQUE = 4.5
 """Strength of bands that do not overlap."""
 FALL, SPREAD = 10.0, 50.0

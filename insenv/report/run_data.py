@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.remarks import Remark, as_json
+from insenv.core.tables import Array
 from insenv.evaluation.errors import Result, Track
 from insenv.evaluation.limits import ratio_bounds
 
@@ -62,7 +62,6 @@ class RunData:
 
 # Times without fixes, from the count of the fixes that a filter has used.
 
-Array = NDArray[np.float64]
 
 LONGER = 3.5
 """Intervals between fixes after which a gap is an outage."""

@@ -15,6 +15,8 @@ from insenv.evaluation.specific_force import SpecificForce
 from insenv.report.document import Block, Grid, Line
 from insenv.report.run_data import RunData
 
+SEEDS = 10
+"""Largest number of seeds that are printed; the files hold all."""
 _NAMES = {
     **{f"{name}_deg": f"{name} [deg]" for name in ("roll", "pitch", "heading", "latitude", "longitude")},
     **{f"{name}_m": f"{name} [m]" for name in ("north", "east", "down", "height")},
@@ -77,6 +79,11 @@ def facts(report: RunData) -> list[str]:
 def runs_of(count: int) -> str:
     """A number of runs in words."""
     return f"{count} run{'s' if count > 1 else ''}"
+
+
+def seed_list(seeds: Sequence[int]) -> str:
+    """Seeds by number, the first `SEEDS` of them."""
+    return f"seed {', '.join(map(str, seeds[:SEEDS]))}{', ...' if len(seeds) > SEEDS else ''}"
 
 
 def within(runs: int) -> str:
@@ -149,14 +156,14 @@ the error at the end over it."""
 def outage_rows(outages: Outages) -> list[tuple[str, ...]]:
     """By outage, and of all: a label, then the cells of `OUTAGE_COLUMNS`."""
     labels = [f"{one.begin:.10g} s, for {one.end - one.begin:.6g} s" for one in outages.each]
-    found = [one.statistics() for one in outages.each]
-    if len(found) > 1:
-        labels.append(f"all {len(found)}, rms")
-        found.append(outages.summary())
+    statistics = [one.statistics() for one in outages.each]
+    if len(statistics) > 1:
+        labels.append(f"all {len(statistics)}, rms")
+        statistics.append(outages.summary())
     kinds = ("end", "max", "stated", "ratio")
     return [
         (label, *(number(one[kind][name]) for name in SHOWN for kind in kinds))
-        for label, one in zip(labels, found, strict=True)
+        for label, one in zip(labels, statistics, strict=True)
     ]
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.style import save
+from insenv.core.tables import Array
 from insenv.report.document import Block, Document, Line
 from insenv.report.figures import draw
 from insenv.report.files import OutputFolder
@@ -133,7 +133,7 @@ def both(forms: tuple[Form, Form], measure: Callable[[Form], Any]) -> tuple[floa
     return float(measure(forms[0])), float(measure(forms[1]))
 
 
-def limits(x: NDArray[np.float64], limit: float, label: str) -> Curve:
+def limits(x: Array, limit: float, label: str) -> Curve:
     """Plus and minus a limit that is the same at all times, drawn as that of a run."""
     return Curve(TRUTH_GROUP, np.full(len(x), limit), "limit", label=label)
 

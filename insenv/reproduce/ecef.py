@@ -14,9 +14,9 @@ from math import radians
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.core.tables import Array
 from insenv.evaluation.chi_square import quantile
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, TimePanel
 from insenv.reproduce import Quantity, both, rms
@@ -24,7 +24,6 @@ from insenv.reproduce.unit_limits import bias_errors_deg, unit_limit
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load
 
-Array = NDArray[np.float64]
 ID, PRINTED_ID = IDS = ("ecef-kf", "ecef-kf-printed")
 ARW, VRW = 0.0005, 10.0  # deg/sqrt(h), ug/sqrt(Hz)
 # chosen after the data-sheet prior missed 0.00003 deg in pitch; both are reported

@@ -18,16 +18,14 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from insenv.core.tables import Array
 from insenv.estimators import lssvm
 from insenv.report.panels import Curve, Picture, TimePanel
 from insenv.reproduce import Quantity, limits, rms, update_time
 from insenv.reproduce.unit_limits import bias_errors_deg
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import limit_of, load
-
-Array = NDArray[np.float64]
 
 EKF, SUKF, LSSVM = "aqe-ekf", "aqe-sukf", "lssvm"
 IDS = (EKF, SUKF, LSSVM)

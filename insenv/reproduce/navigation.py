@@ -18,9 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
+from insenv.core.tables import Array
 from insenv.evaluation.errors import POSITION, Result
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
 from insenv.reproduce import Quantity, rms, table_2
@@ -28,8 +28,6 @@ from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.runs.simulated import run
 from insenv.scenario import Scenario, limit_of, load
 from insenv.sensors import units
-
-Array = NDArray[np.float64]
 
 SEEDS = {"in-run": 20, "turn-on": 8}
 SMOOTHED_SEEDS = 3

@@ -13,8 +13,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from insenv.core.tables import Array
 from insenv.estimators import Estimator, get, inertial_fir
 from insenv.estimators.inertial_fir import BLOCK_S, FILTERS, PASS_HZ, STOP_DB, STOP_HZ, STRIDES
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
@@ -23,7 +23,6 @@ from insenv.reproduce.unit_limits import bias_errors_deg, noise_limit
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, limit_of, load
 
-Array = NDArray[np.float64]
 Rows = tuple[tuple[str, float], ...]
 """Parameter rows, or keys, with their values."""
 
@@ -268,7 +267,7 @@ def _as_printed() -> Estimator:
 
 
 def _run(scenario: Scenario, duration: float, seeds: int, ids: tuple[str, ...], records: int | None = None) -> Ensemble:
-    """Recorded every second, if `records` is not given."""
+    """Recorded every second, if `records` is None."""
     chosen = [_as_printed() if id == PRINTED else get(id) for id in ids]
     tuning, records = {PRINTED: FIRST_ANSWER}, records or round(duration)
     return ensemble(scenario, chosen, range(1, seeds + 1), duration_s=duration, records=records, tuning=tuning)

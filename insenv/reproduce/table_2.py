@@ -15,19 +15,17 @@ from math import radians
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
+from insenv.core.tables import Array
 from insenv.estimators import get
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
 from insenv.reproduce import Quantity, both, rms
 from insenv.scenario import Scenario, build, load
 from insenv.scenario.chunks import chunks, input_rows
 from insenv.sensors import units
-
-Array = NDArray[np.float64]
 
 CORRECTED, PRINTED = "wander-sins", "wander-sins-plain"
 ENU = np.array([

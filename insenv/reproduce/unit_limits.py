@@ -9,14 +9,12 @@ from __future__ import annotations
 from math import erf, exp, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE
 from insenv.evaluation.limits import Limit, closed_forms
 from insenv.runs.ensemble import Ensemble
 from insenv.scenario import Plant, build, limit_of
-
-Array = NDArray[np.float64]
 
 _BIASES = ("gyro_bias_deg_h", "gyro_bias_sigma_deg_h", "accel_bias_ug", "accel_bias_sigma_ug")
 

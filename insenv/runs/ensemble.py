@@ -7,20 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InsenvError
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
 from insenv.core.runner import Progress, check_progress
+from insenv.core.tables import Array
 from insenv.estimators import EstimatorsLike, get_all
 from insenv.evaluation.errors import wrapped_deg
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.scenario.chunks import chunks, input_rows, recording_interval
 from insenv.sensors import SENSOR_ERROR
 
-Array = NDArray[np.float64]
 SAMPLES_AT_ONCE = 200_000  # seeds times samples that are simulated before the estimators take them: about 100 MB
 
 

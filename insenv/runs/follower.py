@@ -8,16 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InsenvError
 from insenv.base.remarks import Remark, clock
 from insenv.core.runner import Runner, make_runner
+from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.evaluation.health import Health, fixes_count_less, health, models_slow_errors, no_fix
 from insenv.scenario.chunks import input_rows
-
-Array = NDArray[np.float64]
 
 SHORT = 1e-12
 """Squared norm below which a quaternion is no attitude."""

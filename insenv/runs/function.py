@@ -9,16 +9,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, InsenvError, nearest
 from insenv.base.remarks import clock, remark
+from insenv.core.tables import Array
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.errors import checked_estimate
 from insenv.evaluation.health import Health
 from insenv.sensors import Sensor
-
-Array = NDArray[np.float64]
 
 EstimateFunction = Callable[["Sample"], Any]
 """``(sample) -> `` q_nb, C_nb, a dict of rows (`insenv.evaluation.errors.checked_estimate`), or None: no estimate yet."""

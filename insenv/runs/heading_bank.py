@@ -24,12 +24,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.runner import make_runner
+from insenv.core.tables import Array
 from insenv.estimators import Estimator, Knowledge, get
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.logs import RecordedLog
@@ -37,8 +37,6 @@ from insenv.runs.log_samples import sample_columns
 from insenv.runs.rest import wrapped
 from insenv.runs.standing_readings import Heading
 from insenv.scenario.chunks import input_rows
-
-Array = NDArray[np.float64]
 
 COUNT = 12
 SPACING = 2 * np.pi / COUNT
@@ -62,7 +60,7 @@ WIDENED = 3.0
 """Factor on the sigma that is stated of the start, because the filter that starts from it uses the same fixes once more; up to
 what a linearised filter starts from, as those of the bank do."""
 CONFLICT = 3.0
-"""Standard deviations by which a given heading and that of the motion may differ."""
+"""Standard deviations by which a stated heading and that of the motion may differ."""
 LEAST_SIGMA = float(np.radians(1.0))
 """Smallest standard deviation that is stated of a heading (rad): scale factors turn what is carried back."""
 BY_BANK = declared(

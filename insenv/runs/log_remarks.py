@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.base.remarks import Remark, clock, declared, remark
+from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.estimators.fusion.family import held
 from insenv.estimators.parts.rows import aid_health, reported_aids
@@ -18,8 +18,6 @@ from insenv.logs import RecordedLog
 from insenv.logs.rest import LEAST_REST, REST_WINDOW_S, STEADY_S, rest_of, rest_rows, rest_until, shows_travel
 from insenv.runs.follower import Follower
 from insenv.vehicles import registry as vehicles
-
-Array = NDArray[np.float64]
 
 LATITUDE_SIGMAS = 8.0
 """Standard deviations by which a mean rate at rest may differ: its own is the scatter of few means."""

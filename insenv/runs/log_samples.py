@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from insenv.core.tables import Array
 from insenv.logs import GnssFixes, RecordedLog, instruments
 from insenv.logs.recorded import delivered
-
-Array = NDArray[np.float64]
 
 
 def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:

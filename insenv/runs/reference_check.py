@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.remarks import Remark, remark
+from insenv.core.tables import Array
 from insenv.logs import RecordedLog
-
-Array = NDArray[np.float64]
 
 STEP_S = 0.2
 """Interval of the rows that are compared, s."""

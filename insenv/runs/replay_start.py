@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock, declared, remark
+from insenv.core.tables import Array
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.declared_units import rest_hint
@@ -29,18 +30,16 @@ from insenv.runs.standing_readings import heading_at_rest
 from insenv.runs.stated_start import KEYS, ROUNDED_PLACE, is_moored, stated_of, swaying
 from insenv.vehicles import registry as vehicles
 
-Array = NDArray[np.float64]
-
 STARTS = ("coarse", "reference", "stated")
 """Sources of the initial state: the log alone, its reference solution (of navigation), or its [initial]."""
 ON_ITS_BACK = 0.5  # share of gravity that points down at rest
-LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
-HEADING_SIGMA = float(np.radians(5.0))  # of a given heading
+LEVEL_SIGMA = float(np.radians(0.5))  # of stated roll and pitch
+HEADING_SIGMA = float(np.radians(5.0))  # of a stated heading
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
 SURE_SPEED = 3.0  # m/s: of a fix, above which a vehicle does not stand whatever its inertial unit shows
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
-PLACE_SIGMAS = 4.0  # by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
+PLACE_SIGMAS = 4.0  # by which a stated position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
 PLACE = ("latitude", "longitude", "height")
 WITH_FIXES = "the start is that of the fixes"
 EARLY = 0.1  # s: a stated time this much before the first sample is that of the sample, rounded
@@ -63,12 +62,12 @@ def start_time(log: RecordedLog, start: str) -> float:
 
     Raises `InputError` where [initial] gives a state that may be of another time, because the log is used from a later one on.
     """
-    given = log.description.initial.start_s
+    start_s = log.description.initial.start_s
     first = float(log.imu_time[0] - log.dt[0])
     if start != "reference":
         _check_time_of_state(log, first)
-    if given is not None or start != "reference" or log.reference is None:
-        return first if given is None else given
+    if start_s is not None or start != "reference" or log.reference is None:
+        return first if start_s is None else start_s
     return max(first, float(log.reference.time[0]))
 
 
@@ -80,10 +79,10 @@ def _begin(log: RecordedLog, first: int) -> float:
 def _check_time_of_state(log: RecordedLog, first: float) -> None:
     """Raise `InputError` unless the state in [initial] is of the time at which the used part begins (`first`, s), or later."""
     initial, cut = log.description.initial, log.description.start_s
-    given = [KEYS[name] for name in stated_of(log) if not name.endswith("_sigma")]
-    if not given or log.description.in_place:
+    keys = [KEYS[name] for name in stated_of(log) if not name.endswith("_sigma")]
+    if not keys or log.description.in_place:
         return
-    state = f"the state in [initial] ({', '.join(given)})"
+    state = f"the state in [initial] ({', '.join(keys)})"
     if initial.start_s is None and cut is not None and cut > first - EARLY:
         raise InputError(
             f"start_s = {clock(cut)} s leaves out what was recorded before, and nothing tells of which time {state} is: "
@@ -140,7 +139,7 @@ def _known(log: RecordedLog, in_place: bool, **state: Any) -> Knowledge:
 
 
 def _sigmas(stated: dict[str, Any], **otherwise: Any) -> dict[str, Any]:
-    """The standard deviations that [initial] states, or else those given by name (m, m/s, rad)."""
+    """The standard deviations that [initial] states, or else the defaults by name (m, m/s, rad)."""
     return {name: stated.get(name, value) for name, value in otherwise.items()}
 
 
@@ -352,11 +351,11 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         heading_sigma=HEADING_SIGMA,
     )
     if far:
-        sigmas["position_sigma"] = position_sigma  # the given one is that of the given place
+        sigmas["position_sigma"] = position_sigma  # the stated one is that of the stated place
     tilt_sigma, heading = sigmas["tilt_sigma"], 0.0
     of_motion: tuple[Remark, ...] = ()
-    found_by_gyros = gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < HEADING_SIGMA
-    if "heading" not in stated and found_by_gyros:
+    gyros_show_heading = gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < HEADING_SIGMA
+    if "heading" not in stated and gyros_show_heading:
         sigmas["heading_sigma"] = np.pi
     elif sigmas["heading_sigma"] < np.pi:
         level = start_at_rest(rest, (roll, pitch), latitude, 0.0, np.pi, sensors, tilt_sigma)
@@ -403,7 +402,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
     "unit is worse than its grade",
 )
 def _heading_conflict(start: RestStart, heading: float) -> dict[str, Any] | None:
-    """A given heading (rad) that the gyros at rest contradict."""
+    """A stated heading (rad) that the gyros at rest contradict."""
     if not start.conflict:
         return None
     stated, apart = np.degrees(heading), np.degrees(abs(start.conflict))
@@ -465,8 +464,8 @@ def _far_note(
     initial = log.description.initial
     if initial.latitude_deg is None or initial.longitude_deg is None:
         return None
-    given = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
-    north, east, _ = geodesy.numeric.ned_offset(*given, *fixed)
+    stated_place = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
+    north, east, _ = geodesy.numeric.ned_offset(*stated_place, *fixed)
     stated = (ROUNDED_PLACE, ROUNDED_PLACE) if initial.position_sigma_m is None else initial.position_sigma_m[:2]
     both = float(np.hypot(max(stated), max(sigma[:2])))
     apart = max(float(np.hypot(north, east)) - float(np.linalg.norm(log.lever_arm_b)) - moved, 0.0)

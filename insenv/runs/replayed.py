@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.output import as_path
 from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress
+from insenv.core.tables import Array
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
 from insenv.estimators.settings import Settings, choices_in, setting_rows, settings_of, tuning
@@ -37,8 +37,6 @@ from insenv.runs.simulated import follower_of, members, result_of
 from insenv.runs.standing_readings import with_datum
 from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.chunks import RECORDS, chunks, recording_interval
-
-Array = NDArray[np.float64]
 
 
 def replay(
@@ -74,8 +72,8 @@ def replay(
     check_progress(progress)
     name = log.description.title if isinstance(log, RecordedLog) else str(log)
     ready = prepared(log, estimators, start=start, settings=settings, outages=outages)
-    log, first, columns, dropped, chosen, starts, given = (
-        ready.log, ready.first, ready.columns, ready.dropped, ready.chosen, ready.starts, ready.given
+    log, first, columns, dropped, chosen, starts, parameter_rows = (
+        ready.log, ready.first, ready.columns, ready.dropped, ready.chosen, ready.starts, ready.parameter_rows
     )  # fmt: skip
     description = log.description
     count = len(log.imu_time) - first
@@ -83,7 +81,7 @@ def replay(
     every = recording_interval(count, 10 * RECORDS)
     total = count // every * every
     followers = [
-        follower_of(e, e.parameters(s.knowledge, rows=given[e.id]), every) for e, s in zip(chosen, starts, strict=True)
+        follower_of(e, e.parameters(s.knowledge, rows=parameter_rows[e.id]), every) for e, s in zip(chosen, starts, strict=True)
     ]
     columns = {**columns, "time": log.imu_time[first:]}  # for messages
     for begin, size in chunks(total, every):
@@ -107,9 +105,9 @@ def replay(
         *members(ready.families, chosen),
         *latitude_at_rest(log, first, starts[0].knowledge.latitude),
     ]
-    if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
+    if log.assumed is not None and any(_takes_sensors(e, parameter_rows[e.id]) for e in chosen):
         notes.append(log.assumed.remark)
-    if any(_takes_sensors(e, given[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
+    if any(_takes_sensors(e, parameter_rows[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
     notes += reference_notes(log)
     if log.gaps.count:
@@ -147,8 +145,8 @@ class Prepared:
 
     first: number of the first sample; columns: samples from it on, by name of the estimators' inputs; dropped: fixes left out;
     begin_s: start time; families, chosen: estimators as asked for, and adapted to the log; starts: what each knows at the
-    start; tunings: parameter rows (SI) that the log sets, by estimator id; given: those in force.  notes: who else was asked
-    for, and why the log is not for it; what the log contradicts of its instruments.
+    start; tunings: parameter rows (SI) that the log sets, by estimator id; parameter_rows: those in force.  notes: who else
+    was asked for, and why the log is not for it; what the log contradicts of its instruments.
     whole: the log with the fixes that outages withhold from `log`; withheld: these, None without outages.
     """
 
@@ -161,7 +159,7 @@ class Prepared:
     chosen: list[Estimator]
     starts: list[Start]
     tunings: dict[str, dict[str, Any]]
-    given: dict[str, dict[str, Any]]
+    parameter_rows: dict[str, dict[str, Any]]
     notes: tuple[Remark, ...]
     whole: RecordedLog
     withheld: Withheld | None
@@ -200,8 +198,8 @@ def prepared(
         if family.adapt is None:  # a family is what `adapted` makes of it
             family.check(drive, tunings.get(family.id))
         begun = initial_knowledge(log, family, start, first)
-        own = {**settings_of(family, description.estimator), **settings_of(family, settings)}
-        estimator = family.adapted(begun.knowledge, drive, choices_in(family, own))
+        estimator_settings = {**settings_of(family, description.estimator), **settings_of(family, settings)}
+        estimator = family.adapted(begun.knowledge, drive, choices_in(family, estimator_settings))
         estimator.check(drive, tunings.get(estimator.id))
         if lost is not None and not estimator.navigates:
             raise InputError(f"estimator {estimator.id!r} has no position, which outages are about: leave them out for it")
@@ -219,10 +217,10 @@ def prepared(
             refused.append(_REFUSED.filled(id=family.id, why=str(error)))
     if not taken:
         raise InputError("\n".join(refused))
-    given = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for _, e, _ in taken}
+    parameter_rows = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for _, e, _ in taken}
     asked, chosen, starts = (list(part) for part in zip(*taken, strict=True))
     notes = (*differing, *refused)
-    return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, given, notes, whole, lost)
+    return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, parameter_rows, notes, whole, lost)
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:
@@ -261,16 +259,16 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
 _UNIT = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
 
 
-def _takes_sensors(estimator: Estimator, given: Mapping[str, Any]) -> bool:
-    """Whether noise or bias of the unit is not `given` (by row name), but as its data sheet says."""
-    return any(name in estimator.model.parameters and name not in given for name in _UNIT)
+def _takes_sensors(estimator: Estimator, rows: Mapping[str, Any]) -> bool:
+    """Whether noise or bias of the unit is not among `rows`, but as its data sheet says."""
+    return any(name in estimator.model.parameters and name not in rows for name in _UNIT)
 
 
-def _whole_unit(estimator: Estimator, given: dict[str, Any]) -> dict[str, Any]:
-    """Parameters that give noise and biases describe the whole unit: scale factors are then 0, unless given."""
-    if _takes_sensors(estimator, given):
-        return given
-    return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **given}
+def _whole_unit(estimator: Estimator, rows: dict[str, Any]) -> dict[str, Any]:
+    """Parameters that give noise and biases describe the whole unit: scale factors are then 0, unless stated."""
+    if _takes_sensors(estimator, rows):
+        return rows
+    return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **rows}
 
 
 def _moved_to_imu(track: Track, log: RecordedLog, outputs: Mapping[str, Array]) -> Track:
@@ -325,19 +323,19 @@ def _outages(ready: Prepared, times: Array, outputs: Mapping[str, Array]) -> Out
     if lost is None:
         return None
     fixes = Fixes(*(getattr(lost.fixes, name) for name in ("time", "latitude", "longitude", "height", "position_sigma")))
-    told = ready.log.told
-    arm_sigma, delay_sigma = (told.get(name, 0.0) for name in ("antenna_lever_arm_sigma", "gnss_delay_sigma"))
+    stated_errors = ready.log.told
+    arm_sigma, delay_sigma = (stated_errors.get(name, 0.0) for name in ("antenna_lever_arm_sigma", "gnss_delay_sigma"))
     antenna = Antenna(ready.log.lever_arm_b, arm_sigma, delay_sigma, LEVER_ARM.name, DELAY.name)
     return outages_of(times, outputs, fixes, lost.windows, lost.resumed, antenna)
 
 
-def _of_outages(lost: Withheld | None, found: Outages | None) -> tuple[Remark, ...]:
+def _of_outages(lost: Withheld | None, outages: Outages | None) -> tuple[Remark, ...]:
     """What is said of outages, and of those in which nothing was compared."""
     if lost is None:
         return ()
-    unseen = len(lost.windows) - (0 if found is None else len(found.each))
+    unseen = len(lost.windows) - (0 if outages is None else len(outages.each))
     left_out = (_UNSEEN.filled(count=unseen),) if unseen else ()
-    return (*left_out, *(() if found is None else found.too_sure()))
+    return (*left_out, *(() if outages is None else outages.too_sure()))
 
 
 def _result(
@@ -351,7 +349,7 @@ def _result(
 ) -> Result:
     """times: of the records.  reference: at these times; empty if the log has none.  changes: of the receiver's velocity."""
     log, estimator, outputs = ready.log, follower.estimator, follower.named()
-    rows, health = ready.given[estimator.id], follower.health(outputs)
+    rows, health = ready.parameter_rows[estimator.id], follower.health(outputs)
     # parameters that describe the whole unit are not compared with its data sheet
     understated = estimator.understated(begun.knowledge, rows=rows) if _takes_sensors(estimator, rows) else ()
     outages, evaluated_s = (

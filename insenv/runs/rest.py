@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude, geodesy
+from insenv.core.tables import Array
 from insenv.estimators import ImuDataSheet
 from insenv.logs.rest import Rest
-from insenv.logs.units import Array
 
 CONFLICT = 3.0
-"""Standard deviations by which a given heading may differ from that of the gyros."""
+"""Standard deviations by which a stated heading may differ from that of the gyros."""
 
 
 @dataclass(frozen=True)
 class RestStart:
     """Heading (rad) and gyro bias (rad/s, b) of a start at rest, in the terms of `insenv.estimators.Knowledge`.
 
-    heading_sigma: rad. gyro_bias_error, rest_share: see there. conflict: the given heading minus that of the gyros (rad), where
+    heading_sigma: rad. gyro_bias_error, rest_share: see there. conflict: stated heading minus that of the gyros (rad), where
     they disagree by more than `CONFLICT` standard deviations; otherwise 0.
     """
 
@@ -63,7 +63,7 @@ def start_at_rest(
     compass = float(np.arctan2(-rate[1], rate[0]))
     conflict = float(wrapped(heading - compass))
     if sigma < np.pi and abs(conflict) > CONFLICT * np.hypot(sigma, weight**-0.5):
-        sigma = abs(conflict)  # the given heading is wrong, or the rest was none
+        sigma = abs(conflict)  # the stated heading is wrong, or the rest was none
     else:
         conflict = 0.0
     prior = sigma**-2 if sigma < np.pi else 0.0

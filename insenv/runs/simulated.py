@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
+from insenv.core.tables import Array
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import Result, Track, UnitError, errors, stated_sigma, statistics_from, track_of, unit_errors
@@ -27,8 +27,6 @@ from insenv.scenario.chunks import bridge_lost, chunks, recording_interval
 from insenv.scenario.files import named_estimators
 from insenv.sensors import IMU
 from insenv.sensors.imu import true_unit_errors
-
-Array = NDArray[np.float64]
 
 
 def follower_of(estimator: Estimator, parameters: Mapping[str, Any], every: int) -> Follower:

@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.attitude import skew
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs import RecordedLog
 from insenv.logs.recorded import Readings
 from insenv.sensors import registry
 from insenv.sensors.instrument import Instrument
 from insenv.sensors.level_equation import Level, equation_at
-
-Array = NDArray[np.float64]
 
 CONTRADICTED = 5.0
 """Standard deviations of a mean reading beyond which it is that of no heading, or the datum another one."""
@@ -127,9 +126,9 @@ def with_datum(log: RecordedLog) -> tuple[RecordedLog, tuple[Remark, ...]]:
     for each in log.instruments:
         instrument = registry.instruments()[each.id]
         if instrument.holds == ("vertical",) and log.gnss is not None:
-            found = _datum(instrument, each, log)
-            if found is not None:
-                row, remark = found
+            datum = _datum(instrument, each, log)
+            if datum is not None:
+                row, remark = datum
                 stated |= row
                 remarks.append(remark)
     return (replace(log, told=stated) if remarks else log), tuple(remarks)

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.core.tables import Array
 from insenv.evaluation.specific_force import VelocityChanges
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.recorded import NO_INFORMATION
-
-Array = NDArray[np.float64]
 
 SHORTEST_S, LONGEST_S = 0.95, 2.05
 """Length of an interval between two fixes: the noise of the receiver is divided by it, and the gyros are not corrected."""

@@ -17,16 +17,16 @@ from insenv.core import noise
 from insenv.core.model import Model
 from insenv.core.tables import Table, Vector, check_rows
 from insenv.estimators import Knowledge
-from insenv.scenario.assembly import plant_model
 from insenv.scenario.commands import DRIVEN, commanded
-from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
-from insenv.scenario.plant import Plant
+from insenv.scenario.description import MAX_SEED, KnowledgeSection, Scenario
+from insenv.scenario.plant import Plant, plant_model
 from insenv.scenario.poles import check_course
 from insenv.sensors import IMU, Sensor
 from insenv.sensors.contract import Place
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.registry import stated_rows
 from insenv.vehicles import Vehicle
+from insenv.vehicles.section import MAX_DURATION_S
 from insenv.vehicles.ship import ANGLES
 
 KNOWLEDGE_STREAM = 0xFFFFFFFE
@@ -225,7 +225,7 @@ def _knowledge(
 
 
 def stated_errors(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """What estimators are told of a scenario's sensors with these parameter rows (SI), by row of `stated_rows`."""
+    """Stated errors of a scenario's sensors with these parameter rows (SI), by row of `stated_rows`."""
     rows: dict[str, Any] = {}
     for id, section in scenario.sensors.items():
         if section.sensor.stated_errors is not None:
@@ -266,7 +266,7 @@ def start_sigmas(known: KnowledgeSection) -> Vector:
 
 
 def stated_start_errors(known: KnowledgeSection) -> tuple[float | None, ...]:
-    """The errors that are given (9), in the order and units of `start_errors`; None for one that is drawn."""
+    """The errors that the scenario states (9), in the order and units of `start_errors`; None for one that is drawn."""
     errors, none = rows_of(known), (None,) * 3
     angles = [errors.get(f"{angle}_error") for angle in ("roll", "pitch", "heading")]
     return (*angles, *errors.get("position_error", none), *errors.get("velocity_error", none))

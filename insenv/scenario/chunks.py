@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.core.model import Model
+from insenv.core.tables import Array
 
-Array = NDArray[np.float64]
 CHUNK = 20_000
 """Samples that are simulated before the estimators take them: about 10 MB."""
 RECORDS = 3_000

@@ -21,6 +21,7 @@ from insenv.sensors import registry as sensor_registry
 from insenv.sensors.grades import FIGURES
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
+from insenv.vehicles.section import MAX_DURATION_S
 
 # The section [gravity] of a scenario: the difference between true gravity and the normal gravity of the estimators.
 
@@ -48,7 +49,6 @@ class GravitySection(Section):
         return {"gravity_disturbance_n": np.array([north, east, units.mgal_to_m_s2(self.disturbance_mgal)])}
 
 
-MAX_DURATION_S = 86400.0
 MAX_SEED = 2**53
 
 

@@ -58,7 +58,7 @@ def sources_of(plant: Plant, seeds: Sequence[int]) -> tuple[Source, ...]:
 
 
 def _is_on(source: ErrorSource, table: Table, vector: Vector) -> bool:
-    # a range that is not given is a conversion of its largest value, which rounds
+    # a range that is not stated is a conversion of its largest value, which rounds
     rows = [name for name in source.rows if name in table]
     return any(not np.allclose(vector[table.slice(name)], source.off, rtol=1e-6, atol=0.0) for name in rows)
 
@@ -69,7 +69,7 @@ def unknown_errors(scenario: Scenario) -> tuple[str, ...]:
 
 
 def start_without(scenario: Scenario, sources: Iterable[Source]) -> Scenario:
-    """The scenario without the initial errors of `sources`; what estimators are told of their size stays."""
+    """The scenario without the initial errors of `sources`; their stated sigmas stay."""
     keys = {key: value for source in sources for key, value in source.start.items()}
     knowledge: KnowledgeSection = scenario.knowledge.model_copy(update=keys)
     changed = scenario.model_copy(update={"knowledge": knowledge})

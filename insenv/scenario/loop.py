@@ -82,7 +82,7 @@ class _Wiring:
         return f"{self.prefix}given_{name}"
 
     def wired_rows(self) -> Table:
-        """State rows of the sample given to the estimator, where samples can be lost."""
+        """State rows of the sample that the estimator gets, where samples can be lost."""
         rows = []
         for name in _HELD if self.holds else ():
             row = self.plant.state[name]

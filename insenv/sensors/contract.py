@@ -14,6 +14,8 @@ from insenv.core.tables import Table
 Instant = Callable[[Values, Values], tuple[Any, Any, Any]]
 """(parameters, state) -> true omega_eb^b (3, rad/s), its time derivative (3, rad/s^2) and d(velocity_n)/dt (3, m/s^2) at
 the end of the sample."""
+HUGE = 1e12
+"""Represents "no limit": tables hold finite numbers only."""
 
 
 def _no_motion(p: Values, x: Values) -> tuple[Any, Any, Any]:
@@ -56,7 +58,7 @@ class Sensor:
     outputs: state rows that are outputs of the plant, and inputs of the same names of estimators.
     derived, derive: further outputs of the plant, and ``(parameters, state) -> {row: value}`` that computes them.
     truth: state rows that are outputs of the plant to compare estimates with; no estimator and no agent gets them.
-    stated_errors: ``(parameter rows by name) -> {row: value}``, what an estimator is told of its errors, by rows of
+    stated_errors: ``(parameter rows by name) -> {row: value}``, its errors as stated to an estimator, by rows of
         `insenv.sensors.registry.stated_rows`.
     errors: the sources of its errors, for error budgets.  None: they are not known.
     stated: what its measurements state of their accuracy; None: nothing that depends on the parameters of its errors.

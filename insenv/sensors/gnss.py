@@ -149,7 +149,7 @@ def gnss_part(instant: Instant) -> Part:
 
 
 GNSS_STATED = Table((*LEVER_ARM.stated, *DELAY.stated))
-"""What is told of a receiver beside the fields of `insenv.Knowledge`."""
+"""Stated errors of a receiver beside the fields of `insenv.Knowledge`."""
 
 
 def _stated_errors(rows: Mapping[str, Any]) -> dict[str, Any]:

@@ -63,7 +63,7 @@ def read_grade(path: str | Path) -> GradeTable:
 
 
 def _value(value: Any) -> Any:
-    """A grade as given: the name of one of the catalogue, the path of a file, which is read, or the values of such a file."""
+    """A grade: the name of one of the catalogue, the path of a file, which is read, or the values of such a file."""
     if isinstance(value, str) and value.endswith(SUFFIX):
         return read_grade(value)
     if isinstance(value, str):

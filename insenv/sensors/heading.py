@@ -5,7 +5,7 @@ At an epoch, with the attitude C_nb:
     d_n = C_nb (d_b + error) + wander + outlier + noise w
     azimuth = atan2(d_E, d_N)
 
-d_b is the baseline that is told, from the first to the second antenna; its error is constant.  The wander is multipath, a
+d_b is the stated baseline, from the first to the second antenna; its error is constant.  The wander is multipath, a
 first-order Gauss-Markov process on each axis; an outlier is a wrong ambiguity, a displacement in a random direction.  The
 receiver knows the length of the baseline: a measured one that differs by more than the tolerance is not delivered.  The
 standard deviation of the azimuth that it reports is that of noise and wander across the horizontal part of the measured

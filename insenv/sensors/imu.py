@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import create_model
 
 from insenv import attitude
@@ -37,11 +36,11 @@ from insenv.base.toml import LeverArm, Number, Rotation, key
 from insenv.core.compose import Part
 from insenv.core.elementary import exp, normals, select
 from insenv.core.model import Step, Values
-from insenv.core.tables import Row, Table
-from insenv.sensors.contract import ErrorSource, Sensor, SensorSection
+from insenv.core.tables import Array, Row, Table
+from insenv.sensors.contract import HUGE, ErrorSource, Sensor, SensorSection
 from insenv.sensors.grade_file import GradeValue, grade_of
 from insenv.sensors.grades import FIGURES, WAYS, WHITE
-from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, HUGE, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
+from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
 
 SAMPLE_UNIFORMS = 7
 DRIFT_UNIFORMS = 12 + 6 * FLICKER_PARTS
@@ -244,8 +243,6 @@ IMU = Sensor(
 
 
 # The true errors of an inertial unit, as an error model of its increments has them.
-
-Array = NDArray[np.float64]
 
 
 def true_unit_errors(state: Mapping[str, Any], parameters: Mapping[str, Any]) -> dict[str, Array]:

@@ -8,10 +8,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.core.elementary import exp
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
+from insenv.sensors.contract import HUGE
 
 # Flicker noise of a bias: its Allan deviation has a floor, the "bias instability" of a data sheet.
 #
@@ -46,10 +46,6 @@ def advanced_flicker(parts: Any, floor: Any, h: Any, normals: Any, first: Any) -
         drive = FLICKER_SIGMA * floor * ca.sqrt((1.0 - decay) * (1.0 + decay))
         columns.append(decay * parts[:, i] + drive * normals[3 * i : 3 * i + 3])
     return ca.horzcat(*columns)
-
-
-HUGE = 1e12
-"""Represents "no limit": tables hold finite numbers only."""
 
 
 @dataclass(frozen=True)
@@ -190,8 +186,6 @@ IMU_STATE = Table((
 # With warmth T - T_0 above the temperature of reference, in sensor axes (`insenv.sensors.imu`):
 #
 #     y = (1 + k (T - T_0)) d + b (T - T_0) dt
-
-Array = NDArray[np.float64]
 
 
 def without_thermal_errors(increments: Array, dt: Array, warmth: Array, bias_slope: Array, scale_slope: Array) -> Array:

@@ -2,7 +2,7 @@
 
 The plant evaluates the equation at the truth, with the errors that it has drawn (`insenv.sensors.sampled`).  A fusion filter
 evaluates it at its estimate, with the errors that it estimates (`insenv.estimators.fusion.instruments`).  The limit
-differentiates it along the truth (`insenv.evaluation.limits.aids`).  What an estimator is told of the errors, the sections of
+differentiates it along the truth (`insenv.evaluation.limits.aids`).  The errors stated to an estimator, the sections of
 scenarios and logs, the columns of exported logs and the sources of error of a budget follow from the same declaration.
 
 Every measurement has the rows ``ID_new``, 1 on the one sample with which it arrives, and ``ID_age``, the time from its epoch
@@ -22,9 +22,8 @@ import numpy as np
 
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
-from insenv.sensors.contract import ErrorSource, Place
+from insenv.sensors.contract import HUGE, ErrorSource, Place
 
-HUGE = 1e12
 QUANTUM_SIGMA = 12.0**-0.5
 """Standard deviation of the rounding error over the quantum."""
 
@@ -149,7 +148,7 @@ def constant(
 ) -> Term:  # fmt: skip
     """An error that is constant over a run: a fixed part, the parameter row `row`, and one drawn at the start.
 
-    value: name of its state row; "ROW_true" if empty.  stated, stated_shape: what estimators are told, by default ROW_sigma of
+    value: name of its state row; "ROW_true" if empty.  stated, stated_shape: the row for estimators, by default ROW_sigma of
     all axes together.  drawn: whether there is a drawn part.  limits: of the fixed part.
     """
     name_of_sigma = sigma or f"{row}_sigma"
@@ -168,7 +167,7 @@ def drift(
     sigma_shape: tuple[int, ...] = (), start_time: float = 600.0, value: str = "", states: tuple[Estimated, ...] = (),
     flag: str = "", normals: tuple[int, ...] = (),
 ) -> Term:  # fmt: skip
-    """A first-order Gauss-Markov error with the parameter rows ROW_sigma and ROW_time, which estimators are told."""
+    """A first-order Gauss-Markov error with the parameter rows ROW_sigma and ROW_time, which are stated to estimators."""
     sigma_frame = frame if sigma_shape else ""
     time = Row(f"{row}_time", f"{meaning} (Gauss-Markov), correlation time", "s", start=start_time, lower=1e-3, upper=HUGE)
     deviation = f"{meaning} (Gauss-Markov), standard deviation"
@@ -185,7 +184,7 @@ def white(
     row: str, source: str, meaning: str, unit: str, shape: tuple[int, ...] = (), frame: str = "", *,
     sigma_shape: tuple[int, ...] = (), normals: tuple[int, ...] = (),
 ) -> Term:  # fmt: skip
-    """White noise of a measurement: the term "noise" with the parameter row `row`, which estimators are told."""
+    """White noise of a measurement: the term "noise" with the parameter row `row`, which is stated to estimators."""
     sigma_frame = frame if sigma_shape else ""
     return Term(
         "noise", source, "white", shape, unit, frame,
@@ -284,7 +283,7 @@ class Instrument:
     values: rows of what it measures.  terms: its errors.
     measure: ``(motion, errors, p) -> {row: value}``: what it shows, of a `Motion`, of errors by the names of the terms and of
         parameters, for each of the rows `values` that is no reported accuracy.  All that it does is differentiable.
-    parameters: further parameter rows.  stated: further rows that estimators are told, of the same names as parameters.
+    parameters: further parameter rows.  stated: further rows stated to estimators, of the same names as parameters.
     exact, exact_rows: ``(motion, errors, p) -> {row: value}``: true values that arrive with the measurement.
     totals: state rows of the plant that add up terms, and ``(errors, p) -> value`` of each.
     accuracy: ``(p, {row: value}) -> {row: value}``: what a measurement reports of its own accuracy.
@@ -388,7 +387,7 @@ class Instrument:
 
     @cached_property
     def stated_errors(self) -> Table:
-        """What an estimator is told.  Start values, mostly 0, mean "no such error"."""
+        """The rows stated to an estimator.  Start values, mostly 0, mean "no such error"."""
         return Table(tuple(dict.fromkeys((*self.stated, *(row for term in self.terms for row in term.stated)))))
 
     def stated_values(self, rows: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,13 +11,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.core.model import Values
+from insenv.core.tables import Array
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.sensors.instrument import Instrument, Term, errors_of
-
-Array = NDArray[np.float64]
 
 
 class Level:

@@ -27,7 +27,7 @@ from insenv.sensors.figures import Figure, Grade, by_name
 from insenv.sensors.instrument import Column, Estimated, Instrument, Setting, constant, white
 
 ASSUMED_MOUNTING = radians(3.0)
-"""rad: standard deviation of the mounting where nothing is told of it."""
+"""rad: standard deviation of the mounting where none is stated."""
 LEVER_ARM = Row("odometer_lever_arm_b", "From the inertial unit to the wheel's or sensor's point", "m", (3,), "b",
                 lower=-1e3, upper=1e3)  # fmt: skip
 MOUNTING = Row("odometer_mounting", "Rotation vector from b to the odometer's axes v, v_v = C(rotation)^T v_b", "rad", (3,),

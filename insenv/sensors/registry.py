@@ -71,7 +71,7 @@ def instrument(id: str) -> Instrument | None:
 
 
 def stated_rows() -> Table:
-    """What estimators are told of the receiver and of all instruments.  Start values, mostly 0, mean "no such error"."""
+    """The rows stated to estimators of the receiver and of all instruments.  Start values, mostly 0, mean "no such error"."""
     return sum((each.stated_errors for each in instruments().values()), GNSS_STATED)
 
 

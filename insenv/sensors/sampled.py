@@ -21,8 +21,8 @@ from insenv.core.elementary import exp, normals, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy.magnetic import displacement_n
-from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
-from insenv.sensors.instrument import HUGE, Instrument, Term, errors_of
+from insenv.sensors.contract import HUGE, ErrorSource, Instant, Sensor, Stated
+from insenv.sensors.instrument import Instrument, Term, errors_of
 
 OUTAGES = 16
 """Number of outage windows in the parameters."""

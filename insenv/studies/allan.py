@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from insenv.base.output import as_path
 from insenv.base.remarks import Remark, declared, remark
 from insenv.core.runner import Progress, check_progress
+from insenv.core.tables import Array
 from insenv.logs import RecordedLog, load
 from insenv.logs.assumed_unit import assumed_unit
 from insenv.studies.allan_result import SensorNoise, UnitNoise
 from insenv.studies.noise_terms import Curve, Terms, allantools, curve, fit
 from insenv.studies.rest import part_of
-
-Array = NDArray[np.float64]
 
 SILENT = 1e-12
 """Noise below this part of a rate is the rounding of its numbers."""

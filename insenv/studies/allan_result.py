@@ -385,9 +385,9 @@ def _on_page(cell: str) -> str:
 def _fitted(unit: UnitNoise, triad: SensorNoise) -> panels.TimePanel:
     """The panel of the figure, with the fit at the times of the deviations and without its terms."""
     panel = _panel(triad, [axis for axis in unit.axes if axis.kind == triad.kind])
-    own = [mark for mark in panel.marks if not (isinstance(mark, panels.Curve) and mark.x is not None)]
-    panel.marks = [replace(mark, kind="line") if isinstance(mark, panels.Curve) else mark for mark in own]
-    if triad.terms is not None and own:
+    measured = [mark for mark in panel.marks if not (isinstance(mark, panels.Curve) and mark.x is not None)]
+    panel.marks = [replace(mark, kind="line") if isinstance(mark, panels.Curve) else mark for mark in measured]
+    if triad.terms is not None and measured:
         panel.marks.append(panels.Curve(FIT, np.sqrt(triad.terms.variance(triad.curve.tau)) / triad.scale))
     return panel
 

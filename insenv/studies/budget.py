@@ -20,14 +20,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
 from insenv.core.batch import make_batch
 from insenv.core.model import Model, Step, Values
 from insenv.core.runner import Progress, check_progress
-from insenv.core.tables import Table, Vector
+from insenv.core.tables import Array, Table, Vector
 from insenv.estimators import Estimator, get
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import ATTITUDE, statistics_from, wrapped_deg
@@ -92,8 +91,6 @@ def switch_off(model: Model, vector: Vector, sources: Iterable[Source]) -> Vecto
                 switched[model.parameters.slice(name)] = source.off
     return switched
 
-
-Array = NDArray[np.float64]
 
 RECORDS = 240
 """Approximate upper bound of the number of times at which errors are compared."""

@@ -8,23 +8,20 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.output import to_json
 from insenv.base.remarks import Remark, as_json
+from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import Shown, data_frame
 from insenv.report.of_run import NAMES, unit_of
 from insenv.report.panels import OPAQUE, TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
-from insenv.report.tables import label, number, runs_of, since
+from insenv.report.tables import label, number, runs_of, seed_list, since
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -144,8 +141,6 @@ NAME = "budget"
 GROUPS = (("attitude, deg", ATTITUDE), ("velocity, m/s", VELOCITY), ("position, m", POSITION))
 SMALL = 1e-3
 """Share of the variance, in every channel of a table, below which a source is not listed."""
-NAMED = 10
-"""Largest number of seeds that are printed."""
 SHOWN = 10
 """Largest number of sources that have a colour of their own; the others are one band."""
 
@@ -190,8 +185,7 @@ def left_out(budget: Budget) -> str:
     """The sentence on runs that diverged; empty if none did."""
     if not budget.diverged:
         return ""
-    named = ", ".join(map(str, budget.diverged[:NAMED])) + (", ..." if len(budget.diverged) > NAMED else "")
-    return f"{len(budget.diverged)} of {budget.runs} runs diverged and are left out: seed {named}"
+    return f"{len(budget.diverged)} of {budget.runs} runs diverged and are left out: {seed_list(budget.diverged)}"
 
 
 def facts(budget: Budget) -> str:
@@ -203,7 +197,7 @@ def facts(budget: Budget) -> str:
 
 @dataclass(frozen=True)
 class BudgetRow:
-    """One line of a table.  values: by channel, of the source alone and of the error without it; None: not told.
+    """One line of a table.  values: by channel, of the source alone and of the error without it; None: unknown.
 
     large: by channel, whether the source has a quarter of the variance.
     """

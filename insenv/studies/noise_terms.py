@@ -32,6 +32,7 @@ from scipy.special import digamma, polygamma
 from scipy.stats import chi2
 
 from insenv.base.installing import need
+from insenv.core.tables import Array
 
 # The Allan deviation of a rate, and how far it can be trusted: its statistics for the fit of noise terms.
 #
@@ -152,8 +153,6 @@ def _freedom(slope: float, size: int, samples: int) -> float:
     at = [float(allantools().edf_greenhall(each, 2, size, samples + 1, overlapping=True)) for each in _EXPONENTS]
     return float(np.exp(np.interp(exponent, _EXPONENTS[::-1], np.log(at[::-1]))))
 
-
-Array = NDArray[np.float64]
 
 QUANTIZATION, WHITE, FLICKER, WALK, MARKOV = "quantization", "white", "flicker", "rate_random_walk", "markov"
 TIME = "markov_time"

@@ -97,9 +97,9 @@ def _withheld(result: Result) -> Withheld | None:
     outages = result.outages
     if outages is None or not outages.ratios.size:
         return None
-    found, share = outages.summary(), outages.beyond / outages.ratios.size
-    errors = {name: Compared(found["end"][name], found["stated"][name], share) for name in SHOWN}
-    largest = {name: found["max"][name] for name in SHOWN}
+    summary, share = outages.summary(), outages.beyond / outages.ratios.size
+    errors = {name: Compared(summary["end"][name], summary["stated"][name], share) for name in SHOWN}
+    largest = {name: summary["max"][name] for name in SHOWN}
     ratio = _rms(outages.ratios)
     return Withheld(len(outages.each), ratio, errors, largest, _verdict(result), _is_warned(result))
 

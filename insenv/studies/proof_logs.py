@@ -60,8 +60,8 @@ class PublicLog:
     def files(self) -> list[str]:
         """The files of the log, as the description names them."""
         sections = [each for each in self.description.values() if isinstance(each, Mapping) and "file" in each]
-        found = [name for each in sections for name in ([each["file"]] if isinstance(each["file"], str) else each["file"])]
-        return list(dict.fromkeys(found))
+        names = [name for each in sections for name in ([each["file"]] if isinstance(each["file"], str) else each["file"])]
+        return list(dict.fromkeys(names))
 
     def missing(self, folder: Path) -> str:
         """One sentence on how to get the data that are not here; empty if all are.  folder: that of the data."""
@@ -84,8 +84,8 @@ class PublicLog:
 
 def public_logs() -> dict[str, PublicLog]:
     """All of them by name, those developed on first."""
-    found = [log for path in sorted(recordings_folder().glob("*.toml")) for log in logs_of(path)]
-    return {log.name: log for log in sorted(found, key=lambda log: log.used)}
+    logs = [log for path in sorted(recordings_folder().glob("*.toml")) for log in logs_of(path)]
+    return {log.name: log for log in sorted(logs, key=lambda log: log.used)}
 
 
 @cache

@@ -284,10 +284,10 @@ def _share(withheld: Withheld | None) -> float:
 def _notes(proof: Proof) -> list[str]:
     """Estimators that a log is not for, references that a log contradicts, and logs that are not there."""
     runs = [(log.name, run) for log in proof.logs for run in log.runs]
-    found = [f"{name}: {run.estimator} left out: {run.refused}" for name, run in runs if run.refused]
+    notes = [f"{name}: {run.estimator} left out: {run.refused}" for name, run in runs if run.refused]
     doubted = {name: None for name, run in runs if any(note in REFERENCE_DOUBTS for note in run.notes)}
-    found += [f"{name}: the log contradicts its reference, as `insenv replay` says" for name in doubted]
-    return [*found, *proof.missing]
+    notes += [f"{name}: the log contradicts its reference, as `insenv replay` says" for name in doubted]
+    return [*notes, *proof.missing]
 
 
 def _log_of(values: Mapping[str, Any]) -> LogProof:

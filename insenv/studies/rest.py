@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, clock, declared
+from insenv.core.tables import Array
 from insenv.logs import RecordedLog
 from insenv.logs.declared_units import rest_hint
 from insenv.logs.inertial import at_instants
 from insenv.logs.rest import REST_WINDOW_S, rest_until
-
-Array = NDArray[np.float64]
 
 LEAST_S, LEAST_SAMPLES = 10.0, 1000
 """The shortest part that tells something of a unit."""

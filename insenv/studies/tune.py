@@ -24,6 +24,7 @@ from insenv.base.installing import need
 from insenv.base.remarks import remark
 from insenv.core.batch import make_batch
 from insenv.core.runner import Progress, check_progress
+from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.errors import statistics_from
@@ -38,8 +39,6 @@ from insenv.studies.campaign.statistics import Estimate, jackknifed
 from insenv.studies.tune_log import is_log, tune_log
 from insenv.studies.tune_result import Channel, Tuning
 from insenv.studies.tune_search import FAILED, Parameter, search, tuned_parameters
-
-Array = NDArray[np.float64]
 
 WEIGHT = 0.5
 """Weight of the consistency, as in the environment `insenv/Tuning-v0`."""

@@ -28,6 +28,7 @@ from insenv.base.toml import is_log as describes_log
 from insenv.base.toml import read_toml
 from insenv.core.batch import make_batch
 from insenv.core.runner import Progress
+from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.nis import NOTABLE
@@ -39,8 +40,6 @@ from insenv.studies.campaign.running import cores
 from insenv.studies.campaign.statistics import Estimate, student
 from insenv.studies.tune_result import Channel, Tuning
 from insenv.studies.tune_search import FAILED, Parameter, search, tuned_parameters
-
-Array = NDArray[np.float64]
 
 LARGEST = 25.0
 """Largest y^2 / S that counts: five standard deviations."""
@@ -83,7 +82,7 @@ class Fixes:
         estimator, n = self.ready.chosen[0], len(factors)
         table, outputs = estimator.model.parameters, estimator.model.outputs
         start = self.ready.starts[0].knowledge
-        rows = np.tile(table.pack(estimator.parameters(start, rows=self.ready.given[estimator.id])), (n, 1))
+        rows = np.tile(table.pack(estimator.parameters(start, rows=self.ready.parameter_rows[estimator.id])), (n, 1))
         for k, parameter in enumerate(self.parameters):
             for row, each in enumerate(factors):
                 rows[row, table.slice(parameter.row.name)] = parameter.value(each[k])
@@ -127,7 +126,7 @@ def tune_log(
     if len(samples) < LEAST_FIXES:
         raise InputError(f"{len(samples)} fixes: tuning on a log needs at least {LEAST_FIXES}")
     table = chosen.model.parameters
-    present = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.given[chosen.id])))
+    present = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.parameter_rows[chosen.id])))
     fixes = Fixes(ready, tuned_parameters(chosen, present, keys, but=(SLOW,)), samples, _sigma(ready, samples))
     half, count = len(samples) // 2, len(fixes.parameters)
     first = max(1, round(UNSETTLED * half))

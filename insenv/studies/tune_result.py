@@ -8,9 +8,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.remarks import Remark, as_json
+from insenv.core.tables import Array
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import Shown
 from insenv.report.panels import TRUTH_GROUP, Curve, IntervalsPanel, Picture, Section, TimePanel
@@ -18,7 +18,6 @@ from insenv.report.tables import label, number
 from insenv.studies.campaign.statistics import Estimate
 from insenv.studies.tune_search import Parameter
 
-Array = NDArray[np.float64]
 NAME = "tuning"
 PARAMETER_COLUMNS = ("parameter", "before", "after", "factor")
 CHANNEL_COLUMNS = ("rms", "before", "after", "ratio", "from", "to", "limit")

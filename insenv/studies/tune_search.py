@@ -8,12 +8,11 @@ from math import log
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress
-from insenv.core.tables import Row
+from insenv.core.tables import Array, Row
 from insenv.estimators import Estimator
 from insenv.estimators.settings import DOCUMENTED, keys_by_row, tuning
 
@@ -80,7 +79,6 @@ def _is_noise(row: str) -> bool:
     return row.endswith(ENDINGS) or row in NAMES
 
 
-Array = NDArray[np.float64]
 Objective = Callable[[Array], Array]
 """Objectives (n,), the smaller the better, of the logarithms of factors (n, parameters)."""
 

@@ -90,10 +90,10 @@ def _check_increments(this: str, estimator: Estimator, parameters: Vector, rows:
     def check(name: str, output: str, added: Vector, steps: Callable[[Vector], Vector], allowed: tuple[float, float]) -> None:
         if name not in model.inputs:
             return
-        given = rows.copy()
-        given[:, model.inputs.slice(name)] += added
-        values = model.outputs.unpack(make_runner(model, parameters, "interpreter").run(len(rows), given))[output]
-        fed = np.linalg.norm(given[half + 1 :, model.inputs.slice(name)], axis=1)
+        changed = rows.copy()
+        changed[:, model.inputs.slice(name)] += added
+        values = model.outputs.unpack(make_runner(model, parameters, "interpreter").run(len(rows), changed))[output]
+        fed = np.linalg.norm(changed[half + 1 :, model.inputs.slice(name)], axis=1)
         ratio = float(np.median(np.linalg.norm(steps(values[half:]), axis=1) / fed))
         assert allowed[0] <= ratio <= allowed[1], (
             f"{this}, input {name!r}: {output} changes by {ratio:.3g} times the increments, which are in "

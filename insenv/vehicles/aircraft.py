@@ -15,21 +15,18 @@ from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Strict
 
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, key, validated
 from insenv.core.elementary import clamp, maximum, select, sin_cos
 from insenv.core.model import Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
-from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker, along_all
-from insenv.vehicles.scripted import scripted
+from insenv.vehicles.scripted import Gusts, scripted
 from insenv.vehicles.section import (
     MAX_LEGS,
     Actions,
@@ -277,7 +274,7 @@ class AircraftLeg(LegSection):
     bank_deg: Number | None = key(None, "bank angle of the turn; 20 if absent", "deg", gt=0, le=45)
 
 
-def flight_plan(legs: Legs, start_speed_mps: float = 0.0, start_height_m: float = 0.0) -> NDArray[np.float64]:
+def flight_plan(legs: Legs, start_speed_mps: float = 0.0, start_height_m: float = 0.0) -> Array:
     """Segments of `aircraft` from legs, each an `AircraftLeg` or its values, such as::
 
         [{"wait_s": 300}, {"speed_mps": 8}, {"turn_deg": 90, "bank_deg": 5}, {"speed_mps": 80, "acceleration_mps2": 3},

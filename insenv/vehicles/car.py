@@ -13,19 +13,16 @@ from math import radians
 from typing import Any, ClassVar, Literal
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.keys import Conversion, rows_of
 from insenv.base.toml import Number, key
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Values
-from insenv.core.tables import Row, Table
-from insenv.vehicles.gusts import Gusts
+from insenv.core.tables import Array, Row, Table
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker
-from insenv.vehicles.scripted import scripted
+from insenv.vehicles.scripted import Gusts, scripted
 from insenv.vehicles.section import (
     MARGIN_MPS,
     MAX_LEGS,
@@ -231,7 +228,7 @@ class CarLeg(LegSection):
     )
 
 
-def car_route(legs: Legs, start_speed_mps: float = 0.0, speed_bandwidth: float = 3.0) -> NDArray[np.float64]:
+def car_route(legs: Legs, start_speed_mps: float = 0.0, speed_bandwidth: float = 3.0) -> Array:
     """Segments of `car` from legs, each a `CarLeg` or its values, such as::
 
         [{"wait_s": 60, "load_roll_deg": 0.5}, {"accelerate_to_mps": 15, "acceleration_mps2": 2}, {"drive_s": 20},

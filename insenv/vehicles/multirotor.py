@@ -21,10 +21,9 @@ from insenv.core.elementary import clamp
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker
-from insenv.vehicles.scripted import scripted
+from insenv.vehicles.scripted import Gusts, scripted
 from insenv.vehicles.section import (
     MAX_LEGS,
     Engine,

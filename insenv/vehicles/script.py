@@ -13,12 +13,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 from insenv.core.elementary import clamp, select
 from insenv.core.model import Step, Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 
 N_SEGMENTS = 64
 """Number of rows of the table of segments."""
@@ -116,7 +115,7 @@ class Script:
         commands = {f"commanded_{row.name}": getattr(u, f"command_{row.name}") for row in self.commands}
         return commands | {"segment_left": ca.SX(NEVER), "segment_due": ca.SX(0)}
 
-    def table(self, segments: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:
+    def table(self, segments: Sequence[Mapping[str, float]]) -> Array:
         """Value of the parameter ``segments`` (N_SEGMENTS, 1 + commands) from segments by name, SI units,
         each with ``duration``.
 

@@ -7,14 +7,90 @@ all of these.  The state has the rows of the heading, the engine, the gusts, the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
+
+from insenv.core.elementary import normal_pair
 from insenv.core.model import Values
-from insenv.core.tables import Table
-from insenv.vehicles.gusts import Gusts
+from insenv.core.tables import Row, Table
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
+
+# Gusts.
+#
+# Each sample draws a new value of a Gauss-Markov process, and a tracker follows it, so that the motion is continuously
+# differentiable. The factor of the process over a sample is (1 - a)/(1 + a), a = h / (2 T), instead of exp(-h / T), with
+# the noise scaled accordingly: the variance is exact at every rate, the correlation time is correct to second order.
+
+
+@dataclass(frozen=True)
+class Gusts:
+    """Disturbances with one correlation time.
+
+    name: prefix of the parameter ``<name>_time_constant``.
+    channels: names and units, ``(("gust_roll", "rad"), ...)``; each channel has the parameter ``<channel>_sigma``
+        (standard deviation of the Gauss-Markov process) and the state rows ``<channel>_target``, ``<channel>``,
+        ``<channel>_rate``, ``<channel>_second``.
+    """
+
+    name: str
+    channels: tuple[tuple[str, str], ...]
+
+    @property
+    def trackers(self) -> tuple[Tracker, ...]:
+        """The trackers that follow the processes."""
+        return tuple(
+            Tracker((name, f"{name}_rate", f"{name}_second"), f"Disturbance {name}", unit) for name, unit in self.channels
+        )
+
+    @property
+    def parameters(self) -> Table:
+        """Standard deviations and the correlation time."""
+        rows = [
+            Row(f"{self.name}_time_constant", f"Correlation time of the {self.name}", "s", start=3.0, lower=1e-2, upper=1e6)
+        ]
+        rows += [
+            Row(f"{name}_sigma", f"Standard deviation of the Gauss-Markov process behind {name}", unit, lower=0.0)
+            for name, unit in self.channels
+        ]
+        return Table(tuple(rows))
+
+    @property
+    def state(self) -> Table:
+        """The processes and their trackers."""
+        rows = tuple(Row(f"{name}_target", f"Gauss-Markov process behind {name}", unit) for name, unit in self.channels)
+        return sum((tracker.state for tracker in self.trackers), Table(rows))
+
+    @property
+    def uniforms(self) -> int:
+        """Number of uniforms that a sample uses; the start uses as many."""
+        return 2 * -(-len(self.channels) // 2)
+
+    def _normals(self, r: Any) -> list[Any]:
+        return [n for i in range(0, self.uniforms, 2) for n in normal_pair(r[i], r[i + 1])][: len(self.channels)]
+
+    def start(self, p: Values, r: Any) -> dict[str, Any]:
+        """Processes drawn from their stationary distribution, with trackers that start on them."""
+        rows: dict[str, Any] = {}
+        for (name, _), normal in zip(self.channels, self._normals(r), strict=True):
+            value = getattr(p, f"{name}_sigma") * normal
+            rows |= {f"{name}_target": value, name: value}
+        return rows
+
+    def hold(self, p: Values, x: Values, bandwidth: Any, r: Any) -> dict[str, Any]:
+        """The next values of the processes and the second derivatives of the trackers over the coming sample."""
+        a = p.sample_interval / (2.0 * getattr(p, f"{self.name}_time_constant"))
+        factor, scale = (1.0 - a) / (1.0 + a), 2.0 * ca.sqrt(a) / (1.0 + a)
+        rows: dict[str, Any] = {}
+        for (name, _), tracker, normal in zip(self.channels, self.trackers, self._normals(r), strict=True):
+            noise = getattr(p, f"{name}_sigma") * scale * normal
+            target = factor * getattr(x, f"{name}_target") + noise
+            rows |= {f"{name}_target": target, **tracker.hold(x, p.sample_interval, target, bandwidth)}
+        return rows
+
 
 Hold = Callable[[Values, Values, Values, Any], dict[str, Any]]
 

@@ -98,6 +98,8 @@ class VehicleTraits:
 
 MAX_WAVES = 16
 MAX_LEGS = 64
+MAX_DURATION_S = 86400.0
+"""Longest drive that is simulated."""
 FASTEST_MPS = 400.0
 """No vehicle of insenv is faster over the ground."""
 MARGIN_MPS = 5.0

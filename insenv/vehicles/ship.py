@@ -13,8 +13,6 @@ from math import pi, radians
 from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Strict, model_validator
 
 from insenv.base.errors import InputError, nearest
@@ -22,7 +20,7 @@ from insenv.base.keys import Conversion, rows_of
 from insenv.base.toml import Number, Section, key, validated
 from insenv.core.elementary import maximum
 from insenv.core.model import Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.vehicles import surroundings
 from insenv.vehicles.phasors import Phasors, total, total_rate
 from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
@@ -317,7 +315,7 @@ class ShipLeg(LegSection):
     duration_s: Number | None = key(None, "duration of the leg", "s", gt=0, le=86400)
 
 
-def ship_course(legs: Legs, start_speed_mps: float = 0.0) -> NDArray[np.float64]:
+def ship_course(legs: Legs, start_speed_mps: float = 0.0) -> Array:
     """Segments of ``ship(under_way=True)`` from legs, each a `ShipLeg` or its values, such as ``[{"speed_mps": 8,
     "duration_s": 300}, {"turn_deg": 90, "duration_s": 120}, {"hold_s": 600}]``.
 

@@ -1,4 +1,4 @@
-"""A vehicle on a given track: position and attitude are splines of degree 5 over time (`insenv.vehicles.track`).
+"""A vehicle on a prescribed track: position and attitude are splines of degree 5 over time (`insenv.vehicles.track`).
 
 Latitude, longitude, height, roll, pitch and heading are the channels; their control points are rows of a parameter. The model
 holds the six points of the interval that it is in; at a knot it looks up the next one. The velocity is the exact derivative:
@@ -24,7 +24,7 @@ from insenv.base.errors import InputError
 from insenv.core.elementary import minimum
 from insenv.core.instructions import row_of
 from insenv.core.model import Step, Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.geodesy import radii
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
@@ -40,7 +40,6 @@ from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 # the derivatives at the points are known too, values and derivatives are fitted together, with the largest weight that does not
 # fit them worse.
 
-Array = NDArray[np.float64]
 
 DEGREE = 5
 POINTS = DEGREE + 1

@@ -14,14 +14,13 @@ from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.keys import rows_of
 from insenv.base.toml import Number, Section, key
 from insenv.core.elementary import clamp
 from insenv.core.model import Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
 from insenv.vehicles.section import MAX_LEGS, Actions, StartSection, VehicleSection, VehicleTraits, action, in_legs
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
@@ -216,7 +215,7 @@ class TurntableSection(VehicleSection):
                     f"{ceil(10.0 * needed) / 10.0:g} s until the table stands"
                 )
 
-    def _table(self) -> NDArray[np.float64]:
+    def _table(self) -> Array:
         segments = []
         for leg in self.legs:
             turned = {name: getattr(leg, f"{name}_deg") for name in ANGLES} | {"rate": leg.rate_deg_s}

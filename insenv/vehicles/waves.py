@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.geodesy import STANDARD_GRAVITY
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

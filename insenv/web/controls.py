@@ -47,7 +47,7 @@ Setting = Mapping[str, Any]
 class Target:
     """Elements that follow from the value.
 
-    into: "p" or "known".  stated: elements of `known` that become 1, because the value is given.
+    into: "p" or "known".  stated: elements of `known` that become 1, because the value is stated.
     """
 
     into: str
@@ -69,7 +69,7 @@ class Control:
     """One control: a number of the scenario with targets, or one of several options.
 
     key: dotted.  conversion: of the number.  minimum, maximum: bounds of the key.  low, high: a range of usual values.  value:
-    the scenario's; None: not given.
+    the scenario's; None: absent.
     """
 
     key: str

@@ -47,9 +47,9 @@ class Live:
     """A scenario ready to run in a page.
 
     plain: the scenario as it stands.  plant: the same to the bit, with every command that the vehicle can take.
-    parameters: of the page's model, with what the estimators are told of the start with the scenario's own seed.
+    parameters: of the page's model, with the initial knowledge of the estimators at the scenario's seed.
     known: see `insenv.web.start.known_vector`.  seeds (n,): those offered; normals (n, 9): behind their start errors.
-    trials: find `controls`.  settings: of the estimators, as given.
+    trials: find `controls`.  settings: of the estimators.
     """
 
     plain: Plant

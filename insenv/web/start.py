@@ -1,6 +1,6 @@
 """The start of a page's model in the page itself: what `insenv.scenario` draws and derives for a seed, as C.
 
-A run starts in three steps: the plant's state from its parameters and seed; what the estimators are told of it, the truth
+A run starts in three steps: the plant's state from its parameters and seed; the initial knowledge of it, the truth
 plus the errors of the start; and the estimators' state from that.  Each is the expression that Python evaluates, so that
 another seed, latitude or heading gives the same bits.  The standard normals behind the errors come from a table for the
 seeds that a page offers: the inverse of their distribution takes a logarithm, which machines round differently.
@@ -92,7 +92,7 @@ def _copied(estimator: Estimator, plant: Plant) -> list[tuple[int, int]]:
 
 
 def _reported(state: Table) -> Any:
-    """The nine numbers that the estimators are told, from the plant's state and the errors: `insenv.scenario.build`."""
+    """The nine numbers of the initial knowledge, from the plant's state and the errors: `insenv.scenario.build`."""
     x, e = ca.SX.sym("x", state.size), ca.SX.sym("e", KNOWN)
     true = state.symbols(x)
     angles = [angle + e[i] for i, angle in enumerate(attitude.to_euler(true.q_nb))]
@@ -115,6 +115,6 @@ def _others(page: PageModel) -> Any:
 
 
 def known_vector(sigma: Vector, errors_stated: Sequence[float | None], drawn: Vector) -> Vector:
-    """The argument `known` of ``begin``: normals, sigmas, errors, and whether each error is given (36,)."""
+    """The argument `known` of ``begin``: normals, sigmas, errors, and whether each error is stated (36,)."""
     errors = [0.0 if value is None else value for value in errors_stated]
     return np.concatenate([drawn, sigma, errors, [float(value is not None) for value in errors_stated]])

@@ -16,8 +16,8 @@ from lxml import etree
 from insenv import estimators
 from insenv.core.runner import make_runner
 from insenv.fmu.description import start_dependencies
+from insenv.fmu.exporter import FOLDER
 from insenv.fmu.reading import element_names
-from insenv.fmu.reference import FOLDER
 from insenv.fmu.subject import subject
 from insenv.scenario import names
 

@@ -17,8 +17,8 @@ from fmpy.logging import addLoggerProxy
 from fmu_tools import LOOP, exported, subject_of, unzipped
 
 from insenv.core.runner import make_runner
-from insenv.fmu.reference import STEPS
-from insenv.fmu.reference import signals as reference_signals
+from insenv.fmu.exporter import STEPS
+from insenv.fmu.exporter import signals as reference_signals
 
 ALIGNMENT, AIDED = "qakf-improved", "lssvm"
 PLANT = {2: "ship-swaying", 3: LOOP}

@@ -18,8 +18,8 @@ from fmu_tools import INTERVAL, LOOP, exported, in_process, subject_of
 from insenv.base.errors import InputError, InsenvError
 from insenv.core.runner import make_runner
 from insenv.fmu import run
+from insenv.fmu.exporter import signals
 from insenv.fmu.reading import read_variable
-from insenv.fmu.reference import signals
 from insenv.fmu.running import Series, flattened, read_csv, write_csv
 from insenv.scenario.chunks import input_rows
 

@@ -19,7 +19,7 @@ from insenv.base.shipped import ESTIMATORS
 from insenv.core.compose import Part
 from insenv.estimators import registry as estimators
 from insenv.scenario import Scenario, build
-from insenv.scenario.assembly import plant_model
+from insenv.scenario.plant import plant_model
 from insenv.sensors import registry as sensors
 from insenv.sensors.instrument_section import section_of
 from insenv.sensors.registry import instruments

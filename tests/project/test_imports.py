@@ -1,8 +1,11 @@
 """`import insenv` stays cheap: heavy packages load inside the functions that need them."""
 
+import ast
 import subprocess
 import sys
+from pathlib import Path
 
+import insenv
 from insenv.estimators.parts.rows import FIX_HEALTH
 
 HEAVY = {"matplotlib", "sklearn", "fmpy", "pymavlink", "dask", "scipy.signal", "pandas", "torch"}
@@ -19,6 +22,12 @@ def test_the_package_registers_the_environments_and_loads_none_and_submodules_on
     alone, core, command = loaded_by("import insenv", "insenv.core", "import insenv.cli")
     assert "gymnasium" in alone and alone.isdisjoint({"casadi", "scipy", "insenv.envs", "insenv.core", *HEAVY})
     assert "insenv.core" in core and command.isdisjoint(HEAVY)
+
+
+def test_type_checkers_find_the_public_names_where_they_are_loaded_from():
+    tree = ast.parse(Path(insenv.__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    assert {alias.asname: node.module for node in block.body for alias in node.names} == insenv._HOME
 
 
 def test_a_process_that_is_the_command_registers_the_environments_when_it_needs_them():

@@ -11,7 +11,7 @@ from places import ROOT
 
 import insenv
 from insenv import estimators
-from insenv.base.registration import SPECS
+from insenv.base.shipped import SPECS
 from insenv.scenario import summaries
 from insenv.sensors import GNSS_GRADES, IMU_GRADES
 

@@ -20,7 +20,6 @@ from insenv.estimators.loosely_coupled import SMOOTHING
 from insenv.estimators.parts.error_model import ACCEL, GYRO, TILT, Interval, navigation_transition
 from insenv.estimators.parts.error_model import VELOCITY as DV
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY, errors
-from insenv.runs import smoother_record as record
 from insenv.runs.ensemble import ensemble
 from insenv.runs.simulated import track_of
 from insenv.runs.smoothed import Smoother, smooth, smoother_outputs
@@ -178,7 +177,7 @@ def test_the_forward_pass_is_bit_identical_to_the_filter():
 def test_blocks_and_file_do_not_change_the_result(monkeypatch):
     columns, p = drive(12.0, ())
     whole = smooth(p, columns, every=60)
-    monkeypatch.setattr(record, "MEMORY", 1000)
+    monkeypatch.setattr("insenv.runs.smoothed.MEMORY", 1000)
     parts = Smoother(p)
     for begin in range(0, 1200, 120):
         parts.take({name: c[begin : begin + 120] for name, c in columns.items()}, np.arange(1, 121) % 60 == 0)

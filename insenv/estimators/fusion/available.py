@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 
 from insenv.base.errors import InputError, nearest
-from insenv.estimators.fusion import azimuth, gnss, in_place, inertial, moored, non_holonomic, zero_velocity
+from insenv.estimators.fusion import azimuth, error_state, gnss, in_place, moored, non_holonomic, zero_velocity
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import ErrorState
@@ -16,7 +16,7 @@ from insenv.sensors.instrument import Instrument
 
 ALWAYS = ("gyro_bias", "accel_bias")
 """States that every filter has."""
-OF_UNIT = tuple(state.name for state in inertial.STATES if state.name not in ALWAYS)
+OF_UNIT = tuple(state.name for state in error_state.STATES if state.name not in ALWAYS)
 """The states of the inertial unit beside its biases."""
 
 
@@ -29,7 +29,7 @@ def _instruments() -> tuple[Instrument, ...]:
 @cache
 def _states(instruments: tuple[Instrument, ...]) -> Mapping[str, ErrorState]:
     of_instruments = (state for instrument in instruments for state in states_of(instrument))
-    states = (*inertial.STATES, *gnss.STATES, *of_instruments, *moored.STATES, azimuth.STATE)
+    states = (*error_state.STATES, *gnss.STATES, *of_instruments, *moored.STATES, azimuth.STATE)
     return {state.name: state for state in states}
 
 

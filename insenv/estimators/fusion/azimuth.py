@@ -38,10 +38,10 @@ from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA
 WIDER = 2.0
 """Factor on the standard deviation along the assumed heading, which a small error of the heading changes to second order: the
 square of a normal error is far from normal."""
-LEAST = 0.3
+LEAST_RATE_SHARE = 0.3
 """Of the horizontal part of the Earth's rotation: a shorter estimate of it counts as one of this length, since it shows no
 heading."""
-FOUND = radians(1.0)
+KNOWN_HEADING = radians(1.0)
 """rad: a heading that is known so well counts as found."""
 ALLOWED = frozenset({"moored", "barometer"})
 """Aids that need no direction of north."""
@@ -56,7 +56,7 @@ def _moments(p: Any) -> tuple[Any, Any, Any]:
 
 
 def turned_variance(p: Any, vector_n: Any) -> Any:
-    """Variance of each horizontal component that the unknown azimuth gives a vector (3, n) told at the start."""
+    """Variance of each horizontal component that the unknown azimuth gives a vector (3, n) stated at the start."""
     return (1 - _moments(p)[0]) * ca.sumsqr(vector_n[:2])
 
 
@@ -102,7 +102,7 @@ def folded(x: Any, P: Any, places: Mapping[str, slice]) -> tuple[Values, Any]:
     _, placed = strapdown.moved_back(turned, back)
 
     sine, cosine = sin_cos(direction)
-    length = maximum(minimum(ca.norm_2(h), full), maximum(LEAST * full, 1e-12))
+    length = maximum(minimum(ca.norm_2(h), full), maximum(LEAST_RATE_SHARE * full, 1e-12))
     across = ca.horzcat(-sine, cosine) / length
     T = ca.SX(9, P.shape[0])
     T[:9, :9] = ca.SX.eye(9)
@@ -117,22 +117,22 @@ def folded(x: Any, P: Any, places: Mapping[str, slice]) -> tuple[Values, Any]:
     return Values(**{**vars(turned), **placed}), P
 
 
-_NOT_FOUND = declared(
+_HEADING_NOT_SHOWN = declared(
     "heading-not-shown",
-    f"the heading is not found to {degrees(FOUND):.2g} deg (1 sigma): the rotation of the Earth shows it in minutes, to gyros "
-    "with a bias far below its horizontal part",
+    f"the heading is not found to {degrees(KNOWN_HEADING):.2g} deg (1 sigma): the rotation of the Earth shows it in minutes, "
+    "to gyros with a bias far below its horizontal part",
 )
-_FOUND = declared(
+_HEADING_SHOWN = declared(
     "heading-by-earth-rate", "heading found after {time} s, to {sigma} deg (1 sigma), by the rotation of the Earth"
 )
 
 
 def findings(parameters: Mapping[str, Any]) -> tuple[Finding | Reached, ...]:
-    """What is said of the heading at the end, and when it was found; nothing where it was told as well at the start."""
-    if float(parameters["heading_sigma"]) <= FOUND:
+    """Remarks on the heading: unknown at the end, or known from when on; none where it was known as well at the start."""
+    if float(parameters["heading_sigma"]) <= KNOWN_HEADING:
         return ()
-    scale = (np.inf, np.inf, FOUND)
-    return Finding("attitude_sigma", _NOT_FOUND, scale=scale), Reached("attitude_sigma", _FOUND, scale)
+    scale = (np.inf, np.inf, KNOWN_HEADING)
+    return Finding("attitude_sigma", _HEADING_NOT_SHOWN, scale=scale), Reached("attitude_sigma", _HEADING_SHOWN, scale)
 
 
 def stated(sigma: Any) -> Any:

@@ -191,7 +191,7 @@ class Composition:
     # --- equations ----------------------------------------------------------------------------------
 
     def start(self, p: Any) -> dict[str, Any]:
-        """The given start; frame w is NED there, so the covariance needs no rotation."""
+        """The stated start; frame w is NED there, so the covariance needs no rotation."""
         of_states = (repeated(state.start_sigma(p), state.size) for state in self.states)
         heading_sigma = p.heading_sigma if self.turning is None else 0.0
         sigma = ca.vertcat(p.position_sigma, p.velocity_sigma, p.tilt_sigma, p.tilt_sigma, heading_sigma, *of_states)

@@ -11,12 +11,11 @@ from math import cos, hypot, radians, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Doubt, Remark, declared
 from insenv.core.model import Values
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import azimuth, history, moored, unknown_start
 from insenv.estimators.fusion.aid import Aid
@@ -38,8 +37,8 @@ from insenv.geodesy import OMEGA_IE
 # Which states and aids a filter has where nobody says: by the unit, the instruments and the vehicle.
 #
 # A state is worth its place if what it does exceeds a share of what the unit's white noise does in a minute: a scale factor or
-# a misalignment in a manoeuvre (`insenv.estimators.parts.error_model`), an error of an instrument if it is told at all. On a
-# turntable, which turns gravity from axis to axis, every error of the unit that is told is worth it.
+# a misalignment in a manoeuvre (`insenv.estimators.parts.error_model`), an error of an instrument if it is stated at all. On a
+# turntable, which turns gravity from axis to axis, every stated error of the unit is worth it.
 
 MOORED = moored.AID.id
 WORTH = 0.1
@@ -89,7 +88,7 @@ def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[st
 
 
 def stated_unit_errors(known: Knowledge) -> list[str]:
-    """The states of the unit beside its biases whose standard deviation is told."""
+    """The states of the unit beside its biases whose standard deviation is stated."""
     rows = known.rows
     return [state for state in OF_UNIT if _is_stated(rows, all_states()[state].sigma)]
 
@@ -120,7 +119,7 @@ def _is_stated(rows: dict[str, Any], sigma: str) -> bool:
 
 
 def mounting_unknown(known: Knowledge) -> bool:
-    """Whether nothing is told of how the inertial unit is mounted to the wheels."""
+    """Whether nothing is stated of how the inertial unit is mounted to the wheels."""
     return "odometer_lever_arm_b" not in known.instruments
 
 
@@ -132,9 +131,7 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
     (`insenv.estimators.parts.error_model`).
     """
     rows, sheet = known.rows_of(table), known.sensors
-    for (
-        name
-    ) in known.instruments:  # an error that is not told, of a state that was asked for, has the size that its row starts with
+    for name in known.instruments:  # an error that is not stated, of a requested state, has the size that its row starts with
         if name in rows and not np.any(rows[name]) and table[name].flat_start().any():
             del rows[name]
     if mounting_unknown(known) and "non_holonomic_arm_sigma" in table:
@@ -187,7 +184,7 @@ def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> t
     return tuple(findings_of)
 
 
-def _numbers(value: Any, size: int) -> NDArray[np.float64]:
+def _numbers(value: Any, size: int) -> Array:
     """A number or a CasADi matrix as (size) numbers."""
     import casadi as ca
 
@@ -281,9 +278,9 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
 
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[Remark, ...]:
         place = {"latitude": parameters["start_latitude"], "heading_sigma": 0.0}  # any heading will do
-        told = {**parameters, **place} if by_earth_rate else parameters
+        start = {**parameters, **place} if by_earth_rate else parameters
         return (
-            *applicability.linear_start(told, duration_s, UNKNOWN_START),
+            *applicability.linear_start(start, duration_s, UNKNOWN_START),
             *(
                 applicability.notes({**parameters, "latitude": parameters["start_latitude"]}, duration_s)
                 if by_earth_rate

@@ -28,11 +28,11 @@ from insenv.sensors.odometer import MOUNTING as NOMINAL_MOUNTING
 MOUNTING = next(state for state in states_of(ODOMETER) if state.name == "odometer_mounting_error")
 """The state of the odometer that the constraint shows too."""
 UNKNOWN_ARM = 1.5
-"""m: standard deviation of the lever arm to the unsteered axle where nothing is told of it."""
+"""m: standard deviation of the lever arm to the unsteered axle where none is stated."""
 TURN = 5.0
 """s: for which a turn of a car lasts."""
 STANDSTILL = 1.0
-"""m/s: below, wheels that slip are not told from wheels that stand."""
+"""m/s: below, wheels that slip cannot be distinguished from wheels that stand."""
 
 
 def _residual(p: Any, seen: Navigation, u: Any) -> Any:

@@ -26,7 +26,7 @@ from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None = None) -> adjoint.Smoothing:
     """Both passes of the smoother `id` of a filter; the same object for the same filter.
 
-    way: the alignment that the filter starts by; None: it starts as told.
+    way: the alignment that the filter starts by; None: it starts from the stated attitude.
     """
     if way is not None:
         return _aligned_first(smoothing_of(filter, id), filter, way)
@@ -94,7 +94,7 @@ def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoin
 
 
 def _aligned_first(smoothing: adjoint.Smoothing, filter: Composition, way: VelocityIntegration) -> adjoint.Smoothing:
-    """The smoother of a filter that finds its attitude first; smoothing: that of the filter which starts as told."""
+    """The smoother of a filter that finds its attitude first; smoothing: that of the filter without it."""
     model, seeking = unknown_start.aligned_first(smoothing.forward, filter, way), unknown_start.SEEKING
     shown = rows.chosen(model.state, seeking)
     forward = replace(

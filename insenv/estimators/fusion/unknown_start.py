@@ -1,6 +1,6 @@
 """A filter that starts without an attitude: velocity integration finds it, and the filter starts from it.
 
-A linearised filter that is told 180 deg of heading settles on a wrong one: the first change of velocity, and at once a velocity
+A linearised filter with a heading sigma of 180 deg settles on a wrong one: the first change of velocity, and at once a velocity
 in body axes, seem to show a heading near the one it assumes.  `insenv.estimators.velocity_integration` needs no start attitude
 and states its accuracy.  So until level and heading are known to `LINEAR_TILT` and `HEADING_BOUND`,
 
@@ -78,7 +78,7 @@ _SHOWN = {
 
 
 def way_of(filter: Composition, known: Knowledge, drive: Drive) -> VelocityIntegration | None:
-    """The alignment to start a filter by; None: it starts as told, or no aid of it allows one."""
+    """The alignment to start a filter by; None: it starts from the stated attitude, or no aid of it allows one."""
     ids = {aid.id for aid in filter.aids}
     if not _uncertain(known) or ids & {"heading", "magnetometer"}:
         return None
@@ -126,7 +126,7 @@ _HEADING_REACHED = declared(
 def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding | Reached, ...]:
     """What is said of a run that has not found its heading at its end, and when the filter has its start.
 
-    Nothing where the attitude that is told suffices.
+    Nothing where the stated attitude suffices.
     """
     if not _uncertain(Values(**parameters)):
         return ()

@@ -38,9 +38,9 @@ def misfed(model: Model) -> str:
         where = f"estimator {model.id!r}, input {row.name!r}"
         if row.name not in fed:
             return f"{where}: nothing feeds it{nearest(row.name, fed, '`insenv.estimators.parts.fed.feeds()`')}"
-        source, given = fed[row.name]
+        source, feeding = fed[row.name]
         for what in ("unit", "frame", "shape"):
-            declared, allowed = getattr(row, what), getattr(given, what)
+            declared, allowed = getattr(row, what), getattr(feeding, what)
             if declared != allowed:
                 return f"{where}: {what} = {declared!r}: allowed is {allowed!r}, as {source} gives it"
     return ""

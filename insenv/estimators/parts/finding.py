@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from insenv.base.remarks import Remark, coded
+from insenv.core.tables import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,7 @@ class Finding:
     about: ArrayLike = 0.0
     limit: float = 1.0
 
-    def ratio(self, outputs: Mapping[str, NDArray[np.float64]]) -> float:
+    def ratio(self, outputs: Mapping[str, Array]) -> float:
         """The largest distance over its scale of outputs (by row name, time along the first axis) at their end."""
         return float(np.max(np.abs(np.ravel(outputs[self.row][-1]) - self.about) / self.scale))
 
@@ -49,7 +50,7 @@ class Reached:
     sentence: str
     scale: ArrayLike
 
-    def said(self, time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]) -> tuple[Remark, ...]:
+    def said(self, time: Array, outputs: Mapping[str, Array]) -> tuple[Remark, ...]:
         """The sentence about outputs (by row name) at times (k,) s since the start; none if they never are small enough."""
         sigma = outputs[self.row]
         small = (sigma <= np.asarray(self.scale)).all(axis=1)

@@ -21,7 +21,7 @@ _LARGEST = 1e12
 
 
 def chosen(table: Table, *names: str, **start: Any) -> Table:
-    """The rows of `table` with these names, in this order (all, if none is given), with start values by name."""
+    """The rows of `table` with these names, in this order (all without names), with start values by name."""
     rows = [table[name] for name in names] if names else list(table)
     return Table(tuple(replace(row, start=start.get(row.name, row.start)) for row in rows))
 

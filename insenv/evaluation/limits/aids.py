@@ -19,16 +19,14 @@ from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core.model import Values
 from insenv.core.numeric import vectorized
+from insenv.core.tables import Array
 from insenv.evaluation.limits.states import Source, source
-from insenv.evaluation.limits.steps import DR, DV, PSI, Steps
+from insenv.evaluation.limits.steps import DR, DV, NAVIGATION, PSI, Steps
 from insenv.sensors import registry
 from insenv.sensors.instrument import Instrument, Term, errors_of
 
-Array = NDArray[np.float64]
-
 NOISE_FLOOR = 0.01
 """Smallest standard deviation of a measurement here, as a share of that which a filter takes of a perfect instrument."""
-NAVIGATION = 9
 
 
 class DisturbedMotion:

@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.core.model import Model
+from insenv.core.tables import Array
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, STEEP, VELOCITY
 from insenv.evaluation.limits.aids import aids_of
-from insenv.evaluation.limits.recursion import NAVIGATION, Layout, Prior, errors_left, recursion
+from insenv.evaluation.limits.recursion import Layout, Prior, errors_left, recursion
 from insenv.evaluation.limits.states import mooring_of, receiver_of, unit_of, wander_of
-from insenv.evaluation.limits.steps import Steps, fixes_of, step_ends, steps_along
-
-Array = NDArray[np.float64]
+from insenv.evaluation.limits.steps import NAVIGATION, Steps, fixes_of, step_ends, steps_along
 
 FLOOR = {
     **dict.fromkeys(ATTITUDE[:2], 1e-6),

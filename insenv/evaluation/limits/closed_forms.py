@@ -1,4 +1,4 @@
-"""Closed forms of alignment at rest, against which the recursion is checked, and the errors that given biases cause.
+"""Closed forms of alignment at rest, against which the recursion is checked, and the errors that known biases cause.
 
 The mean errors of the sensors rotate the apparent vertical and the apparent east: no algorithm that knows only the
 place can distinguish this from attitude. With the components of the mean errors in n (biases rotate with the body), the
@@ -27,11 +27,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
-
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
 
 
 def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: Any, height: Any) -> Array:

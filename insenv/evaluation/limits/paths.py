@@ -17,12 +17,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from insenv.evaluation.limits.recursion import NAVIGATION, CovarianceFilter, Layout, Moves, Prior
-from insenv.evaluation.limits.steps import DR, Steps, earth_axes
-
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
+from insenv.evaluation.limits.recursion import CovarianceFilter, Layout, Moves, Prior
+from insenv.evaluation.limits.steps import DR, NAVIGATION, Steps, earth_axes
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.core.tables import Array
 from insenv.evaluation.limits.aids import Aid
 from insenv.evaluation.limits.states import REST_SIGMA, SWAY_SIGMA, Mooring, Source, Unit, entering
 from insenv.evaluation.limits.steps import (
     DR,
     DV,
+    NAVIGATION,
     PSI,
     Fixes,
     Steps,
@@ -23,10 +25,6 @@ from insenv.evaluation.limits.steps import (
     local,
 )
 
-Array = NDArray[np.float64]
-
-NAVIGATION = 9
-"""Number of navigation errors, which come first in the state."""
 UNIFORM = np.pi / np.sqrt(3.0)
 """Standard deviation of an angle of which nothing is known, rad."""
 

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.core.tables import Array
 from insenv.evaluation.limits.steps import REST_MPS, Steps
 from insenv.sensors.imu_tables import FLICKER_PARTS, FLICKER_SIGMA, FLICKER_TIMES
-
-Array = NDArray[np.float64]
 
 LEAST_ANGLE_NOISE, LEAST_VELOCITY_NOISE = 1e-9, 1e-7
 """White noise of a unit without any, rad/s^0.5 and m/s^1.5, which keeps the recursion regular."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
-from insenv.core.tables import Vector
+from insenv.core.tables import Array, Vector
 
 # The fixes of a GNSS receiver as measurements of the error states.
 
@@ -74,8 +74,6 @@ def fixes_of(rows: Mapping[str, Any], sample_interval: float) -> Fixes | None:
         sample_interval=sample_interval,
     )
 
-
-Array = NDArray[np.float64]
 
 STEP_S = 0.1
 """Largest length of a step, s.  At 0.2 s the bounds differ by less than 1 %."""
@@ -201,6 +199,8 @@ def _rest(speed: Array, length: Array, slow: float) -> tuple[NDArray[np.bool_], 
 # gradient of the whole gravity vector.
 
 PSI, DV, DR = slice(0, 3), slice(3, 6), slice(6, 9)
+NAVIGATION = 9
+"""Number of navigation errors, which come first in the state."""
 OMEGA_IE_E = np.array([0.0, 0.0, geodesy.OMEGA_IE])
 _HEIGHT, _LATITUDE = 10.0, 1e-4
 """Differences for the gradient of gravity, m and rad: gravity is smooth over thousands of kilometres."""

@@ -15,9 +15,9 @@ import numpy as np
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark
+from insenv.core.tables import Array
 from insenv.logs.formats.series import Flight
 from insenv.logs.recorded import RecordedLog
-from insenv.logs.units import Array
 
 Columns = dict[str, Array]
 """Columns (n,) by name."""

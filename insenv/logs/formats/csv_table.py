@@ -15,9 +15,9 @@ import numpy as np
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs.files import all_of
 from insenv.logs.formats.contract import Drive, Files, Format
-from insenv.logs.units import Array
 
 Column = str | int
 MISSING = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
@@ -28,7 +28,7 @@ _CUT_OFF = declared("table-cut-off", "{label}: the last line has no line end and
 def check_delimiter(label: str, names: Sequence[str]) -> None:
     """Raise `InputError` if a header was read as one name because it has another delimiter than the description says."""
     marks = {",": ",", ";": ";", "tab": "\t", "space": " "}
-    fits = next((given for given, mark in marks.items() if mark in names[0].strip()), "") if len(names) == 1 else ""
+    fits = next((delimiter for delimiter, mark in marks.items() if mark in names[0].strip()), "") if len(names) == 1 else ""
     if fits:
         raise InputError(f"{label}: the header is one column, {names[0][:60]!r}: allowed is delimiter = {fits!r}, or 'auto'")
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import declared
+from insenv.core.tables import Array
 from insenv.logs.formats.contract import Format
 from insenv.logs.formats.series import (
     FIX_3D,
@@ -34,7 +35,7 @@ from insenv.logs.formats.series import (
     with_places,
 )
 from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
-from insenv.logs.units import Array, standard_height
+from insenv.logs.units import standard_height
 
 HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3

@@ -19,9 +19,9 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs.formats import log_tables
 from insenv.logs.formats.contract import Columns, FileColumns, Format
-from insenv.logs.units import Array
 
 _RADIUS_68 = float(np.sqrt(-2.0 * np.log(0.32)))
 """Radius that holds 68 % of a round normal distribution, standard deviations of one axis."""

@@ -14,8 +14,8 @@ import numpy as np
 
 from insenv import attitude
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.logs.formats.contract import Drive, Files, Format, NamedTrack, date_of, track_of_points
-from insenv.logs.units import Array
 
 _KML, _GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
 _COLORS = ("ff404040", "ffb4771f", "ff0e7fff", "ff2ca02c", "ff2827d6")

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from insenv.core.tables import Array
 from insenv.logs.formats.contract import Columns
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference
-from insenv.logs.units import Array
 from insenv.sensors import registry
 from insenv.sensors.instrument import Column
 from insenv.sensors.units import ZERO_CELSIUS

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.logs.formats.contract import FileColumns, Format
-from insenv.logs.units import Array
 
 
 def read_columns(label: str, raw: bytes, section: str) -> FileColumns:

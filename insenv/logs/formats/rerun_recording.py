@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude, geodesy
+from insenv.core.tables import Array
 from insenv.logs.formats.contract import Drive, Files, Format, NamedTrack
 from insenv.logs.formats.rosbag import ENU, FLU
 from insenv.logs.recorded import RecordedLog
-from insenv.logs.units import Array
 from insenv.sensors.units import ZERO_CELSIUS
 
 _KINDS = ("error", "sigma", "limit")

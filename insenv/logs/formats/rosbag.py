@@ -30,10 +30,10 @@ from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs.formats.contract import EPOCH, Drive, Files, Format, NamedTrack
 from insenv.logs.formats.series import FixSeries, Flight, ImuSeries, SolutionSeries, reading
 from insenv.logs.recorded import GnssFixes, RecordedLog
-from insenv.logs.units import Array
 from insenv.sensors.units import ZERO_CELSIUS
 
 SIGNS = np.array([1.0, -1.0, -1.0])

@@ -16,10 +16,10 @@ import numpy as np
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs.formats import log_tables
 from insenv.logs.formats.contract import FileColumns, Format
-from insenv.logs.frames import GPS_EPOCH, LOCAL_AXES, WEEK_S, gps_of_unix, of_ecef, of_local, unix_of_gps
-from insenv.logs.units import Array
+from insenv.logs.units import GPS_EPOCH, LOCAL_AXES, WEEK_S, gps_of_unix, of_ecef, of_local, unix_of_gps
 
 _NO_VELOCITY = declared(
     "velocity-accuracy-zero", "{label}: all standard deviations of the velocity are 0: the velocity is not used"
@@ -150,8 +150,8 @@ def _places(label: str, kind: str, values: Array, text: str) -> tuple[Array, Arr
 
 def _base(label: str, text: str) -> tuple[float, float, float]:
     """Latitude, longitude (rad) and height (m) of the base station, as the heading states them."""
-    found = _BASE.search(text)
-    words = found[1].replace(",", " ").split() if found else []
+    match = _BASE.search(text)
+    words = match[1].replace(",", " ").split() if match else []
     try:
         numbers = [float(word) for word in words]
     except ValueError:

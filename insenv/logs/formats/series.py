@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 
 from insenv.base.remarks import Remark
+from insenv.core.tables import Array
 from insenv.logs.recorded import GnssFixes, Readings, Reference
-from insenv.logs.units import Array
 
 FIX_3D = 3
 """Fix type of a position fix in three dimensions, in every format."""

@@ -18,6 +18,7 @@ import numpy as np
 from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs.formats.contract import Format
 from insenv.logs.formats.series import (
@@ -36,7 +37,6 @@ from insenv.logs.formats.series import (
     with_places,
 )
 from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
-from insenv.logs.units import Array
 
 # Records of a MAVLink telemetry log: a time (microseconds, 64 bits, big-endian) and a frame; broken bytes are skipped.
 

@@ -20,7 +20,7 @@ from insenv.base.remarks import Remark, declared
 from insenv.logs.formats import log_tables
 from insenv.logs.formats.contract import FileColumns, Format
 from insenv.logs.formats.series import three_sigmas
-from insenv.logs.frames import WEEK_S, gps_of_unix
+from insenv.logs.units import WEEK_S, gps_of_unix
 
 _BEGIN = re.compile(rb"\xb5\x62\x01[\x07\x14]")
 """Sync characters, class and number of UBX-NAV-PVT and UBX-NAV-HPPOSLLH."""
@@ -92,8 +92,8 @@ def _messages(raw: bytes) -> tuple[list[Any], dict[int, Any], int]:
     import pyubx2
 
     solutions, precise, damaged = [], {}, 0
-    for found in _BEGIN.finditer(raw):  # not by the lengths of the messages before it: a damaged one hides what follows
-        begin = found.start()
+    for mark in _BEGIN.finditer(raw):  # not by the lengths of the messages before it: a damaged one hides what follows
+        begin = mark.start()
         message = raw[begin : begin + 8 + int.from_bytes(raw[begin + 4 : begin + 6], "little")]
         try:
             parsed = pyubx2.UBXReader.parse(message, validate=pyubx2.VALCKSUM)

@@ -17,6 +17,7 @@ from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Array
 from insenv.logs.formats.contract import Format
 from insenv.logs.formats.series import (
     AZIMUTH_SIGMA,
@@ -33,7 +34,6 @@ from insenv.logs.formats.series import (
     with_places,
 )
 from insenv.logs.recorded import Readings
-from insenv.logs.units import Array
 
 MAGIC = b"ULog\x01\x12\x35"
 _HEADER_BYTES = 16

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.estimators import ImuDataSheet, Knowledge, registered
-from insenv.logs.units import Array
 from insenv.sensors.grades import elements
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 from insenv.sensors.units import SHOWN

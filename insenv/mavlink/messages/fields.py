@@ -17,10 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from insenv.mavlink.wire.frames import message_class
+from insenv.mavlink.wire.frames import Message, message_class
 
-Message = Any
-"""A message object of pymavlink."""
 Values = tuple[Any, ...]
 """Values of a message's fields, in the order of its definition; trailing extension fields may be omitted."""
 

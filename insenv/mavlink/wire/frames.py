@@ -23,6 +23,9 @@ from typing import Any
 
 from insenv.base.output import cannot_write, check_output_file
 
+Message = Any
+"""A message object of pymavlink."""
+
 
 @lru_cache(maxsize=1)
 def dialect() -> Any:

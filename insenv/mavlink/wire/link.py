@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.mavlink.wire.frames import Statistics, dialect, resequenced, sender, split
+from insenv.mavlink.wire.frames import Message, Statistics, dialect, resequenced, sender, split
 from insenv.mavlink.wire.signing import Signing, Verdict
 
 INBOX_BYTES = 65536
@@ -30,8 +30,6 @@ MESSAGES_PER_PEER = 8
 """The same for one peer: 1600 per second at 200 Hz, more than tools send; a flood costs about 0.2 ms per call."""
 MAX_ID = 255
 
-Message = Any
-"""A message object of pymavlink."""
 Clock = Callable[[], float]
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark
-
-Array = NDArray[np.float64]
+from insenv.core.tables import Array
 
 MIN_POINTS = 8
 """Points that a track has at least."""

@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark
+from insenv.core.tables import Array
 from insenv.geodesy import STANDARD_GRAVITY, numeric
 from insenv.scenario.tracks.points import Points
 from insenv.vehicles.track import Spline, smoothed
-
-Array = NDArray[np.float64]
 
 SLOW = 1.0
 """Speed (m/s) at which the course is trusted half."""

@@ -11,24 +11,21 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import field_validator
 
 from insenv import geodesy
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
 from insenv.base.toml import Number, Positive, key
+from insenv.core.tables import Array
 from insenv.scenario.tracks.points import Points, checked
 from insenv.scenario.tracks.section import TrackSection, knot_interval
 from insenv.scenario.tracks.shape import Shape, shaped
-from insenv.vehicles.section import PlaceSection
-
-Array = NDArray[np.float64]
+from insenv.vehicles.section import MAX_DURATION_S, PlaceSection
 
 STEP_S = 0.25
 """Time between the points of the plan, s."""
 KNOT_S = 0.5
-MAX_DURATION_S = 86400.0
 SPACING_M, MAX_POINTS = 1.0, 2_000_000
 """Distance of the points at which speeds are found; larger for a way of more points."""
 MAX_TURN = 3.0

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.core.batch import Batch, make_batch
+from insenv.core.tables import Array
 from insenv.evaluation.health import models_slow_errors
 from insenv.scenario import Plant
 from insenv.studies.campaign.plan import Plan
@@ -30,12 +31,12 @@ class Begun:
     """What of a batch is done: samples of a row, and the outputs (rows, records, outputs.size) of the records so far."""
 
     samples: int
-    pieces: list[NDArray[np.float64]]
+    pieces: list[Array]
 
 
 def in_pieces(
     batch: Batch, records: int, record_samples: int, look: Callable[[Begun], None], begun: Begun | None = None
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the outputs (rows, records, outputs.size), one record every `record_samples` samples.
 
     look: called before each piece with what is done; it may raise.  begun: what is done already by a batch whose states are

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.remarks import Remark, as_json, declared
+from insenv.core.tables import Array
 from insenv.report import Document, FilesWritten, OutputFolder, Shown, write_document
 from insenv.report.document import Block, Grid, Line, Page, Table
 from insenv.report.panels import IntervalsPanel, Section
@@ -30,7 +31,7 @@ from insenv.studies.campaign.presentation import (
     course_sections,
     explained,
 )
-from insenv.studies.campaign.statistics import Array, Estimate, jackknifed
+from insenv.studies.campaign.statistics import Estimate, jackknifed
 from insenv.studies.campaign.summary import Summary
 
 NAME = "comparison"

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress
+from insenv.core.tables import Array
 from insenv.evaluation.errors import STEEP_LIMIT
 from insenv.scenario import limit_of, no_limit
 from insenv.studies.campaign.plan import Plan
-
-Array = NDArray[np.float64]
 
 VARIED_RUNS = 16
 """Number of runs, evenly spaced, whose limits stand for those of all if the scenario varies: each takes about a second."""

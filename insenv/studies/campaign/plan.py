@@ -10,13 +10,13 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import estimators
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
 from insenv.base.shipped import __version__
 from insenv.base.toml import validated
+from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.runs.simulated import members
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, reseeded
@@ -38,7 +38,6 @@ from insenv.studies.campaign.variation import (
 
 # The parameters of a campaign's runs, in the order of its model.
 
-Array = NDArray[np.float64]
 
 DIGITS = 9
 """Significant digits that `parameter_digest` compares: fewer than those in which machines may differ."""
@@ -159,7 +158,7 @@ class Plan:
         """The seed of a run."""
         return seed_of(self.design, self.first_seed, run, len(self.variations))
 
-    def numbers(self, runs: Sequence[int]) -> NDArray[np.float64]:
+    def numbers(self, runs: Sequence[int]) -> Array:
         """Values of the varied keys (len(runs), variations) in some runs; those of choices are the places of the values."""
         if self.design == "random":
             seeds = [self.seed_of(run) for run in runs]
@@ -169,7 +168,7 @@ class Plan:
         return numbers_of(self.variations, uniforms)
 
     @functools.cached_property
-    def _design(self) -> NDArray[np.float64]:
+    def _design(self) -> Array:
         return whole_design(self.design, self.first_seed, self.runs, len(self.variations))
 
     def plant_of(self, run: int) -> Plant:
@@ -196,7 +195,7 @@ class Plan:
         """The model that the runs share."""
         return measured_model(self.plant.model, self.chosen)
 
-    def parameters_of(self, plants: Sequence[Plant]) -> NDArray[np.float64]:
+    def parameters_of(self, plants: Sequence[Plant]) -> Array:
         """Parameters of `measured` for the plants of some runs, one row per run."""
         evaluation = self.evaluation_samples, self.evaluations
         return run_parameters(plants, self.chosen, evaluation, bool(self.variations))
@@ -267,7 +266,7 @@ class Plan:
         return self.plant.samples // self.record_samples * self.record_samples
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Array:
         """Recorded times (records,), s."""
         count = self.samples // self.record_samples
         return np.arange(1.0, count + 1.0) * (self.record_samples * self.plant.sample_interval)

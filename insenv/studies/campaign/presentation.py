@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.output import to_json
+from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import CONTRADICTED, LINES, VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
@@ -21,8 +22,7 @@ from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import data_frame
 from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture, unit_of
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
-from insenv.report.tables import error_label, label, number, runs_of, since, within
-from insenv.studies.campaign.run_remarks import named
+from insenv.report.tables import error_label, label, number, runs_of, seed_list, since, within
 from insenv.studies.campaign.sensitivity import Sensitivity
 from insenv.studies.campaign.statistics import Statistics
 from insenv.studies.campaign.variation import Variation
@@ -190,7 +190,7 @@ def failed_lines(campaign: Statistics) -> Iterator[str]:
         (campaign.far, "ended 10 times worse than the median"),
     ):
         if seeds_of:
-            yield f"{len(seeds_of)} of {campaign.plan.runs} runs {what}: {named(seeds_of)}"
+            yield f"{len(seeds_of)} of {campaign.plan.runs} runs {what}: {seed_list(seeds_of)}"
 
 
 def consistency_lines(campaign: Statistics) -> Iterator[str]:
@@ -236,7 +236,7 @@ def campaign_rows(campaign: Statistics) -> list[tuple[str, list[float | None]]]:
 
 def campaign_frame(campaign: Statistics) -> DataFrame:
     """The courses as a DataFrame indexed by time; see `Summary.to_dataframe`."""
-    columns: dict[str, NDArray[np.float64]] = {}
+    columns: dict[str, Array] = {}
     for name, course in campaign.courses.items():
         levels = zip(campaign.percentile_levels, course.percentiles, strict=True)
         columns |= {f"mean_{name}": course.mean, f"rms_{name}": course.rms}

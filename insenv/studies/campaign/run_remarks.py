@@ -12,25 +12,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.remarks import Caveat, Doubt, Remark
 from insenv.core.batch import Batch
-from insenv.core.tables import Table
+from insenv.core.tables import Array, Table
 from insenv.estimators import Estimator
 from insenv.evaluation.errors import too_sure
 from insenv.evaluation.health import Health, no_fix
-from insenv.report.tables import runs_of
+from insenv.report.tables import runs_of, seed_list
 from insenv.scenario.loop import PREFIX
 
-NAMED = 10
-"""Largest number of seeds that are printed; the files hold all."""
 _KINDS = {kind.__name__: kind for kind in (Remark, Caveat, Doubt)}
-
-
-def named(seeds: Sequence[int]) -> str:
-    """Some seeds, the first `NAMED` of them by number."""
-    return f"seed {', '.join(map(str, seeds[:NAMED]))}{', ...' if len(seeds) > NAMED else ''}"
 
 
 @dataclass(frozen=True)
@@ -75,7 +67,8 @@ def of_batch(estimator: Estimator, batch: Batch, duration_s: float, differ: bool
         return [[] for _ in range(batch.rows)]
     model = estimator.model
     p, x = (
-        _own(*each) for each in ((model.parameters, batch.model.parameters, batch.p), (model.state, batch.model.state, batch.x))
+        _part_of(*each)
+        for each in ((model.parameters, batch.model.parameters, batch.p), (model.state, batch.model.state, batch.x))
     )
     shown = np.array(model.kernels["output"].function(p.T, x.T)).T
     said: list[list[Said]] = []
@@ -91,10 +84,10 @@ def of_batch(estimator: Estimator, batch: Batch, duration_s: float, differ: bool
 def estimator_parameters(estimator: Estimator, batch: Batch) -> Iterator[dict[str, Any]]:
     """The parameters of the estimator by row name, run by run."""
     table = estimator.model.parameters
-    return map(table.unpack, _own(table, batch.model.parameters, batch.p))
+    return map(table.unpack, _part_of(table, batch.model.parameters, batch.p))
 
 
-def _own(part: Table, table: Table, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _part_of(part: Table, table: Table, values: Array) -> Array:
     """The estimator's part (runs, own.size) of the model's parameters or state."""
     return np.concatenate([values[:, table.slice(PREFIX + name)] for name in part.names], axis=1)
 
@@ -135,7 +128,7 @@ class Share:
     @property
     def remark(self) -> Remark:
         """The sentence with the number of runs and some of their seeds."""
-        which = "" if len(self.seeds) == self.runs else f" ({named(self.seeds)})"
+        which = "" if len(self.seeds) == self.runs else f" ({seed_list(self.seeds)})"
         example = "" if self.alike else f", {'the largest' if self.worst.size else 'for example'} with seed {self.seed}"
         kind, said = type(self.worst.remark), self.worst.remark
         return kind(said.code, f"in {len(self.seeds)} of {runs_of(self.runs)}{which}{example}: {said}")
@@ -152,9 +145,9 @@ def shares(seeds: Sequence[int], said: Sequence[Sequence[Said]]) -> tuple[Share,
     for seed, of_run in zip(seeds, said, strict=True):
         for one in of_run:
             about.setdefault((one.remark.code, one.subject), []).append((int(seed), one))
-    found = []
+    all_shares = []
     for each in about.values():
         seed, worst = max(each, key=lambda one: one[1].size)
         alike = len({one.remark for _, one in each}) == 1
-        found.append(Share(worst, seed, alike, tuple(dict.fromkeys(seed for seed, _ in each)), len(said)))
-    return tuple(found)
+        all_shares.append(Share(worst, seed, alike, tuple(dict.fromkeys(seed for seed, _ in each)), len(said)))
+    return tuple(all_shares)

@@ -90,7 +90,7 @@ class Processes(ProcessPoolExecutor):
 
 @contextmanager
 def _held_back() -> Iterator[None]:
-    """Hold SIGTERM and SIGHUP back while a process starts, which would read half of what it is told and print a traceback.
+    """Hold SIGTERM and SIGHUP back while a process starts, which would read half of its message and print a traceback.
 
     Blocked they would be in the process too, which could not be ended then.
     """

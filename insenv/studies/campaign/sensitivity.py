@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from insenv.base.installing import advice, is_installed
 from insenv.base.remarks import remark
+from insenv.core.tables import Array
 from insenv.studies.campaign.plan import Plan
-
-Array = NDArray[np.float64]
 
 LEAST_RUNS = 32
 """Least number of runs of which indices are computed."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.base.remarks import Remark, as_json
+from insenv.core.tables import Array
 from insenv.evaluation.health import CONTRADICTED, VERDICTS, AidHealth, Health
 from insenv.evaluation.limits import ratio_bounds
 from insenv.studies.campaign.plan import Plan
@@ -144,8 +145,6 @@ def horizontal(north: Array, east: Array) -> dict[str, Estimate]:
         "2drms": Estimate(2.0 * rms.value, 2.0 * rms.low, 2.0 * rms.high),
     }
 
-
-Array = NDArray[np.float64]
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
 FAR_OFF = 10.0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.core.tables import Array
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import STEEP_LIMIT, statistics_from
 from insenv.evaluation.health import Health, health
@@ -25,7 +26,6 @@ from insenv.studies.campaign.statistics import BOUNDS, FAR_OFF, PERCENTILES, Cou
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 Columns = Callable[[str], list[Array]]
 """Returns an array of every block, by the array's name."""
 

@@ -12,16 +12,15 @@ from inspect import signature
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import remark
 from insenv.core import noise
+from insenv.core.tables import Array
 from insenv.scenario.files import grade_value
 
 # Distributions of varied keys: ``0:1``, ``normal(0, 1)``, ``lognormal(1, 0.5)``, ``loguniform(0.1, 10)``, ``choice(a, b)``.
 
-Array = NDArray[np.float64]
 
 KINDS = {
     "uniform": "LOW, HIGH",

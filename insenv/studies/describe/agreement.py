@@ -20,8 +20,8 @@ from functools import cached_property
 import numpy as np
 
 from insenv import attitude, geodesy
+from insenv.core.tables import Array
 from insenv.geodesy import OMEGA_IE
-from insenv.logs.units import Array
 
 STEP_S = 0.04
 """Shortest step (s) in which the samples are turned; faster ones are added up."""

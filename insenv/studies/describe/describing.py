@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.logs import RecordedLog
 from insenv.logs.loading import load_data
 from insenv.logs.noise import densities_in_motion, in_motion
-from insenv.logs.units import Array
 from insenv.sensors.units import HOUR
 from insenv.studies.describe.finding import Described, Finding, UnclearError
 from insenv.studies.describe.fixes import fixes_of
@@ -51,7 +51,7 @@ def describe(
         files.append(path)
     if not tables:
         raise InputError("\n".join(finding.evidence for finding in skipped))
-    keys, findings = _found(tables, tell)
+    keys, findings = _keys_and_findings(tables, tell)
     name = title or files[0].name.split(".")[0]
     if tables[0].flight:
         keys, findings = of_flight(tables[0].files[0], keys, findings)
@@ -65,7 +65,7 @@ def _relative(path: Path, folder: str | Path) -> str:
     return Path(os.path.relpath(path, folder)).as_posix()
 
 
-def _found(tables: Sequence[LogTable], tell: Callable[[str], None]) -> tuple[dict[str, Any], list[Finding]]:
+def _keys_and_findings(tables: Sequence[LogTable], tell: Callable[[str], None]) -> tuple[dict[str, Any], list[Finding]]:
     """The keys of a description by section, and what they rest on."""
     imu, triads, of_imu = inertial_table(tables)
     choices = list(choices_of(imu, triads, imu.interval))

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from insenv import geodesy
+from insenv.core.tables import Array
 from insenv.logs.text import repeats
-from insenv.logs.units import ANGLE_UNITS, Array
+from insenv.logs.units import ANGLE_UNITS
 from insenv.studies.describe.agreement import Track
 from insenv.studies.describe.finding import Finding, UnclearError, listed
 from insenv.studies.describe.inertial import named_triads
@@ -138,23 +139,23 @@ def positions(table: LogTable) -> list[tuple[int, int, str]]:
     if not pairs:
         angles = [c for c in columns if table.numbered(c) and angle_units(table, c)]
         pairs = [(a, b) for a in angles for b in angles if abs(a - b) == 1]
-    found = []
+    candidates = []
     for a, b in pairs:
         for unit in angle_units(table, a):
             within = np.nanmax(np.abs(table.values[:, a])) * ANGLE_UNITS[unit] <= np.pi / 2
             if within and unit in angle_units(table, b):
-                found.append((a, b, unit))
-    return found
+                candidates.append((a, b, unit))
+    return candidates
 
 
 def fixes_of(table: LogTable) -> list[Fixes]:
     """What the fixes of a table may be; several where velocities do not decide, or the height not the sign of the vertical one.
 
     Raises `UnclearError` if there are none."""
-    found = positions(table)
-    if not found:
+    candidates = positions(table)
+    if not candidates:
         raise UnclearError(f"{table.file}: no two columns are latitude and longitude in {listed(ANGLE_UNITS)}")
-    made = [_with_height(table, *each) for each in found]
+    made = [_with_height(table, *each) for each in candidates]
     sure = [each for each in made if each.velocity is not None]
     likely = sure or made
     return [*likely, *(each.upside_down for each in likely if each.velocity is not None and not each.vertical_seen)]
@@ -220,12 +221,12 @@ def _height(table: LogTable, columns: Sequence[int], beside: int) -> int:
 def _height_findings(table: LogTable, column: int, usual: float) -> tuple[Finding, ...]:
     """On the column of the height, which is `usual` (m), and on what it is above."""
     said = f"column {table.label(column)}, {usual:.5g} m in the median"
-    found = Finding("gnss.height", table.refs[column], said, "assumed" if table.numbered(column) else "named")
+    finding = Finding("gnss.height", table.refs[column], said, "assumed" if table.numbered(column) else "named")
     if _ELLIPSOID.search(table.spoken(column)):
-        return (found,)
+        return (finding,)
     above = "its name says above the sea" if _SEA.search(table.spoken(column)) else "above the ellipsoid or the sea"
     geoid = f"{above}; if it is the sea, height_offset_m is the height of the geoid there above the ellipsoid"
-    return found, Finding("gnss.height_offset_m", None, geoid, "open")
+    return finding, Finding("gnss.height_offset_m", None, geoid, "open")
 
 
 def _ways(track: Track, lag: int) -> Array:
@@ -400,9 +401,12 @@ def scatter(track: Track, residual: Array | None) -> tuple[Array, Array | None]:
     if track.velocity is None:
         # smooth motion leaves something in both, so the smaller one holds
         third = np.diff(_ways(track, 1), n=2, axis=0)
-        own = np.array([_robust(column) / np.sqrt(20.0) for column in third.T])
+        by_smoothness = np.array([_robust(column) / np.sqrt(20.0) for column in third.T])
         return np.maximum(
-            own if speed is None else np.minimum(own, speed * track.spacing * np.sqrt(track.averaged / 6.0)), LEAST_POSITION_M
+            by_smoothness
+            if speed is None
+            else np.minimum(by_smoothness, speed * track.spacing * np.sqrt(track.averaged / 6.0)),
+            LEAST_POSITION_M,
         ), None
     took = np.diff(track.time)
     fine = took < 1.5 * track.interval

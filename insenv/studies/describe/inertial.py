@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from insenv.core.tables import Array
 from insenv.logs.noise import REST_RATE
-from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array
+from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS
 from insenv.studies.describe.agreement import Motion, Track
 from insenv.studies.describe.tables import LogTable
 
@@ -64,9 +65,9 @@ def named_triads(table: LogTable, taken: Sequence[int]) -> dict[tuple[int, int, 
     for column, name in enumerate(table.names):
         if column in taken or not name:
             continue
-        for found in re.finditer(r"(?<![a-z])([xyz012])(?![a-z0-9])|([xyzXYZ])(?![a-z])", name):
-            letter = found[0].lower()
-            common = f"{name[: found.start()]}\0{name[found.end() :]}"
+        for letter_match in re.finditer(r"(?<![a-z])([xyz012])(?![a-z0-9])|([xyzXYZ])(?![a-z])", name):
+            letter = letter_match[0].lower()
+            common = f"{name[: letter_match.start()]}\0{name[letter_match.end() :]}"
             groups.setdefault(common, {}).setdefault(_AXES[letter], column)
         rates = re.fullmatch(r"(?i)([pqr])((?:[_ \[(].*)?)", name)
         if rates:

@@ -16,7 +16,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 from insenv.studies.describe.agreement import (
     DELAY,
     DRIFT,
@@ -110,28 +110,28 @@ def agreed(table: LogTable, choices: Sequence[Choice], track: Track, delays: Seq
     return _best(tried, track, delays)
 
 
-def explained(found: Agreed, track: Track) -> bool:
+def explained(agreed: Agreed, track: Track) -> bool:
     """Whether samples and fixes agree: what is only as small as the noise of the fixes shows no disagreement."""
-    return found.left <= EXPLAINED or float(found.fit.mean) <= _noise(track)
+    return agreed.left <= EXPLAINED or float(agreed.fit.mean) <= _noise(track)
 
 
-def check_sure(found: Agreed, table: LogTable, track: Track) -> None:
+def check_sure(agreed: Agreed, table: LogTable, track: Track) -> None:
     """Raise `UnclearError` if samples and fixes do not agree, or if another assumption fits about as well."""
-    if not explained(found, track):
+    if not explained(agreed, track):
         raise UnclearError(
-            f"{table.file}: whatever unit, order and sign its columns have, {100 * found.left:.3g} % of the changes of "
+            f"{table.file}: whatever unit, order and sign its columns have, {100 * agreed.left:.3g} % of the changes of "
             f"velocity that the fixes show remain unexplained (allowed {100 * EXPLAINED:g} %): are both of one drive and one "
             "clock?"
         )
-    if found.unit_margin < SURE:
+    if agreed.unit_margin < SURE:
         raise UnclearError(
-            f"{table.file}: two units or choices of columns fit about alike ({found.choice.gyro_unit}, "
-            f"{found.choice.accel_unit} is only {found.unit_margin:.3g} better in log-likelihood, {SURE:g} are needed)"
+            f"{table.file}: two units or choices of columns fit about alike ({agreed.choice.gyro_unit}, "
+            f"{agreed.choice.accel_unit} is only {agreed.unit_margin:.3g} better in log-likelihood, {SURE:g} are needed)"
         )
-    if found.sign_margin < SURE or (not found.choice.same_axes and found.margin < SURE):
+    if agreed.sign_margin < SURE or (not agreed.choice.same_axes and agreed.margin < SURE):
         raise UnclearError(
             f"{table.file}: gyros and accelerometers do not have the same axes, and two orders fit about alike (only "
-            f"{found.margin:.3g} apart in log-likelihood, {SURE:g} are needed): no turns and accelerations tell them apart"
+            f"{agreed.margin:.3g} apart in log-likelihood, {SURE:g} are needed): no turns and accelerations tell them apart"
         )
 
 

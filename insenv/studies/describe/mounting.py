@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from insenv import attitude
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 from insenv.studies.describe.finding import UnclearError
 from insenv.studies.describe.inertial import Choice
 from insenv.studies.describe.matching import Agreed
@@ -41,11 +41,11 @@ class Mounting:
     steadiness: float
 
 
-def mounting(found: Agreed, table: LogTable) -> Mounting:
+def mounting(agreed: Agreed, table: LogTable) -> Mounting:
     """The axes of the unit.  Raises `UnclearError` for one that is mounted obliquely."""
-    C, velocity, weight = attitudes(found)
+    C, velocity, weight = attitudes(agreed)
     # in a turn an aircraft banks
-    down = np.average(C[..., 2, :], axis=0, weights=1.0 / (1.0 + (_turning(found) / TURNING) ** 2))
+    down = np.average(C[..., 2, :], axis=0, weights=1.0 / (1.0 + (_turning(agreed) / TURNING) ** 2))
     down /= np.linalg.norm(down)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     moving = speed > MIN_SPEED
@@ -71,26 +71,26 @@ def mounting(found: Agreed, table: LogTable) -> Mounting:
     C_bs = np.stack([forward, np.cross(axis, forward), axis])
     # in a turn the antenna moves sideways by its lever arm, and a window in which little happens has no heading
     known = moving & (weight > 1.0 / (2.0 * MIN_HEADING_SIGMA**2))
-    straight = np.where(known, 1.0 / (1.0 + (_turning(found) / STRAIGHT) ** 2), 0.0)
+    straight = np.where(known, 1.0 / (1.0 + (_turning(agreed) / STRAIGHT) ** 2), 0.0)
     if not seen or straight.sum() < LEAST_STRAIGHT:
         return Mounting(C_bs, C_bs, np.pi, seen, down_off, forward_off, steadiness)
-    return Mounting(C_bs, *_along_motion(found, C_bs, down, straight), seen, down_off, forward_off, steadiness)
+    return Mounting(C_bs, *_along_motion(agreed, C_bs, down, straight), seen, down_off, forward_off, steadiness)
 
 
-def _along_motion(found: Agreed, C_bs: Array, down: Array, straight: Array) -> tuple[Array, float]:
+def _along_motion(agreed: Agreed, C_bs: Array, down: Array, straight: Array) -> tuple[Array, float]:
     """C_bs (3, 3) of a vehicle that moves where it points, and the standard deviation (rad) of its heading.
 
     down (3,): on the mean, right but for the pitch; straight (n,): weights.  Medians count, because the heading of a window in
     which little happens is wrong by anything.
     """
-    C, velocity, _ = attitudes(found)
+    C, velocity, _ = attitudes(agreed)
     ahead = np.einsum("ij,nkj,nk->ni", C_bs, C, velocity) / np.linalg.norm(velocity, axis=1)[:, None]
     heading, pitch = np.arctan2(ahead[:, 1], ahead[:, 0]), -np.arcsin(np.clip(ahead[:, 2], -1, 1))
     middle = [_median(angle, straight) for angle in (heading, pitch)]
     x = np.array([np.cos(middle[1]) * np.cos(middle[0]), np.cos(middle[1]) * np.sin(middle[0]), -np.sin(middle[1])]) @ C_bs
     y = np.cross(down, x)
     y /= np.linalg.norm(y)
-    which = np.repeat(np.arange(len(found.pairs.valid)), found.pairs.valid.sum(axis=1))
+    which = np.repeat(np.arange(len(agreed.pairs.valid)), agreed.pairs.valid.sum(axis=1))
     parts = [which == w for w in np.unique(which) if straight[which == w].sum() > 0]
     each = np.array([_median(heading[rows], straight[rows]) for rows in parts])
     weights = np.array([straight[rows].sum() for rows in parts])
@@ -113,29 +113,29 @@ MIN_HEADING_SIGMA = 0.05
 """Smallest standard deviation (rad) of the heading of a window, as a weight."""
 
 
-def attitudes(found: Agreed) -> tuple[Array, Array, Array]:
+def attitudes(agreed: Agreed) -> tuple[Array, Array, Array]:
     """C_ns (n, 3, 3) of the accelerometers' columns in the middle of each pair, the velocity (n, 3) m/s there, and a weight
     (n,) by what the window shows of its heading: how much the horizontal velocity changes in it."""
-    place = np.rint(0.5 * (found.pairs.first + found.pairs.last)).astype(int)
+    place = np.rint(0.5 * (agreed.pairs.first + agreed.pairs.last)).astype(int)
     rows = np.arange(len(place))[:, None]
-    C = np.einsum("wij,wpjk->wpik", found.fit.start, found.done.attitude[rows, place])
-    valid, y = found.pairs.valid, found.pairs.y
+    C = np.einsum("wij,wpjk->wpik", agreed.fit.start, agreed.done.attitude[rows, place])
+    valid, y = agreed.pairs.valid, agreed.pairs.y
     pushed = np.sum(y[..., :2] ** 2, axis=(-1, -2)) / np.maximum(
-        3 * valid.sum(axis=1) / (found.fit.count / len(valid) + 3), 1.0
+        3 * valid.sum(axis=1) / (agreed.fit.count / len(valid) + 3), 1.0
     )
-    weight = 1.0 / (float(found.fit.mean) / np.maximum(pushed, 1e-9) + MIN_HEADING_SIGMA**2)
-    return C[valid], found.pairs.speed[valid], np.repeat(weight, valid.sum(axis=1))
+    weight = 1.0 / (float(agreed.fit.mean) / np.maximum(pushed, 1e-9) + MIN_HEADING_SIGMA**2)
+    return C[valid], agreed.pairs.speed[valid], np.repeat(weight, valid.sum(axis=1))
 
 
-def _turning(found: Agreed) -> Array:
+def _turning(agreed: Agreed) -> Array:
     """Size (n,) rad/s of the mean rate over each pair."""
-    turned_by = np.concatenate([np.zeros_like(found.windows.turned[:, :1]), np.cumsum(found.windows.turned, axis=1)], axis=1)
+    turned_by = np.concatenate([np.zeros_like(agreed.windows.turned[:, :1]), np.cumsum(agreed.windows.turned, axis=1)], axis=1)
     rows, ends = (
         np.arange(len(turned_by))[:, None],
-        [np.rint(each).astype(int) for each in (found.pairs.first, found.pairs.last)],
+        [np.rint(each).astype(int) for each in (agreed.pairs.first, agreed.pairs.last)],
     )
-    took = np.maximum((ends[1] - ends[0]) * found.windows.step, 1e-3)
-    return np.asarray(np.linalg.norm(turned_by[rows, ends[1]] - turned_by[rows, ends[0]], axis=-1) / took)[found.pairs.valid]
+    took = np.maximum((ends[1] - ends[0]) * agreed.windows.step, 1e-3)
+    return np.asarray(np.linalg.norm(turned_by[rows, ends[1]] - turned_by[rows, ends[0]], axis=-1) / took)[agreed.pairs.valid]
 
 
 def _nearest(direction: Array) -> Array:

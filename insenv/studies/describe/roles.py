@@ -22,7 +22,7 @@ def inertial_table(tables: Sequence[LogTable]) -> tuple[LogTable, list[Triads], 
 
     Raises `UnclearError` if there is none, or if there are several.
     """
-    found, why = [], []
+    candidates, why = [], []
     for table in tables:
         if "imu" not in table.roles:
             why.append(f"{table.file}: fixes alone, by its format")
@@ -35,21 +35,21 @@ def inertial_table(tables: Sequence[LogTable]) -> tuple[LogTable, list[Triads], 
         triads = triads_of(timed, timed.times, timed.interval)
         if triads:
             # of two tables the one with positions has the fixes, unless it has far more rows
-            found.append((bool(positions(timed)), -len(timed.values), table, triads))
+            candidates.append((bool(positions(timed)), -len(timed.values), table, triads))
         else:
             why.append(
                 f"{table.file}: no two sets of three columns are gyros and accelerometers: one whose size is that of gravity "
                 "in m/s2, g, mg or m/s per sample, and another of rates or increments"
             )
-    found = found or [(False, 0, table, triads) for table, triads in _joined(tables)]
-    if not found:
+    candidates = candidates or [(False, 0, table, triads) for table, triads in _joined(tables)]
+    if not candidates:
         raise UnclearError("\n".join(("no file holds inertial samples:", *why)) if len(why) != 1 else why[0])
-    found.sort(key=lambda each: each[:2])
-    if len(found) > 1 and found[0][0] == found[1][0] and found[0][1] > FEWER * found[1][1]:
+    candidates.sort(key=lambda each: each[:2])
+    if len(candidates) > 1 and candidates[0][0] == candidates[1][0] and candidates[0][1] > FEWER * candidates[1][1]:
         raise UnclearError(
-            f"{found[0][2].file} and {found[1][2].file} both hold inertial samples: describe one of them at a time"
+            f"{candidates[0][2].file} and {candidates[1][2].file} both hold inertial samples: describe one of them at a time"
         )
-    _, _, table, triads = found[0]
+    _, _, table, triads = candidates[0]
     named = [column for each in triads for column in (*each.gyro, *each.accel)] if table.named else ()
     timed, of_time = with_time(replace(table, role="imu"), IMU_RATES, named)
     return timed, triads_of(timed, timed.times, timed.interval), of_time
@@ -90,7 +90,7 @@ def fix_table(tables: Sequence[LogTable], imu: LogTable) -> tuple[LogTable | Non
 
     Raises `UnclearError` if there are several, or none on the clock of the samples.
     """
-    found: list[tuple[bool, LogTable, tuple[Finding, ...]]] = []
+    candidates: list[tuple[bool, LogTable, tuple[Finding, ...]]] = []
     unused: dict[str, str] = {}
     for table in tables:
         unused[table.file] = f"not used: no columns are latitude and longitude in {listed(ANGLE_UNITS)}"
@@ -101,21 +101,22 @@ def fix_table(tables: Sequence[LogTable], imu: LogTable) -> tuple[LogTable | Non
                 Finding("gnss.time", table.refs[imu.time], "fixes and samples stand in one table"),
                 Finding("gnss.time_unit", imu.time_unit, "as that of the samples"),
             )
-            found.append((True, replace(imu, role="gnss"), said))
+            candidates.append((True, replace(imu, role="gnss"), said))
             continue
         try:
-            found.append((False, *with_time(replace(table, role="gnss"), FIX_RATES, clock=imu.span)))
+            candidates.append((False, *with_time(replace(table, role="gnss"), FIX_RATES, clock=imu.span)))
         except UnclearError as error:
             unused[table.file] = f"not used: {error}"
-    found = sorted((each for each in found if positions(each[1])), key=lambda each: each[0])
-    unused = {file: why for file, why in unused.items() if file not in (*imu.files, *(each[1].file for each in found))}
-    if not found:
+    candidates = sorted((each for each in candidates if positions(each[1])), key=lambda each: each[0])
+    unused = {file: why for file, why in unused.items() if file not in (*imu.files, *(each[1].file for each in candidates))}
+    if not candidates:
         return None, tuple(Finding(f"file {file}", None, why, "open") for file, why in unused.items())
-    if len(found) > 1 and not found[1][0]:
+    if len(candidates) > 1 and not candidates[1][0]:
         raise UnclearError(
-            f"{found[0][1].file} and {found[1][1].file} both hold positions: leave out the file of the reference (docs/logs.md)"
+            f"{candidates[0][1].file} and {candidates[1][1].file} both hold positions: leave out the file of the reference "
+            "(docs/logs.md)"
         )
-    same, table, said = found[0]
+    same, table, said = candidates[0]
     if not same:
         table, joined = _with_velocity(table, tables, imu)
         unused = {file: why for file, why in unused.items() if file not in table.files}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 from insenv.studies.describe.agreement import ARM, log_ratio
 from insenv.studies.describe.finding import Confidence, Finding, UnclearError, listed
 from insenv.studies.describe.fixes import Fixes, scatter
@@ -38,17 +38,17 @@ def with_fixes(
     imu: LogTable, choices: Sequence[Choice], table: LogTable, candidates: Sequence[Fixes]
 ) -> tuple[dict[str, Any], list[Finding]]:
     """The keys by section and the findings of a log with fixes.  Raises `UnclearError` where it leaves them open."""
-    fixes, found = _agreeing(imu, choices, candidates)
-    if found.choice.sign < 0 and fixes.velocity is None:
+    fixes, agreed = _agreeing(imu, choices, candidates)
+    if agreed.choice.sign < 0 and fixes.velocity is None:
         raise UnclearError(
             f"{imu.file}, {table.file}: either the accelerometers show minus the force or latitude and longitude are "
             "exchanged: fixes without a velocity do not tell"
         )
-    mount = mounting(found, imu)
-    vehicle = kind_of(traits_of(found, mount, fixes.track), mount.steadiness)
+    mount = mounting(agreed, imu)
+    vehicle = kind_of(traits_of(agreed, mount, fixes.track), mount.steadiness)
     keys: dict[str, Any] = {} if vehicle.value is None else {"vehicle_kind": vehicle.value}
-    keys["imu"] = _imu_keys(imu, found.choice, mount.C_bs)
-    findings = [*fixes.findings, *_inertial_findings(imu, found, mount), vehicle]
+    keys["imu"] = _imu_keys(imu, agreed.choice, mount.C_bs)
+    findings = [*fixes.findings, *_inertial_findings(imu, agreed, mount), vehicle]
     C_bs, angles = mount.C_bs, mounting_angles(mount)
     if vehicle.value == "car" and np.abs(angles).max() > max(MOUNTED_DEG, MOUNTED_SIGMAS * np.degrees(mount.heading_sigma)):
         C_bs = mount.exact
@@ -60,21 +60,21 @@ def with_fixes(
         gnss["skip_empty"] = True
         findings.append(Finding("gnss.skip_empty", True, "rows without a fix have empty columns"))
     gnss |= {"time": table.refs[table.time], "time_unit": table.time_unit}
-    findings += _clock(found, fixes, keys["imu"], gnss)
+    findings += _clock(agreed, fixes, keys["imu"], gnss)
     gnss |= {name: table.refs[getattr(fixes, name)] for name in ("latitude", "longitude", "height")}
     gnss["position_unit"] = fixes.unit
-    white, speed = scatter(fixes.track, found.fit.residual[found.pairs.valid])
+    white, speed = scatter(fixes.track, agreed.fit.residual[agreed.pairs.valid])
     findings += _sigma_findings(table, fixes, white, speed, gnss)
-    findings.append(_lever_arm(found, C_bs, gnss))
-    gnss["delay_sigma_s"] = round(float(np.clip(WIDENED * found.delay_sigma, 0.002, 0.5)), 3)
+    findings.append(_lever_arm(agreed, C_bs, gnss))
+    gnss["delay_sigma_s"] = round(float(np.clip(WIDENED * agreed.delay_sigma, 0.002, 0.5)), 3)
     keys["imu"], keys["gnss"] = _unless_fixed(imu, keys["imu"]), _unless_fixed(table, gnss)
     return keys, findings
 
 
-def _lever_arm(found: Agreed, C_bs: Array, gnss: dict[str, Any]) -> Finding:
+def _lever_arm(agreed: Agreed, C_bs: Array, gnss: dict[str, Any]) -> Finding:
     """Adds the lever arm and its standard deviation to `gnss`: 0 where the motion does not show it."""
-    arm = C_bs @ found.fit.errors[ARM]
-    sigma = WIDENED * np.sqrt(np.diag(C_bs @ found.fit.covariance[ARM, ARM] @ C_bs.T))
+    arm = C_bs @ agreed.fit.errors[ARM]
+    sigma = WIDENED * np.sqrt(np.diag(C_bs @ agreed.fit.covariance[ARM, ARM] @ C_bs.T))
     gnss["lever_arm_m"] = [round(float(x), 2) if s < OPEN_ARM_M else 0.0 for x, s in zip(arm, sigma, strict=True)]
     gnss["lever_arm_sigma_m"] = [round(float(np.clip(s, 0.02, OPEN_ARM_M)), 2) for s in sigma]
     estimate = ", ".join(f"{x:.2f} +- {s:.2f}" for x, s in zip(arm, sigma, strict=True))
@@ -86,24 +86,24 @@ def _lever_arm(found: Agreed, C_bs: Array, gnss: dict[str, Any]) -> Finding:
     return Finding("gnss.lever_arm_m", gnss["lever_arm_m"], said, "open")
 
 
-def _clock(found: Agreed, fixes: Fixes, imu: dict[str, Any], gnss: dict[str, Any]) -> list[Finding]:
+def _clock(agreed: Agreed, fixes: Fixes, imu: dict[str, Any], gnss: dict[str, Any]) -> list[Finding]:
     """Adds what brings samples and fixes to one clock to their keys: a drifting clock of the unit, or a delay of the fixes."""
-    sigma = WIDENED * found.delay_sigma
+    sigma = WIDENED * agreed.delay_sigma
     late = (
-        f"the fixes are those of {1e3 * abs(found.delay):.0f} ms {'before' if found.delay > 0 else 'after'} their stamps "
+        f"the fixes are those of {1e3 * abs(agreed.delay):.0f} ms {'before' if agreed.delay > 0 else 'after'} their stamps "
         f"(sigma {1e3 * sigma:.0f} ms, by turns and accelerations)"
     )
     middle, half = fixes.track.middle
-    if abs(found.drift) > max(DRIFTED * found.drift_sigma, LEAST_DRIFT_S):
-        rate = found.drift / half
-        imu["time_scale"], imu["time_offset_s"] = 1.0 + rate, round(found.delay - rate * middle, 4)
+    if abs(agreed.drift) > max(DRIFTED * agreed.drift_sigma, LEAST_DRIFT_S):
+        rate = agreed.drift / half
+        imu["time_scale"], imu["time_offset_s"] = 1.0 + rate, round(agreed.delay - rate * middle, 4)
         said = (
-            f"against the fixes the clock of the samples drifts by {1e6 * rate:.0f} ppm, {2e3 * found.drift:.0f} ms over the "
-            f"log (sigma {2e3 * WIDENED * found.drift_sigma:.0f} ms); in the middle {late}"
+            f"against the fixes the clock of the samples drifts by {1e6 * rate:.0f} ppm, {2e3 * agreed.drift:.0f} ms over the "
+            f"log (sigma {2e3 * WIDENED * agreed.drift_sigma:.0f} ms); in the middle {late}"
         )
         return [Finding(f"imu.{name}", imu[name], said) for name in ("time_scale", "time_offset_s")]
-    if abs(found.delay) > sigma:
-        gnss["time_offset_s"] = round(-found.delay, 4)
+    if abs(agreed.delay) > sigma:
+        gnss["time_offset_s"] = round(-agreed.delay, 4)
         return [Finding("gnss.time_offset_s", gnss["time_offset_s"], late)]
     return [Finding("gnss.delay_sigma_s", None, f"{late}, not more than by chance: they are taken as on time")]
 
@@ -168,16 +168,16 @@ def _imu_keys(imu: LogTable, choice: Choice, C_bs: Array) -> dict[str, Any]:
     return keys if choice.plain else {**keys, "accel_axes": axes_text(choice.sign * C_bs)}
 
 
-def _inertial_findings(imu: LogTable, found: Agreed, mount: Mounting) -> list[Finding]:
-    choice, names = found.choice, found.choice.triads
+def _inertial_findings(imu: LogTable, agreed: Agreed, mount: Mounting) -> list[Finding]:
+    choice, names = agreed.choice, agreed.choice.triads
     by_name = "by their names" if names.named else "by their place"
     gravity = _gravity(imu, choice) + _contradicted(imu, names.accel, ACCEL_NAMES, choice.accel_unit)
     gyro = (
         f"columns {listed(map(imu.label, names.gyro))} are gyros {by_name}; with these units and axes turned specific forces "
-        f"and velocities of the fixes agree but for {100 * found.left:.2g} % of the squared changes of velocity; "
+        f"and velocities of the fixes agree but for {100 * agreed.left:.2g} % of the squared changes of velocity; "
     )
-    if np.isfinite(found.unit_margin):
-        gyro += f"the next choice of units or columns is worse by {found.unit_margin:.0f} in log-likelihood"
+    if np.isfinite(agreed.unit_margin):
+        gyro += f"the next choice of units or columns is worse by {agreed.unit_margin:.0f} in log-likelihood"
     else:
         gyro += "no other unit is plausible"
     gyro += _contradicted(imu, names.gyro, GYRO_NAMES, choice.gyro_unit)
@@ -197,7 +197,7 @@ def _inertial_findings(imu: LogTable, found: Agreed, mount: Mounting) -> list[Fi
         Finding("imu.gyro_unit", choice.gyro_unit, gyro),
         Finding("imu.accel_unit", choice.accel_unit, gravity),
         Finding("imu.stamp", "interval_end", stamp, "assumed"),
-        _axes(found, mount, by_name),
+        _axes(agreed, mount, by_name),
         Finding("imu.rate_hz", None, rate),
     ]
 
@@ -210,20 +210,20 @@ def _gravity(imu: LogTable, choice: Choice) -> str:
     return f"the median size of columns {listed(map(imu.label, columns))} is {size:.5g}, gravity in {choice.accel_unit}{over}"
 
 
-def _axes(found: Agreed, mount: Mounting, by_name: str) -> Finding:
+def _axes(agreed: Agreed, mount: Mounting, by_name: str) -> Finding:
     """On the axes of the unit."""
-    choice, value = found.choice, axes_text(mount.C_bs)
+    choice, value = agreed.choice, axes_text(mount.C_bs)
     down = f"in the attitudes that fit, down is {mount.down_off:.2g} deg from its axis"
-    if choice.plain and found.margin > SURE:
+    if choice.plain and agreed.margin > SURE:
         order = (
-            f"x, y, z of gyros and accelerometers are the same {by_name}, and the next order fits worse by {found.margin:.0f} "
+            f"x, y, z of gyros and accelerometers are the same {by_name}, and the next order fits worse by {agreed.margin:.0f} "
             "in log-likelihood"
         )
     elif choice.plain:
         order = f"x, y, z of gyros and accelerometers are the same {by_name}, and another order fits about as well"
     elif choice.same_axes:
         order = (
-            f"the accelerometers show minus the specific force: the other sign fits worse by {found.sign_margin:.0f} in "
+            f"the accelerometers show minus the specific force: the other sign fits worse by {agreed.sign_margin:.0f} in "
             "log-likelihood"
         )
     else:
@@ -242,9 +242,9 @@ def _axes(found: Agreed, mount: Mounting, by_name: str) -> Finding:
     return Finding("imu.axes", value, f"{down}; {order}; {unseen}", "assumed")
 
 
-def _contradicted(table: LogTable, columns: Sequence[int], units: Mapping[str, str], found: str) -> str:
+def _contradicted(table: LogTable, columns: Sequence[int], units: Mapping[str, str], unit: str) -> str:
     said = stated_unit(table.names[columns[0]], dict(units))
-    return f"; their names say {said}, which the numbers contradict" if said and said != found else ""
+    return f"; their names say {said}, which the numbers contradict" if said and said != unit else ""
 
 
 def _sigma_findings(table: LogTable, fixes: Fixes, white: Array, speed: Array | None, gnss: dict[str, Any]) -> list[Finding]:

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.logs import load
 from insenv.logs.files import read_bytes
 from insenv.logs.formats import SECTION_FORMATS, Format, is_flight_log, log_tables
 from insenv.logs.section_files import SectionFile, form_of
-from insenv.logs.units import Array
 from insenv.studies.describe.finding import listed
 from insenv.studies.describe.tables import LogTable
 from insenv.studies.describe.text_layout import text_table
@@ -36,12 +36,12 @@ _FLIGHT_IMU: dict[str, Any] = {
 
 def files_of(paths: Sequence[Path]) -> list[tuple[Path, bool]]:
     """The files that are named, and those of a folder, each with whether it is one of a folder.  Raises `InputError`."""
-    found: list[tuple[Path, bool]] = []
+    files: list[tuple[Path, bool]] = []
     for path in paths:
         if path.suffix == ".toml":
             raise InputError(f"{path}: a TOML file, which `insenv replay` reads: allowed are the files of a log")
         if not path.is_dir() or is_flight_log(path):
-            found.append((path, False))
+            files.append((path, False))
             continue
         try:
             inside = sorted(each for each in path.iterdir() if each.is_file() and _may_be_log(each))
@@ -49,11 +49,11 @@ def files_of(paths: Sequence[Path]) -> list[tuple[Path, bool]]:
             raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
         if not inside:
             raise InputError(f"{path}: no log in this folder: looked for flight logs, {listed(TEXT_SUFFIXES + _suffixes())}")
-        found += [(each, True) for each in inside]
-    flight = next((path for path, _ in found if is_flight_log(path)), None)
-    if len(found) > 1 and flight is not None:
+        files += [(each, True) for each in inside]
+    flight = next((path for path, _ in files if is_flight_log(path)), None)
+    if len(files) > 1 and flight is not None:
         raise InputError(f"{flight}: a flight log beside other files: describe it alone, or leave it out")
-    return found
+    return files
 
 
 def tables_of(path: Path, file: str) -> list[LogTable]:

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from insenv.core.tables import Array
 from insenv.logs.columns import Column
 from insenv.logs.formats.contract import SectionKeys
-from insenv.logs.units import TIME_UNITS, Array
+from insenv.logs.units import TIME_UNITS
 from insenv.studies.describe.finding import Finding, UnclearError
 
 FILLED_SHARE = 0.9

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from insenv import attitude
-from insenv.logs.units import Array
+from insenv.core.tables import Array
 from insenv.studies.describe.agreement import ACCEL, GYRO, Track
 from insenv.studies.describe.finding import Finding
 from insenv.studies.describe.matching import Agreed
@@ -55,11 +55,11 @@ class Traits:
     heights: float
 
 
-def traits_of(found: Agreed, mount: Mounting, track: Track) -> Traits:
+def traits_of(agreed: Agreed, mount: Mounting, track: Track) -> Traits:
     """How the vehicle of a log moves."""
-    C, velocity, weight = attitudes(found)
+    C, velocity, weight = attitudes(agreed)
     C_nb = C @ mount.exact.T
-    pairs, windows, fit, done = found.pairs, found.windows, found.fit, found.done
+    pairs, windows, fit, done = agreed.pairs, agreed.windows, agreed.fit, agreed.done
     rows = np.arange(len(pairs.first))[:, None]
     took = ((pairs.last - pairs.first) * windows.step)[..., None]
     ends = [np.rint(each).astype(int) for each in (pairs.first, pairs.last)]
@@ -69,7 +69,8 @@ def traits_of(found: Agreed, mount: Mounting, track: Track) -> Traits:
         done.integral[rows, ends[1]] - done.integral[rows, ends[0]],
     )
     turn_s = (
-        np.cumsum(np.concatenate([np.zeros_like(windows.turned[:, :1]), windows.turned], axis=1), axis=1) @ found.choice.order.T
+        np.cumsum(np.concatenate([np.zeros_like(windows.turned[:, :1]), windows.turned], axis=1), axis=1)
+        @ agreed.choice.order.T
     )
     valid = pairs.valid
     span = np.where(valid[..., None], np.maximum((ends[1] - ends[0]) * windows.step, 1e-3)[..., None], 1.0)

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
+from insenv.core.tables import Array
 from insenv.estimators.lssvm import kernel
 
-Array = NDArray[np.float64]
 BLOCK = 4096  # rows of the kernel matrix that a prediction computes at once
 
 

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.base.errors import InputError
+from insenv.core.tables import Array
 from insenv.estimators.lssvm import FEATURES, SUPPORT
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario
 
-Array = NDArray[np.float64]
 FILTER = "aqe-sukf"
 SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)
 TIMES = 24

@@ -16,17 +16,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.installing import need
 from insenv.base.shipped import __version__
 from insenv.core.runner import check_progress
+from insenv.core.tables import Array
 from insenv.estimators.lssvm import SUPPORT, TrainedMachine
 from insenv.scenario import Scenario, load
 from insenv.studies.learning.samples import FILTER, SHARES, Samples, collect
 
-Array = NDArray[np.float64]
 GAMMAS = (1e2, 1e3, 1e4, 1e5, 1e6)
 SIGMAS = (1.0, 2.0, 4.0)
 FOLDS = 4

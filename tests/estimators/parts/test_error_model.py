@@ -23,7 +23,7 @@ from insenv.core import symmetric
 from insenv.estimators import get
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.available import all_states
-from insenv.estimators.fusion.inertial import COUPLINGS
+from insenv.estimators.fusion.error_state import COUPLINGS
 from insenv.estimators.parts.error_model import TILT, aligned, covariance_after
 from insenv.estimators.parts.kalman import Update
 

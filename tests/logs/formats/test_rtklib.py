@@ -4,7 +4,7 @@ import numpy as np
 import pymap3d
 import pytest
 
-from insenv.logs.frames import gps_of_unix, unix_of_gps
+from insenv.logs.units import gps_of_unix, unix_of_gps
 
 UNIX = 1752003240.5  # 2025-07-08 19:34:00.5 UTC
 PLACE, BASE = np.array([-40.0966268, -105.1474483, 1601.474]), (-40.1, -105.2, 1500.0)  # deg, deg, m

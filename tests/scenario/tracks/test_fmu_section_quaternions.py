@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from insenv import attitude
-from insenv.scenario.tracks.quaternion_order import contradictions, other_order
+from insenv.scenario.tracks.fmu_section import contradictions, other_order
 
 
 def flown(nose, roll):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from insenv import geodesy
-from insenv.reproduce.in_run import scatter_deg
+from insenv.reproduce.quaternion import scatter_deg
 
 LATITUDE, SIGMA, STEP = 0.56, 63e-6, 0.05
 TIMES = np.arange(150.0, 200.01, 0.5)
