@@ -72,35 +72,23 @@ def _sample(p, x, u, r):
 
 
 TOY = Model(
-    id="toy",
-    title="noise, a rare step by state, one by input, a matrix",
-    parameters=Table(
-        (SEED, Row("gain", "Gain of the push", start=2.0), Row("period", "Advances between rare steps", start=3.0))
-    ),
-    state=Table(
-        (
-            STEP,
-            Row("position", "Where it is", "m", (3,), lower=-1e9, upper=1e9),
-            Row("rare_due", "1 when the rare step is to run"),
-            Row("rare", "Rare steps so far"),
-            Row("untouched", "No step changes it", start=7.0),
-            Row("matrix", "A matrix that is not symmetric", shape=(2, 2), start=((1.0, 2.0), (3.0, 4.0))),
-            Row("kicks", "Kicks so far"),
-        )
-    ),
+    id="toy", title="noise, a rare step by state, one by input, a matrix",
+    parameters=Table((SEED, Row("gain", "Gain of push", start=2.0), Row("period", "Advances from one to the next", start=3.0))),
+    state=Table((
+        STEP, Row("position", "Where it is", "m", (3,), lower=-1e9, upper=1e9), Row("rare_due", "1 when the rare step is due"),
+        Row("rare", "Rare steps so far"), Row("untouched", "No step changes it", start=7.0),
+        Row("matrix", "A matrix, not symmetric", shape=(2, 2), start=((1.0, 2.0), (3.0, 4.0))), Row("kicks", "Kicks so far"),
+    )),
     inputs=Table((Row("push", "Push", "m", (3,)), Row("kick", "1 to kick"))),
-    outputs=Table(
-        (Row("place", "Where it is", "m", (3,)), Row("sum", "Rare steps, kicks, untouched"), Row("corner", "Upper right"))
-    ),
+    outputs=Table((Row("place", "Where it is", "m", (3,)), Row("sum", "Rare, kicks, untouched"), Row("corner", "Upper right"))),
     steps={
         "sample": Step(_sample, uniforms=3),
         "rare": Step(lambda p, x, u, r: {"rare": x.rare + 1, "position": x.position * r[0]}, when="rare_due", uniforms=1),
         "kick": Step(lambda p, x, u: {"kicks": x.kicks + 1}, when="kick"),
     },
     output=lambda p, x: {"place": x.position, "sum": x.rare + x.kicks + x.untouched, "corner": x.matrix[0, 1]},
-    start=lambda p, r: {"position": ca.vertcat(r[0], r[1], p.gain)},
-    start_uniforms=2,
-)
+    start=lambda p, r: {"position": ca.vertcat(r[0], r[1], p.gain)}, start_uniforms=2,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="session")

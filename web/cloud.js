@@ -145,7 +145,7 @@ export function cloudPanel(live, start) {
  * @param {number} group
  * @param {(unit: any, name: string) => number[]} column
  * @param {boolean} limited */
-function figures(live, units, group, column, limited) {
+export function figures(live, units, group, column, limited) {
   const limits = limited && live.limit ? live.limit.sigma : {};
   const rows = live.estimators[group].channels.map((/** @type {string} */ name) => {
     const ends = units.map((unit) => column(unit, name).at(-1) ?? NaN);

@@ -46,28 +46,25 @@ def message(model, wrong):
     return str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"height_m": 0}, "height_m = 0 [m]: must be greater than 0"),
-        ({"height_m": "1"}, "height_m = '1' [m]: must be a number"),
-        ({"height_m": float("nan")}, "height_m = nan [m]: must be a finite number"),
-        ({"count": 1.5}, "count = 1.5: must be a whole number"),
-        ({"stamp": "middle"}, "stamp = 'middle': must be 'begin' or 'end'"),
-        ({"legs": [{"drive_s": 1}] * 3}, "legs: at most 2 legs, 3 given"),
-        ({"legs": [3]}, "legs[0] = 3: must be a table of keys"),
-        ({"legs": [{"drive": 3, "drive_s": 1}]}, "legs[0].drive: unknown key; did you mean 'drive_s'? (allowed: drive_s)"),
-        ({"arm_m": [1, 2]}, "arm_m = [1, 2] [m]: must be a list of three"),
-        ({"keep_where": {"mode": "a"}}, "keep_where.mode = 'a': must be a number or a list"),
-        ({"estimator": {"a": {"b": {}}}}, "estimator.a.b: must be a number, true or false, text, or a list of these"),
-        ({"leg": {}}, "leg.drive_s is missing: duration [s]"),
-        ({"vehicle": {"kind": "shp"}}, "vehicle.kind = 'shp': must be one of 'car', 'ship'; did you mean 'ship'?"),
-        ({"vehicle": {"kind": "car", "car": 0}}, "vehicle.car = 0 [m]: must be greater than 0"),
-        ({"leg": {"drive_s": 1, "count": 1}}, "leg.count: unknown key; it belongs at the top of the file (allowed: drive_s)"),
-        ({"car": 3}, f"car: unknown key; it belongs in [vehicle] {NAMES}"),
-        (3, "3: must be a table of keys"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"height_m": 0}, "height_m = 0 [m]: must be greater than 0"),
+    ({"height_m": "1"}, "height_m = '1' [m]: must be a number"),
+    ({"height_m": float("nan")}, "height_m = nan [m]: must be a finite number"),
+    ({"count": 1.5}, "count = 1.5: must be a whole number"),
+    ({"stamp": "middle"}, "stamp = 'middle': must be 'begin' or 'end'"),
+    ({"legs": [{"drive_s": 1}] * 3}, "legs: at most 2 legs, 3 given"),
+    ({"legs": [3]}, "legs[0] = 3: must be a table of keys"),
+    ({"legs": [{"drive": 3, "drive_s": 1}]}, "legs[0].drive: unknown key; did you mean 'drive_s'? (allowed: drive_s)"),
+    ({"arm_m": [1, 2]}, "arm_m = [1, 2] [m]: must be a list of three"),
+    ({"keep_where": {"mode": "a"}}, "keep_where.mode = 'a': must be a number or a list"),
+    ({"estimator": {"a": {"b": {}}}}, "estimator.a.b: must be a number, true or false, text, or a list of these"),
+    ({"leg": {}}, "leg.drive_s is missing: duration [s]"),
+    ({"vehicle": {"kind": "shp"}}, "vehicle.kind = 'shp': must be one of 'car', 'ship'; did you mean 'ship'?"),
+    ({"vehicle": {"kind": "car", "car": 0}}, "vehicle.car = 0 [m]: must be greater than 0"),
+    ({"leg": {"drive_s": 1, "count": 1}}, "leg.count: unknown key; it belongs at the top of the file (allowed: drive_s)"),
+    ({"car": 3}, f"car: unknown key; it belongs in [vehicle] {NAMES}"),
+    (3, "3: must be a table of keys"),
+])  # fmt: skip
 def test_a_wrong_value_is_named_with_what_is_allowed(wrong, said):
     assert message(File, wrong) == f"mine.toml: {said}"
 
@@ -81,13 +78,10 @@ def test_each_wrong_key_has_its_line_up_to_twenty():
         File().height_m = 3
 
 
-@pytest.mark.parametrize(
-    ("raw", "said"),
-    [
-        (b"\xff\xfe", "UTF-16"), (b"a = '\xe4'", r"not a UTF-8 text file \(byte 5"), (b" \n", "the file is empty"),
-        (b"a = " + b"[" * 5000, "not valid TOML"), (b"title = " + b"9" * 5000, "not valid TOML"), (b"PK\3\4", "an archive"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("raw", "said"), [
+    (b"\xff\xfe", "UTF-16"), (b"a = '\xe4'", r"not a UTF-8 text file \(byte 5"), (b" \n", "the file is empty"),
+    (b"a = " + b"[" * 5000, "not valid TOML"), (b"title = " + b"9" * 5000, "not valid TOML"), (b"PK\3\4", "an archive"),
+])  # fmt: skip
 def test_files_that_are_no_toml(tmp_path, raw, said):
     (tmp_path / "x.toml").write_bytes(raw)
     with pytest.raises(InputError, match=rf"x.toml: .*{said}"):

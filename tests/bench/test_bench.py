@@ -11,14 +11,8 @@ SHORT = {
 }  # fmt: skip
 FMU = ("fmu.c-host", "fmu.fmpy", "fmu.export")
 QUICK = (
-    *FMU,
-    "interpreter.propagate15",
-    "import.insenv",
-    "numeric.one",
-    "numeric.many",
-    "native.propagate15",
-    "batch.propagate15",
-)
+    *FMU, "interpreter.propagate15", "import.insenv", "numeric.one", "numeric.many", "native.propagate15", "batch.propagate15",
+)  # fmt: skip
 LONG = ("fmu.loop", "fmu.ssp", "fmu.pythonfmu", "step.fusion-15", "batch.fusion-21", "vector.small", "vector.reset.manoeuvre")
 
 

@@ -49,17 +49,14 @@ def test_an_error_is_a_json_document_too():
     assert "did you mean 'quaternion'" in err
 
 
-@pytest.mark.parametrize(
-    ("fault", "status", "word"),
-    [
-        (errors.InsenvError("it diverged"), 1, "it diverged"),
-        (errors.InputError("a = 2 m: allowed is 1 m"), 2, "allowed is 1 m"),
-        (OSError(28, "No space left on device"), 1, "No space left"),
-        (MemoryError(), 1, "out of memory"),
-        (ZeroDivisionError("division by zero"), 1, "internal error: ZeroDivisionError"),
-        (KeyboardInterrupt(), 130, "interrupted, nothing written"),
-    ],
-)
+@pytest.mark.parametrize(("fault", "status", "word"), [
+    (errors.InsenvError("it diverged"), 1, "it diverged"),
+    (errors.InputError("a = 2 m: allowed is 1 m"), 2, "allowed is 1 m"),
+    (OSError(28, "No space left on device"), 1, "No space left"),
+    (MemoryError(), 1, "out of memory"),
+    (ZeroDivisionError("division by zero"), 1, "internal error: ZeroDivisionError"),
+    (KeyboardInterrupt(), 130, "interrupted, nothing written"),
+])  # fmt: skip
 def test_faults_become_one_line(monkeypatch, fault, status, word):
 
     def fail(*_, **__):

@@ -20,13 +20,10 @@ def test_a_compilation_is_said_once_though_a_package_has_given_the_root_logger_a
     assert LOG.propagate and not LOG.isEnabledFor(logging.DEBUG)
 
 
-def test_a_table_wider_than_the_screen_is_not_cut(capsys):
+def test_tables_are_not_cut_at_a_narrow_terminal(capsys, monkeypatch):
     cell = "walk 25.2 [19.4, 31.5] deg/h/sqrt(h), " * 4
     print_blocks([Grid(("first", "second"), [("a b", cell)])])
     assert cell.strip() in capsys.readouterr().out
-
-
-def test_tables_are_not_cut_at_a_narrow_terminal(monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")  # a terminal, to rich
     monkeypatch.setenv("COLUMNS", "50")
     status, out, _ = call("run", "car-city-drive", "--duration", "5", "-e", "wander-sins")

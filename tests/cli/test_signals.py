@@ -1,4 +1,4 @@
-"""How signals end the command, at any time."""
+"""How signals end the command, at any time; standard streams that are closed or full, and a reader that leaves."""
 
 import json
 import os
@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from command_line import SHORT
@@ -14,7 +15,7 @@ from places import ROOT
 from insenv.base import starting
 from insenv.cli.signals import Interruptions, ignore_from_now_on
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and pipes of POSIX")
 
 COMMAND = [sys.executable, "-m", "insenv"]
 HEARING = (
@@ -86,16 +87,13 @@ def test_a_signal_in_a_long_run_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == [begun]
 
 
-@pytest.mark.parametrize(
-    ("argv", "orig", "is_it"),
-    [
-        (["/usr/bin/insenv", "list"], ["python", "/usr/bin/insenv", "list"], True),
-        (["-m", "list"], ["python", "-W", "error", "-m", "insenv", "list"], True),
-        (["-m", "list"], ["python", "-m", "insenv.bench", "list"], False),
-        (["my_insenv.py"], ["python", "my_insenv.py"], False),
-        ([], ["python"], False),
-    ],
-)
+@pytest.mark.parametrize(("argv", "orig", "is_it"), [
+    (["/usr/bin/insenv", "list"], ["python", "/usr/bin/insenv", "list"], True),
+    (["-m", "list"], ["python", "-W", "error", "-m", "insenv", "list"], True),
+    (["-m", "list"], ["python", "-m", "insenv.bench", "list"], False),
+    (["my_insenv.py"], ["python", "my_insenv.py"], False),
+    ([], ["python"], False),
+])  # fmt: skip
 def test_the_command_is_told_from_a_script(argv, orig, is_it):
     assert starting.is_command(argv, orig) is is_it
 
@@ -140,3 +138,35 @@ def test_a_campaign_in_processes_is_ended_by_sigterm(tmp_path):
     arguments = ["campaign", "ship-swaying", "-e", "q-method", "-n", "100000", "--workers", "2", "--out", folder]
     status, out, err = ended(["-m", "insenv", *arguments], "SIGTERM", folder, env=environment())
     assert (status, out) == (143, "") and err.splitlines()[-1].startswith("insenv: ") and "Traceback" not in err
+
+
+PYTHON = f"'{sys.executable}' -m insenv"
+
+
+def shell(line):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(["bash", "-c", line], env=environment, capture_output=True, text=True, timeout=120)
+    assert "Traceback" not in done.stderr and "internal error" not in done.stderr
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("command", ["schema", "list"])
+def test_a_reader_that_has_gone_ends_a_command_with_141(command):
+    """The output of `schema` is larger than a pipe holds; that of others stays in buffers until the end."""
+    assert shell(f"(sleep 0.01; {PYTHON} {command}; echo $? >&2) | true") == (0, "", "141\n")
+
+
+def test_a_closed_stdout_is_named_after_the_work_and_without_stderr_the_status_tells(tmp_path):
+    status, _, err = shell(f"{PYTHON} {' '.join(SHORT)} --no-figure --out '{tmp_path}' >&-")
+    assert status == 1 and err.endswith("insenv: standard output is closed\n")
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".json", ".npz"]
+    assert shell(f"{PYTHON} run nonesuch 2>&-") == (2, "", "")
+    assert shell(f"{PYTHON} run nonesuch >&- 2>&-")[0] == 2
+    status, out, err = shell(f"{PYTHON} list sensors 2>&- | head -2")
+    assert (status, err, out.count("\n")) == (0, "", 2)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_full_disk_on_stdout():
+    status, _, err = shell(f"{PYTHON} list >/dev/full")
+    assert status == 1 and "No space left" in err

@@ -28,7 +28,6 @@ from insenv.mavlink.wire.signing import Verdict
 from insenv.scenario import load
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="signals and terminals of POSIX systems")
-NOWHERE = ("--to", "udpout:127.0.0.1:9")
 
 
 def test_one_document_and_a_log_of_all_that_was_sent(tmp_path):
@@ -188,5 +187,5 @@ def test_the_dashboard_of_a_closed_terminal_requests_the_end(monkeypatch):
 
 def test_a_log_that_cannot_be_written_is_refused_before_the_stream(tmp_path):
     for path, word in ((tmp_path, "folder"), (os.devnull, "not a regular file"), (tmp_path / "no" / "a", "No such")):
-        refused(call("stream", "car-city-drive", *NOWHERE, "--tlog", path), word)
+        refused(call("stream", "car-city-drive", "--to", "udpout:127.0.0.1:9", "--tlog", path), word)
     assert not list(tmp_path.iterdir())

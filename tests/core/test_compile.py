@@ -53,16 +53,11 @@ def test_the_level_of_optimisation_is_chosen(monkeypatch):
         find_compiler()
 
 
-def linked(library, elsewhere):
-    library.parent.rename(elsewhere)
-    library.parent.symlink_to(elsewhere)
-
-
 DAMAGE = {
     "truncated": lambda library, _: library.write_bytes(library.read_bytes()[:-100]),
     "digest missing": lambda library, _: (library.parent / "model.sha256").unlink(),
     "writable by others": lambda library, _: library.chmod(0o777),
-    "a link": linked,
+    "a link": lambda library, elsewhere: library.parent.rename(elsewhere) and library.parent.symlink_to(elsewhere),
 }
 
 
@@ -133,11 +128,9 @@ def test_whoever_needs_what_another_compiles_waits_for_it(cache, toy, tmp_path):
 def test_other_equations_conditions_and_code_that_writes_are_other_entries(cache, toy, monkeypatch):
     rare, kick = toy.steps["rare"], toy.steps["kick"]
     changes = [
-        {},
-        {"steps": {**toy.steps, "rare": replace(rare, function=lambda p, x, u, r: {"rare": x.rare + 2})}},
-        {"steps": {**toy.steps, "kick": replace(kick, when="rare_due")}},
-        {"start": lambda p, r: {"rare": r[0] * p.gain}},
-    ]
+        {}, {"steps": {**toy.steps, "rare": replace(rare, function=lambda p, x, u, r: {"rare": x.rare + 2})}},
+        {"steps": {**toy.steps, "kick": replace(kick, when="rare_due")}}, {"start": lambda p, r: {"rare": r[0] * p.gain}},
+    ]  # fmt: skip
     sources = [compiling.native_source, compiling.batch_source, partial(compiling.batch_source, lanes=2)]
     found = [compiling._looked_up(replace(toy, **change), sources[0])() for change in changes]
     found += [compiling._looked_up(toy, source)() for source in sources[1:]]

@@ -61,14 +61,10 @@ def test_what_a_step_holds_is_told_apart_by_its_value():
 def test_tables_steps_and_code_are_in_it(monkeypatch):
     base = model(made(0))
     others = [
-        replace(base, state=STATE + Table((Row("b", "b"),))),
-        replace(base, state=Table((replace(STATE["a"], start=2.0),))),
-        replace(base, outputs=Table((replace(STATE["a"], upper=5.0),))),
-        replace(base, steps={"go": Step(made(0), when="a")}),
-        replace(base, steps={"on": Step(made(0))}),
-        replace(base, start=made(0)),
-        replace(base, output=made(1)),
-    ]
+        replace(base, state=STATE + Table((Row("b", "b"),))), replace(base, state=Table((replace(STATE["a"], start=2.0),))),
+        replace(base, outputs=Table((replace(STATE["a"], upper=5.0),))), replace(base, steps={"go": Step(made(0), when="a")}),
+        replace(base, steps={"on": Step(made(0))}), replace(base, start=made(0)), replace(base, output=made(1)),
+    ]  # fmt: skip
     texts = {"x.a +": "x.a -", "x.a + len": "2 * x.a + len", "more=0": "more=1", "k=2": "k=3", "last=5": "last=6",
              "'a': x": "'b': x", "def made": "\ndef made"}  # fmt: skip
     others += [model(made(0, STEP.replace(old, new))) for old, new in texts.items()]
@@ -122,18 +118,12 @@ def test_every_estimator_has_one_of_its_own():
     assert None not in found and len(set(found)) == len(found)
 
 
-@pytest.mark.parametrize(
-    ("place", "value"),
-    [
-        ("insenv.estimators.analytic.TURN", 3.0),
-        ("insenv.estimators.analytic._line", made(0)),
-        ("insenv.estimators.ecef_kf.AXIS_E", ca.SX([0, 0, 7e-5])),
-        ("insenv.geodesy.q_ew_from_geodetic", made(0)),
-        ("insenv.geodesy.E2", 0.0067),
-        ("insenv.core.elementary._SIN", [1.0, -0.1]),
-        ("insenv.core.tables.Table.slice", made(0)),
-    ],
-)
+@pytest.mark.parametrize(("place", "value"), [
+    ("insenv.estimators.analytic.TURN", 3.0), ("insenv.estimators.analytic._line", made(0)),
+    ("insenv.estimators.ecef_kf.AXIS_E", ca.SX([0, 0, 7e-5])), ("insenv.geodesy.q_ew_from_geodetic", made(0)),
+    ("insenv.geodesy.E2", 0.0067), ("insenv.core.elementary._SIN", [1.0, -0.1]),
+    ("insenv.core.tables.Table.slice", made(0)),
+])  # fmt: skip
 def test_what_a_script_replaces_is_seen(place, value, monkeypatch):
     before = identity(get("ecef-kf").model), identity(get("analytic").model)
     monkeypatch.setattr(place, value)

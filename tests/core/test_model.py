@@ -13,14 +13,11 @@ def model(step):
     return Model("m", "", Table(), STATE, Table(), Table(), {"s": step}, lambda p, x: {})
 
 
-@pytest.mark.parametrize(
-    ("step", "said"),
-    [
-        (Step(lambda p, x, u: {}, when="nowhere"), "'nowhere' must be one state or one input row"),
-        (Step(lambda p, x, u, r: {}, uniforms=1), "needs the parameter 'seed'"),
-        (Step(lambda p, x, u: {"q": x.q / 0}), "model 'm', step 's': row 'q' contains a constant that is not finite"),
-    ],
-)
+@pytest.mark.parametrize(("step", "said"), [
+    (Step(lambda p, x, u: {}, when="nowhere"), "'nowhere' must be one state or one input row"),
+    (Step(lambda p, x, u, r: {}, uniforms=1), "needs the parameter 'seed'"),
+    (Step(lambda p, x, u: {"q": x.q / 0}), "model 'm', step 's': row 'q' contains a constant that is not finite"),
+])  # fmt: skip
 def test_a_wrong_step_is_named(step, said):
     with pytest.raises(ValueError, match=said):
         _ = model(step).kernels

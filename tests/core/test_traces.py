@@ -66,11 +66,9 @@ def signed(content):
 
 
 DAMAGE = {
-    "cut off": lambda whole: whole[:-10],
-    "a changed kernel": lambda whole: whole[:-10] + b"?" + whole[-9:],
-    "no JSON": lambda whole: signed(b"[\n"),
-    "no fingerprint": lambda whole: signed(b'{"kernels": []}\n'),
-}
+    "cut off": lambda whole: whole[:-10], "a changed kernel": lambda whole: whole[:-10] + b"?" + whole[-9:],
+    "no JSON": lambda whole: signed(b"[\n"), "no fingerprint": lambda whole: signed(b'{"kernels": []}\n'),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("damage", DAMAGE)

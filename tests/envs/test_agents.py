@@ -73,16 +73,13 @@ def test_a_row_of_a_vector_agent_is_the_single_agent():
         observation, *_ = venv.step(actions)
 
 
-@pytest.mark.parametrize(
-    ("env_id", "id", "more", "message"),
-    [
-        (DRIVE, "q-method", {}, "gives no velocity and position"),
-        (SHIP, "aqe-sukf", {}, r"needs GNSS: scenario 'ship-swaying' has no \[gnss\]"),
-        (DRIVE, "smoother", {}, "smooths a whole run"),
-        (SHIP, "q-method", {"observation": "compact"}, "whose observation holds the samples"),
-        ("CartPole-v1", "q-method", {"samples_per_step": None}, "whose action is an estimate"),
-    ],
-)
+@pytest.mark.parametrize(("env_id", "id", "more", "message"), [
+    (DRIVE, "q-method", {}, "gives no velocity and position"),
+    (SHIP, "aqe-sukf", {}, r"needs GNSS: scenario 'ship-swaying' has no \[gnss\]"),
+    (DRIVE, "smoother", {}, "smooths a whole run"),
+    (SHIP, "q-method", {"observation": "compact"}, "whose observation holds the samples"),
+    ("CartPole-v1", "q-method", {"samples_per_step": None}, "whose action is an estimate"),
+])  # fmt: skip
 def test_an_estimator_that_cannot_act(env_id, id, more, message):
     env = gymnasium.make(env_id, **({**SHORT, **more} if env_id.startswith("insenv") else {}))
     with pytest.raises(InputError, match=message):

@@ -25,11 +25,9 @@ from insenv.envs import (
 SHIP = read_toml(scenario_folder() / "ship-swaying.toml")
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 PAIRS = [
-    (AlignmentEnv, AlignmentVectorEnv),
-    (NavigationEnv, NavigationVectorEnv),
-    (TuningEnv, TuningVectorEnv),
+    (AlignmentEnv, AlignmentVectorEnv), (NavigationEnv, NavigationVectorEnv), (TuningEnv, TuningVectorEnv),
     (ManoeuvreEnv, ManoeuvreVectorEnv),
-]
+]  # fmt: skip
 COMMON = [
     ({"scenario": 3}, "scenario = 3: allowed is a name, the path"),
     ({"scenario": "car-parked"}, "kind 'car': this environment is for 'ship'"),

@@ -22,12 +22,10 @@ COMPACT = {"observation": "compact", "action": "correction"}
     ("id", "more"),
     [pytest.param(id, {}, marks=() if id in OWN else pytest.mark.slow) for id in IDS]
     + [
-        (SHIP, RANDOM),
-        (SHIP, COMPACT),
-        (SHIP, {**COMPACT, "dtype": "float32"}),
+        (SHIP, RANDOM), (SHIP, COMPACT), (SHIP, {**COMPACT, "dtype": "float32"}),
         pytest.param(SHIP, {"observation": "compact"}, marks=pytest.mark.slow),
     ],
-)
+)  # fmt: skip
 def test_every_environment_conforms(id, more):
     testing.check_id(id, **SHORT, **more)
 

@@ -238,12 +238,9 @@ def test_a_correction_turns_the_held_attitude_on_a_logarithmic_scale():
 
 ORDER = ("random", "quit", "analytic", "frozen frame", "q-method")
 BETTER = (
-    ("random", "reported start"),
-    ("random", "wander-sins"),
-    ("reported start", "fixes"),
-    ("wander-sins", "fixes"),
+    ("random", "reported start"), ("random", "wander-sins"), ("reported start", "fixes"), ("wander-sins", "fixes"),
     ("fixes", "loosely-coupled"),
-)
+)  # fmt: skip
 """Worse and better.  A tilt of 0.5 deg ruins free-inertial navigation within minutes: it may lose against standing still."""
 
 

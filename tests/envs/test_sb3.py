@@ -14,7 +14,6 @@ from places import ROOT
 from insenv.base.errors import InputError
 
 SHIP, TUNING = "insenv/ShipAlignment-v0", "insenv/Tuning-v0"
-SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 HOW = "pip install -e '.[rl]'"
 
 
@@ -23,7 +22,7 @@ def test_an_end_by_time_is_terminal_where_the_score_is_complete():
     from insenv.envs.sb3 import BatchVecEnv
 
     for id, reward, truncated in ((SHIP, "dense", False), (TUNING, "final", False), (TUNING, "dense", True)):
-        more = {**SHORT, "reward": reward}
+        more = {"samples_per_step": 7, "duration_s": 0.3, "reward": reward}
         venv, plain = BatchVecEnv(id, 3, seed=4, **more), gymnasium.make_vec(id, 3, autoreset_mode="SameStep", **more)
         assert np.array_equal(venv.reset(), plain.reset(seed=4)[0])
         action = np.full(plain.action_space.shape, -0.5)

@@ -46,14 +46,11 @@ def test_options_hold_for_one_episode():
     assert np.array_equal(env.reset(seed=1)[0], plain)
 
 
-@pytest.mark.parametrize(
-    ("id", "given", "low", "high"),
-    [
-        (SHIP, {"imu": "random"}, 0.001, 4.0),
-        (SHIP, {"imu": "random", "imu_range": ("navigation", "tactical")}, 0.01, 4.0),
-        (IDS[1], {}, 4.0, 720.0),
-    ],
-)
+@pytest.mark.parametrize(("id", "given", "low", "high"), [
+    (SHIP, {"imu": "random"}, 0.001, 4.0),
+    (SHIP, {"imu": "random", "imu_range": ("navigation", "tactical")}, 0.01, 4.0),
+    (IDS[1], {}, 4.0, 720.0),
+])  # fmt: skip
 def test_a_random_unit_is_drawn_between_the_given_grades(id, given, low, high):
     """The standard deviation of the turn-on bias, for the default range and a given one: uniform in its logarithm."""
     env = gymnasium.make(id, **SHORT, **given).unwrapped

@@ -13,12 +13,11 @@ from insenv.scenario.chunks import input_rows
 from insenv.scenario.loop import loop_model
 
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
-SECOND = {"samples_per_step": 200, "duration_s": 8.0}
 
 
 @pytest.fixture(scope="module")
 def second():
-    return TuningEnv(**SECOND)
+    return TuningEnv(samples_per_step=200, duration_s=8.0)
 
 
 def runner_of(seed):

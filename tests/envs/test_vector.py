@@ -10,7 +10,6 @@ from insenv.envs import testing
 
 SHIP, TUNING = "insenv/ShipAlignment-v0", "insenv/Tuning-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
-LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
 
 
 @pytest.mark.parametrize("id", [SHIP, TUNING])
@@ -63,7 +62,7 @@ def test_max_episode_steps_acts_like_the_wrapper():
 def test_one_row_ends_alone():
     """By an estimate that is not a number, or by its declaration; without autoreset it takes no further step."""
     venv = gymnasium.make_vec(SHIP, 3, autoreset_mode=AutoresetMode.DISABLED, **SHORT)
-    actions = np.tile(LEVEL, (3, 1))
+    actions = np.tile(np.array([1.0, 0.0, 0.0, 0.0, -1.0]), (3, 1))
     with pytest.raises(ResetNeeded, match="before reset"):
         venv.step(actions)
     for place, value, name in ((1, np.nan, "diverged"), (-1, 1.0, "declared")):

@@ -86,27 +86,19 @@ def test_observation_of_a_fix_against_differences(seed, age):
     parameters = model.parameters.pack({"antenna_lever_arm": rng.normal(size=3) * 5})
     C_eb = Rotation.random(random_state=seed)
     values = {
-        "q_eb": C_eb.as_quat(scalar_first=True),
-        "velocity_e": rng.normal(size=3) * 10,
-        "rate_b": rng.normal(size=3),
-        "rate_change_b": rng.normal(size=3),
-        "acceleration_e": rng.normal(size=3),
-        "gravity_e": rng.normal(size=3) * 6,
-        "fix_velocity_n": rng.normal(size=3) * 10,
-        "fix_age": age,
-        "place": (0.6, 1.2, 50.0),
-    }
+        "q_eb": C_eb.as_quat(scalar_first=True), "velocity_e": rng.normal(size=3) * 10, "rate_b": rng.normal(size=3),
+        "rate_change_b": rng.normal(size=3), "acceleration_e": rng.normal(size=3), "gravity_e": rng.normal(size=3) * 6,
+        "fix_velocity_n": rng.normal(size=3) * 10, "fix_age": age, "place": (0.6, 1.2, 50.0),
+    }  # fmt: skip
 
     def innovation(error):
         """Innovation of an estimate with `error`: C_hat = exp(-phi) C, rates and forces with the remaining biases."""
         dv, phi, accel, gyro = error.reshape(4, 3)
         turn, force = Rotation.from_rotvec(-phi), values["acceleration_e"] - values["gravity_e"]
         off = {
-            "q_eb": (turn * C_eb).as_quat(scalar_first=True),
-            "velocity_e": values["velocity_e"] + dv,
-            "rate_b": values["rate_b"] + gyro,
-            "acceleration_e": values["gravity_e"] + turn.apply(force + C_eb.apply(accel)),
-        }
+            "q_eb": (turn * C_eb).as_quat(scalar_first=True), "velocity_e": values["velocity_e"] + dv,
+            "rate_b": values["rate_b"] + gyro, "acceleration_e": values["gravity_e"] + turn.apply(force + C_eb.apply(accel)),
+        }  # fmt: skip
         return function(parameters, model.state.pack({**values, **off}))[0].full().ravel()
 
     H = function(parameters, model.state.pack(values))[1].full()

@@ -9,9 +9,8 @@ import insenv
 def test_outliers_are_gated():
     wild, largest = {"outages_s": (), "outlier_probability": 0.05, "outlier_size_m": 50.0, "wander_sigma_m": 0.0}, {}
     for gate in (0.0, 5.0):
-        scenario = changed(
-            "car-city-drive", gnss={"grade": "rtk", **wild}, estimator={"loosely-coupled": {"innovation_gate": gate}}
-        )
+        scenario = changed("car-city-drive", gnss={"grade": "rtk", **wild},
+            estimator={"loosely-coupled": {"innovation_gate": gate}})  # fmt: skip
         (result,) = insenv.run(scenario, "loosely-coupled", seed=2, duration_s=150.0).results
         largest[gate] = max(np.abs(result.errors[name][result.time > 60.0]).max() for name in ("north_m", "east_m", "down_m"))
         assert (result.outputs["nis_refused_count"][-1].sum() > 0) == (gate > 0)

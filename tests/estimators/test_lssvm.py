@@ -63,9 +63,8 @@ def test_inputs_against_closed_form(phi_deg):
     columns = samples(q_nb, latitude, 300.0, dt)
     n = len(columns["dt"])
     antenna = geodesy.numeric.geodetic_from_ned_offset(numeric.rotate(q_nb, arm), latitude, 0.3, 10.0)
-    columns |= {
-        f"gnss_{name}": np.full(n, value) for name, value in zip(("latitude", "longitude", "height"), antenna, strict=True)
-    }
+    places = dict(zip(("latitude", "longitude", "height"), antenna, strict=True))
+    columns |= {f"gnss_{name}": np.full(n, value) for name, value in places.items()}
     columns |= {"gnss_valid": (np.arange(1, n + 1) % 50 == 0).astype(float), "gnss_velocity_valid": np.ones(n)}
     columns |= {f"gnss_{name}_sigma": np.full((n, 3), 1e-6) for name in ("position", "velocity")}
     given = numeric.to_euler(numeric.multiply(numeric.from_rotation_vector(np.radians(phi_deg)), q_nb))
@@ -135,18 +134,15 @@ def test_file_keeps_every_bit(tmp_path):
         one.save(tmp_path / "none" / "m.json")
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "words"),
-    [
-        ("machine.raw_inputs", 3, "machine.raw_inputs is 3"),
-        ("format", "other", "its format is not 'insenv-lssvm'"),
-        ("version", 2, "version 2: .* version 1; use a newer"),
-        ("machine", None, "lacks its machine"),
-        ("machine.support", [[1.0, 2.0]], r"machine.support has shape \(1, 2\)"),
-        ("machine.scale", [1e999] * 6, "machine.scale .* not finite"),
-        ("machine.coefficients", [[1.0, 2.0, 3.0]], "5 support vectors, 1 coefficients"),
-    ],
-)
+@pytest.mark.parametrize(("place", "value", "words"), [
+    ("machine.raw_inputs", 3, "machine.raw_inputs is 3"),
+    ("format", "other", "its format is not 'insenv-lssvm'"),
+    ("version", 2, "version 2: .* version 1; use a newer"),
+    ("machine", None, "lacks its machine"),
+    ("machine.support", [[1.0, 2.0]], r"machine.support has shape \(1, 2\)"),
+    ("machine.scale", [1e999] * 6, "machine.scale .* not finite"),
+    ("machine.coefficients", [[1.0, 2.0, 3.0]], "5 support vectors, 1 coefficients"),
+])  # fmt: skip
 def test_wrong_files_are_errors(tmp_path, place, value, words):
     machine().save(tmp_path / "m.json")
     content = json.loads((tmp_path / "m.json").read_text())

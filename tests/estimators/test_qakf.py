@@ -9,11 +9,8 @@ from resting import at_rest, attitude_error, samples
 from insenv import attitude, geodesy, run
 from insenv.estimators import qakf
 
-IDS = ["qakf", "qakf-improved"]
-PRINTED = ("qakf-printed", "qakf-improved-printed")
 
-
-@pytest.mark.parametrize("id", IDS)
+@pytest.mark.parametrize("id", ["qakf", "qakf-improved"])
 @pytest.mark.parametrize("opposite", np.eye(4)[1:])
 def test_start_opposite_to_the_truth(id, opposite):
     """Half a turn off about each axis: every residual along the sphere is zero there; noise leads away from it."""
@@ -90,9 +87,8 @@ def test_one_update_with_exact_vectors_takes_out_the_whole_error():
     assert np.abs(left).max() < 0.01 * np.abs(theta).max()
 
 
-@pytest.mark.parametrize(
-    ("scenario", "seed"), [pytest.param("ship-irregular-sea", 30060, marks=pytest.mark.slow), ("large-misalignment", 30035)]
-)
+@pytest.mark.parametrize(("scenario", "seed"),
+    [pytest.param("ship-irregular-sea", 30060, marks=pytest.mark.slow), ("large-misalignment", 30035)])  # fmt: skip
 def test_a_filter_that_creeps_says_so(scenario, seed):
     """Seeds with 9 and 48 deg of heading after ten minutes: a stated sigma of 8 deg is not what it is after convergence."""
     found = run(scenario, "qakf", seed=seed).results[0]
@@ -131,10 +127,9 @@ def both_at_rest(id, q_nb, parameters, n=400, dt=0.05, latitude=0.6):
     return runner, np.einsum("tij,tj->ti", turns_b, columns["delta_velocity"] / dt), np.einsum("tij,j->ti", turns, up)
 
 
-@pytest.mark.parametrize("id", PRINTED)
-@pytest.mark.parametrize(
-    "reading", [{}, {"forgetting": 0.97}, {"subtracted": 1.0, "least_noise_sigma": 1e-4}, {"noise_sigma": 1e-3}]
-)
+@pytest.mark.parametrize("id", ("qakf-printed", "qakf-improved-printed"))
+@pytest.mark.parametrize("reading",
+    [{}, {"forgetting": 0.97}, {"subtracted": 1.0, "least_noise_sigma": 1e-4}, {"noise_sigma": 1e-3}])  # fmt: skip
 def test_against_the_textbook(id, reading):
     q_nb = attitude.numeric.from_euler(0.1, -0.2, 0.7)
     runner, alpha, beta = both_at_rest(id, q_nb, reading)

@@ -13,14 +13,13 @@ from insenv.estimators import get
 from insenv.estimators.settings import parsed_changes, setting_rows, tuning
 from insenv.scenario import load
 
-DEG = np.pi / 180.0
 SET = {"loosely-coupled": {"arw_deg_sqrt_h": 3.0, "fix_wander_sigma_m": [1.0, 2.0, 3.0]}}
 
 
 def test_units_of_parameters():
     table = {"arw_deg_sqrt_h": 0.3, "vrw_mps_sqrt_h": 0.1, "correlation_time_s": 3600, "position_sigma_m": [1, 2, 3]}
     rows = tuning("loosely-coupled", table)
-    assert rows["angle_random_walk"] == pytest.approx(0.3 * DEG / 60)
+    assert rows["angle_random_walk"] == pytest.approx(0.3 * np.pi / 180.0 / 60)
     assert rows["velocity_random_walk"] == pytest.approx(0.1 / 60)
     assert rows["gyro_correlation_time"] == rows["accel_correlation_time"] == 3600
     np.testing.assert_array_equal(rows["position_sigma"], [1, 2, 3])

@@ -62,17 +62,14 @@ def errors_of(result, from_s):
     return max(roll, pitch), heading
 
 
-@pytest.mark.parametrize(
-    ("name", "sensor", "latency", "seconds", "from_s", "level", "heading"),
-    [
-        (CAR, "gnss", 0.0, 90.0, 45.0, 5e-5, 5e-4),
-        (CAR, "gnss", 0.05, 90.0, 45.0, 3e-4, 3e-3),
-        (CAR, "gnss", 0.4, 90.0, 45.0, 3e-3, 3e-2),
-        ("aircraft-inflight-alignment", "gnss", 0.0, 80.0, 60.0, 2e-3, 2e-3),
-        (SHIP, "dvl", 0.0, 340.0, 300.0, 1e-3, 5e-3),
-        (SHIP, "dvl", 0.2, 340.0, 300.0, 1e-3, 2e-2),
-    ],
-)
+@pytest.mark.parametrize(("name", "sensor", "latency", "seconds", "from_s", "level", "heading"), [
+    (CAR, "gnss", 0.0, 90.0, 45.0, 5e-5, 5e-4),
+    (CAR, "gnss", 0.05, 90.0, 45.0, 3e-4, 3e-3),
+    (CAR, "gnss", 0.4, 90.0, 45.0, 3e-3, 3e-2),
+    ("aircraft-inflight-alignment", "gnss", 0.0, 80.0, 60.0, 2e-3, 2e-3),
+    (SHIP, "dvl", 0.0, 340.0, 300.0, 1e-3, 5e-3),
+    (SHIP, "dvl", 0.2, 340.0, 300.0, 1e-3, 2e-2),
+])  # fmt: skip
 def test_without_errors_the_attitude_is_exact(name, sensor, latency, seconds, from_s, level, heading):
     """From an unknown heading, in turns and waves, with a lever arm; what is left is the extrapolation of a late velocity."""
     (result,) = run(perfect(name, sensor, latency_s=latency), ID, seed=1, duration_s=seconds).results
@@ -80,19 +77,11 @@ def test_without_errors_the_attitude_is_exact(name, sensor, latency, seconds, fr
     assert largest[0] < level and largest[1] < heading
 
 
-@pytest.mark.parametrize(
-    ("name", "row", "sigma"),
-    [
-        (CAR, "gyro_bias_sigma", 2e-6),
-        (CAR, "accel_bias_sigma", 1e-3),
-        (CAR, "antenna_lever_arm_sigma", 0.05),
-        (CAR, "gnss_delay_sigma", 0.01),
-        (SHIP, "gyro_bias_sigma", 5e-8),
-        (SHIP, "accel_bias_sigma", 5e-4),
-        (SHIP, "dvl_scale_factor_sigma", 0.002),
-        (SHIP, "dvl_misalignment_sigma", 0.001),
-    ],
-)
+@pytest.mark.parametrize(("name", "row", "sigma"), [
+    (CAR, "gyro_bias_sigma", 2e-6), (CAR, "accel_bias_sigma", 1e-3), (CAR, "antenna_lever_arm_sigma", 0.05),
+    (CAR, "gnss_delay_sigma", 0.01), (SHIP, "gyro_bias_sigma", 5e-8), (SHIP, "accel_bias_sigma", 5e-4),
+    (SHIP, "dvl_scale_factor_sigma", 0.002), (SHIP, "dvl_misalignment_sigma", 0.001),
+])  # fmt: skip
 def test_what_a_constant_error_does_is_what_is_stated(name, row, sigma):
     """Each component of the error in turn, in the data: the root of the sum of the squares is the stated sigma."""
     model, columns, known = driven(name, 46.0 if name == CAR else 170.0)  # in a turn: the answer is new
@@ -144,15 +133,12 @@ def test_errors_of_a_velocity_of_the_log_against_differences():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "column", "size", "told"),
-    [
-        (CAR, "gnss_velocity_n", 0.05, {}),
-        (CAR, "delta_angle", 2e-6, {"angle_random_walk": 2e-5}),
-        (CAR, "delta_velocity", 1e-3, {"velocity_random_walk": 1e-2}),
-        (SHIP, "dvl_velocity_b", 0.05, {}),
-    ],
-)
+@pytest.mark.parametrize(("name", "column", "size", "told"), [
+    (CAR, "gnss_velocity_n", 0.05, {}),
+    (CAR, "delta_angle", 2e-6, {"angle_random_walk": 2e-5}),
+    (CAR, "delta_velocity", 1e-3, {"velocity_random_walk": 1e-2}),
+    (SHIP, "dvl_velocity_b", 0.05, {}),
+])  # fmt: skip
 def test_what_white_noise_does_is_what_is_stated(name, column, size, told):
     model, columns, known = driven(name, 70.0 if name == CAR else 170.0)
     if name == CAR and told:
@@ -187,27 +173,21 @@ def test_the_memory_balances_fixes_and_gyros():
     assert velocity_integration.memory_time(1.0, 0.0) == velocity_integration.SHORTEST
 
 
-def test_a_straight_line_shows_no_heading_and_the_run_says_so():
+def test_a_straight_line_shows_no_heading_and_a_run_without_fixes_no_attitude():
     result = run("car-unknown-heading", ID, seed=3, duration_s=28.0).results[0]
     assert result.sigma["heading_deg"].min() > 90.0 and result.sigma["roll_deg"][-1] < 0.2
     assert any("heading is unknown at the end" in note for note in result.notes)
     assert not any("heading found" in note for note in result.notes)  # as it is lost again
-
-
-def test_a_run_without_fixes_gives_no_attitude():
     (result,) = run(changed(CAR, gnss={"outages_s": ((0.0, 30.0),)}), ID, duration_s=20.0).results
     assert result.sigma["roll_deg"][-1] > 90.0 and any("no attitude was found" in note for note in result.notes)
 
 
-@pytest.mark.parametrize(
-    ("scenario", "words"),
-    [
-        (load("car-survey"), "the fixes of scenario 'car-survey' have no velocity"),
-        (load("ship-swaying"), r"'ship-swaying' has no \[gnss\], and there is no \[dvl\]"),
-        (load("large-misalignment"), "needs a vehicle that moves"),
-        (changed(SHIP, dvl={"water_track": True, "current_sigma_mps": 0.3}), r"with a current of 0\.3 m/s"),
-    ],
-)
+@pytest.mark.parametrize(("scenario", "words"), [
+    (load("car-survey"), "the fixes of scenario 'car-survey' have no velocity"),
+    (load("ship-swaying"), r"'ship-swaying' has no \[gnss\], and there is no \[dvl\]"),
+    (load("large-misalignment"), "needs a vehicle that moves"),
+    (changed(SHIP, dvl={"water_track": True, "current_sigma_mps": 0.3}), r"with a current of 0\.3 m/s"),
+])  # fmt: skip
 def test_what_it_cannot_use_is_refused(scenario, words):
     with pytest.raises(InputError, match=words):
         run(scenario, ID, duration_s=2.0)

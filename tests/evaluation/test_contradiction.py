@@ -18,6 +18,9 @@ def innovations(seed: int = 1) -> dict[str, np.ndarray]:
 def test_a_consistent_filter_is_contradicted_by_none_of_500_fixes_of_200_seeds() -> None:
     assert [seed for seed in range(200) if contradiction_notes(TIME, innovations(seed))] == []
     assert contradiction_notes(TIME, {"q_nb": np.zeros((len(TIME), 4))}) == ()  # an estimator without test ratios
+    outputs = innovations()
+    outputs["test_ratio"][::10] *= 20.0  # outliers
+    assert contradiction_notes(TIME, outputs) == ()
 
 
 def test_a_lasting_difference_of_four_sigma_is_found() -> None:
@@ -30,12 +33,6 @@ def test_a_lasting_difference_of_four_sigma_is_found() -> None:
     assert 39.5 < found.begin < 42 and 48 < found.end < 50.5
     (note,) = contradiction_notes(TIME, outputs)
     assert "down is off by" in note and "stated sigmas are too small" in note
-
-
-def test_outliers_do_not_contradict() -> None:
-    outputs = innovations()
-    outputs["test_ratio"][::10] *= 20.0
-    assert contradiction_notes(TIME, outputs) == ()
 
 
 def jumping(size: float = 0.7) -> dict[str, np.ndarray]:

@@ -85,18 +85,16 @@ def test_health_of_what_did_not_come():
     assert (found.verdict, found.factor, found.fixes) == ("untested", 1.0, 9) and found.notes() == ()
 
 
-@pytest.mark.parametrize(
-    ("size", "verdict"), [(1.0, "consistent"), (1.05, "consistent"), (1.3, "overconfident"), (8.0, "diverged")]
-)
+@pytest.mark.parametrize(("size", "verdict"),
+    [(1.0, "consistent"), (1.05, "consistent"), (1.3, "overconfident"), (8.0, "diverged")])  # fmt: skip
 def test_a_verdict_follows_from_the_size_of_the_innovations(size, verdict):
     found = health(of_fixes(size * np.random.default_rng(2).normal(size=(2000, 6))))
     assert found.verdict == verdict and bool(found.notes()) == (verdict != "consistent")
     assert found.factor == (1.0 if verdict == "consistent" else pytest.approx(size, rel=0.05))
 
 
-@pytest.mark.parametrize(
-    ("share", "verdict"), [(0.02, "consistent"), (0.2, "overconfident"), (0.82, "diverged"), (0.97, "diverged")]
-)
+@pytest.mark.parametrize(("share", "verdict"),
+    [(0.02, "consistent"), (0.2, "overconfident"), (0.82, "diverged"), (0.97, "diverged")])  # fmt: skip
 def test_a_verdict_follows_from_the_fixes_refused(share, verdict):
     rng = np.random.default_rng(4)
     ratios, refused = rng.normal(size=(1000, 6)), np.zeros((1000, 6), bool)
@@ -193,14 +191,11 @@ def test_a_log_that_is_described_truly_is_consistent(drive):
     assert not any("innovations" in note or "contradict" in note for note in result.notes)
 
 
-@pytest.mark.parametrize(
-    ("right", "wrong", "verdict"),
-    [
-        ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [1.2, 0.3, -1.0]", "overconfident"),
-        ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [-1.2, -0.7, -1.0]", "overconfident"),
-        ("time_offset_s = 0.0", "time_offset_s = 0.3", "overconfident"),
-    ],
-)
+@pytest.mark.parametrize(("right", "wrong", "verdict"), [
+    ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [1.2, 0.3, -1.0]", "overconfident"),
+    ("lever_arm_m = [-1.2, 0.3, -1.0]", "lever_arm_m = [-1.2, -0.7, -1.0]", "overconfident"),
+    ("time_offset_s = 0.0", "time_offset_s = 0.3", "overconfident"),
+])  # fmt: skip
 def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong, verdict):
     """As on two recorded logs, of whose fixes 82 to 97 % were refused without a word."""
     text = drive.read_text("utf-8")
@@ -212,18 +207,6 @@ def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong,
     (said,) = (note for note in result.notes if "innovations" in note)
     assert "lever arm" in said
     assert f"refused {result.health.refused} of 239 fixes" in said
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("told", "verdict"),
-    [({"unit": "industrial", "grade": "navigation"}, "diverged"), ({"scale_of_sigma": 0.4}, "overconfident")],
-)
-def test_a_log_of_a_worse_unit_or_receiver_than_told_is_not_passed_over(tmp_path, told, verdict):
-    path = written_log(tmp_path, **told)
-    path.write_text(path.read_text("utf-8").replace("static_until_s", "heading_deg = 90.0\nstatic_until_s"), encoding="utf-8")
-    health = insenv.replay(path, "loosely-coupled").results[0].health
-    assert health.verdict == verdict and health.factor > 2
 
 
 def test_strict_fails_after_the_report_is_written(drive, tmp_path):

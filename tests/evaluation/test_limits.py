@@ -51,15 +51,10 @@ def bound_with(plant, rest, mooring=None):
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
 
 
-@pytest.mark.parametrize(
-    ("times", "from_s", "words"),
-    [
-        ([], 0.0, "at least one"),
-        ([900.0], 0.0, "time 900 s: allowed is 0 to 60 s"),
-        ("late", 0.0, "times = 'late'"),
-        ([float("nan")], 0.0, "time nan s"),
-    ],
-)
+@pytest.mark.parametrize(("times", "from_s", "words"), [
+    ([], 0.0, "at least one"), ([900.0], 0.0, "time 900 s: allowed is 0 to 60 s"), ("late", 0.0, "times = 'late'"),
+    ([float("nan")], 0.0, "time nan s"),
+])  # fmt: skip
 def test_a_limit_is_asked_only_for_times_that_it_has(times, from_s, words):
     limit = Limit(np.array([0.0, 60.0]), np.zeros((2, 3)), {"roll_deg": np.array([3.0, 1.0])})
     assert limit.rms([0.0, 60.0])["roll_deg"] == pytest.approx(np.sqrt(5.0))
@@ -264,9 +259,7 @@ FLIGHTS = {
             "grade": "rtk", "position_noise_m": 1.0, "velocity_noise_mps": 0.1, "wander_sigma_m": 0.0, "latency_s": 0.2,
             "interval_s": 1.0, "lever_arm_m": [1.0, 0.5, -1.5], "outages_s": [[50.0, 61.0]],
         },
-        "knowledge": {
-            "tilt_sigma_deg": 0.5, "heading_sigma_deg": 1.0, "position_sigma_m": 3.0, "velocity_sigma_mps": 0.3,
-        },
+        "knowledge": {"tilt_sigma_deg": 0.5, "heading_sigma_deg": 1.0, "position_sigma_m": 3.0, "velocity_sigma_mps": 0.3},
     },
 }  # fmt: skip
 

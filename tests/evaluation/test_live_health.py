@@ -30,19 +30,14 @@ def fed(velocities, every=1.0):
     return live
 
 
-def test_a_change_of_velocity_gives_the_heading_to_its_noise_over_it():
+def test_a_change_of_velocity_gives_the_heading_to_its_noise_over_it_and_uniform_motion_nothing():
     assert fed([0.0, 5.0]).heading_sigma == pytest.approx(np.sqrt(2.0) * SIGMA / 5.0, rel=1e-9)
     assert fed([0.0, 5.0, 5.0, 10.0]).heading_sigma == pytest.approx(SIGMA / 5.0, rel=1e-9)
-
-
-def test_uniform_motion_and_noise_tell_nothing_of_the_heading():
     # were every change counted, each fix would bring 1 / rad^2, and 2.9 deg be known after 400
     drawn = np.random.default_rng(1).normal(20.0, SIGMA, 400)
     assert np.degrees(fed(drawn).heading_sigma) > 7.0
     assert fed(np.full(100, 20.0)).heading_sigma == np.inf
-
-
-def test_a_slow_change_counts_within_ten_seconds_and_not_across_an_outage():
+    # slow changes count within ten seconds and not across an outage
     assert fed(0.1 * np.arange(100)).heading_sigma < 0.1
     assert fed([0.0, 50.0], every=30.0).heading_sigma == np.inf
     frequent = fed(2.0 * 0.05 * np.arange(101), every=0.05)  # fixes at 20 Hz count as one within a second

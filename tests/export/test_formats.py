@@ -81,7 +81,8 @@ def test_nmea_is_read_by_pynmea2(tmp_path):
     scenario = {
         "title": "South and west", "duration_s": 20.0,
         "start": {"latitude_deg": -33.5, "longitude_deg": -70.001, "height_m": 520.0, "heading_deg": 200.0},
-        "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 12.0}]}, "gnss": {"grade": "rtk", "interval_s": 0.2},
+        "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 12.0}]},
+        "gnss": {"grade": "rtk", "interval_s": 0.2, "position_noise_m": [0.01, 0.03, 0.05]},
     }  # fmt: skip
     fixes = insenv.record(scenario).gnss
     lines = insenv.write(insenv.record(scenario), tmp_path, "nmea")[0].read_bytes().decode("ascii").split("\r\n")
@@ -101,6 +102,8 @@ def test_nmea_is_read_by_pynmea2(tmp_path):
     assert kinds["RMC"][-1].true_course == pytest.approx(200.0, abs=1.0)
     np.testing.assert_allclose([s.std_dev_latitude for s in kinds["GST"]], fixes.position_sigma[:, 0], atol=6e-4)
     np.testing.assert_allclose([s.std_dev_altitude for s in kinds["GST"]], fixes.position_sigma[:, 2], atol=6e-4)
+    np.testing.assert_allclose([s.std_dev_major for s in kinds["GST"]], fixes.position_sigma[:, 1], atol=6e-4)
+    assert {s.orientation for s in kinds["GST"]} == {90.0}  # the larger one is east
 
 
 def test_rerun_reads_its_recording(tmp_path, report):

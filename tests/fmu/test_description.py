@@ -24,7 +24,6 @@ from insenv.scenario import names
 EXTRA = {"time", "sample_interval", "parameters.step_is_one_increment", "sample_number"}  # not rows of the tables
 QUICK = ("loosely-coupled", "qakf-improved", "ship-swaying")
 ALL = [pytest.param(id, marks=() if id in QUICK else pytest.mark.slow) for id in (*estimators.registered(), *names())]
-FORMS = ((2, False), (3, True), (3, False))
 
 
 def read(path, name="modelDescription.xml"):
@@ -128,7 +127,7 @@ def test_the_dependencies_at_the_start_are_exact(id):
     assert changing.any() and not (changing & ~needs).any()
 
 
-@pytest.mark.parametrize(("fmi", "arrays"), FORMS)
+@pytest.mark.parametrize(("fmi", "arrays"), ((2, False), (3, True), (3, False)))
 def test_files_and_terminals(bare, fmi, arrays):
     with ZipFile(bare("loosely-coupled", fmi, arrays=arrays)) as archive:
         names = set(archive.namelist())

@@ -1,4 +1,4 @@
-"""`insenv.fmu.run` and `insenv fmu run`: the numbers of the model, and what is refused."""
+"""`insenv.fmu.run` and `insenv fmu run`: the numbers of the model, what is refused, CSV of sampled inputs and outputs."""
 
 import contextlib
 import io
@@ -20,7 +20,7 @@ from insenv.core.runner import make_runner
 from insenv.fmu import run
 from insenv.fmu.exporter import signals
 from insenv.fmu.reading import read_variable
-from insenv.fmu.running import read_csv, write_csv
+from insenv.fmu.running import Series, flattened, read_csv, write_csv
 from insenv.scenario.chunks import input_rows
 
 ID, PLANT = "qakf-improved", "ship-swaying"
@@ -179,14 +179,31 @@ def test_the_command_writes_the_result_of_the_function(log, tmp_path):
     np.testing.assert_array_equal(list(document["outputs"].values()), given.values[-1])
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--set", "latitude=1,2"), "--set latitude"),
-        (("--output", "no/such/folder/x.csv"), "no/such/folder/x.csv"),
-        (("--stop", "1e300"), "stop time 1e+300 s"),
-        (("--every", "101"), "every = 101"),
-    ],
-)
+@pytest.mark.parametrize(("options", "said"), [
+    (("--set", "latitude=1,2"), "--set latitude"),
+    (("--output", "no/such/folder/x.csv"), "no/such/folder/x.csv"),
+    (("--stop", "1e300"), "stop time 1e+300 s"),
+    (("--every", "101"), "every = 101"),
+])  # fmt: skip
 def test_the_command_reports_what_is_wrong(log, options, said):
     refused(call("fmu", "run", exported(ID), "--input", log, *options), said)
+
+
+def test_csv_reads_back_bit_identical_and_one_without_times_is_named(tmp_path):
+    """Wrong rows: tests/logs/formats/test_csv_table.py."""
+    columns = {"a": np.array([0.1, 1e-300, -1 / 3]), "m": np.arange(12.0).reshape(3, 2, 2) / 7}
+    flat = flattened(columns)
+    write_csv(tmp_path / "x.csv", Series(0.005 * np.arange(3), tuple(flat), np.array(list(flat.values())).T))
+    back = read_csv(tmp_path / "x.csv")
+    assert back.names == ("a", "m[1,1]", "m[1,2]", "m[2,1]", "m[2,2]")
+    np.testing.assert_array_equal(back.time, 0.005 * np.arange(3))
+    for name, value in back.named().items():
+        np.testing.assert_array_equal(value, columns[name])
+    # FMPy writes blanks inside arrays
+    (tmp_path / "x.csv").write_text('"time","a","b"\n0.0,1 2 3,4\n0.005,5 6 7,8\n')
+    back = read_csv(tmp_path / "x.csv")
+    assert back.names == ("a[1]", "a[2]", "a[3]", "b")
+    np.testing.assert_array_equal(back.values, [[1, 2, 3, 4], [5, 6, 7, 8]])
+    (tmp_path / "bad.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="no column 'time'"):
+        read_csv(tmp_path / "bad.csv")

@@ -153,17 +153,14 @@ def test_the_parameter_sets_are_applied(path, tmp_path):
 RING = '<ssd:Connection startElement="estimator" startConnector="q_nb[1]" endElement="plant" endConnector="x" />'
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "said"),
-    [
-        (SSD, PLANT, "resources/none.ssv", "parameter set 'resources/none.ssv' cannot be read"),
-        (ESTIMATOR, 'unit="rad"', 'unit="deg"', "in deg: allowed is the unit of the FMU, rad"),
-        (PLANT, 'value="', 'value="x', "= 'x.*': allowed is a number"),
-        (SSD, "</ssd:Connections>", RING + "</ssd:Connections>", "plant, estimator form a ring"),
-        (SSD, 'startConnector="delta_angle[1]"', 'startConnector="delta"', "plant: no output 'delta'"),
-        (SSD, "<ssd:", "<broken", "not an SSP file"),
-    ],
-)
+@pytest.mark.parametrize(("file", "old", "new", "said"), [
+    (SSD, PLANT, "resources/none.ssv", "parameter set 'resources/none.ssv' cannot be read"),
+    (ESTIMATOR, 'unit="rad"', 'unit="deg"', "in deg: allowed is the unit of the FMU, rad"),
+    (PLANT, 'value="', 'value="x', "= 'x.*': allowed is a number"),
+    (SSD, "</ssd:Connections>", RING + "</ssd:Connections>", "plant, estimator form a ring"),
+    (SSD, 'startConnector="delta_angle[1]"', 'startConnector="delta"', "plant: no output 'delta'"),
+    (SSD, "<ssd:", "<broken", "not an SSP file"),
+])  # fmt: skip
 def test_wrong_systems_and_parameter_sets_are_named(path, tmp_path, file, old, new, said):
     edited = changed(path, tmp_path / "x.ssp", file, old, new)
     with pytest.raises(InputError, match=said) as wrong:

@@ -10,11 +10,9 @@ from pygeomag import GeoMag
 from insenv.base.errors import InputError
 from insenv.geodesy.magnetic import displacement_n, world_magnetic_model
 
-MODEL = GeoMag()
-
 
 def field_at(lat_deg: float, lon_deg: float, km: float) -> Any:
-    found = MODEL.calculate(lat_deg, (lon_deg + 180.0) % 360.0 - 180.0, km, 2026.0)
+    found = GeoMag().calculate(lat_deg, (lon_deg + 180.0) % 360.0 - 180.0, km, 2026.0)
     return np.array([found.x, found.y, found.z])  # nT
 
 

@@ -16,14 +16,10 @@ class DataflashWriter:
         "IMT": ("QBfffffffff", "TimeUS,I,DelT,DelvT,DelaT,DelAX,DelAY,DelAZ,DelVX,DelVY,DelVZ"),
         "IMU": ("QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
         "GPS": ("QBBIHBcLLeffffB", "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U"),
-        "GPA": ("QBCCCCfBIH", "TimeUS,I,VDop,HAcc,VAcc,SAcc,YAcc,VV,SMS,Delta"),
-        "ATT": ("Qccc", "TimeUS,Roll,Pitch,Yaw"),
-        "POS": ("QLLf", "TimeUS,Lat,Lng,Alt"),
-        "XKF1": ("QBfff", "TimeUS,C,VN,VE,VD"),
-        "PARM": ("QNf", "TimeUS,Name,Value"),
-        "MAG": ("QBhhh", "TimeUS,I,MagX,MagY,MagZ"),
-        "BARO": ("QBff", "TimeUS,I,Alt,Press"),
-    }
+        "GPA": ("QBCCCCfBIH", "TimeUS,I,VDop,HAcc,VAcc,SAcc,YAcc,VV,SMS,Delta"), "ATT": ("Qccc", "TimeUS,Roll,Pitch,Yaw"),
+        "POS": ("QLLf", "TimeUS,Lat,Lng,Alt"), "XKF1": ("QBfff", "TimeUS,C,VN,VE,VD"), "PARM": ("QNf", "TimeUS,Name,Value"),
+        "MAG": ("QBhhh", "TimeUS,I,MagX,MagY,MagZ"), "BARO": ("QBff", "TimeUS,I,Alt,Press"),
+    }  # fmt: skip
 
     def __init__(self, *names: str) -> None:
         """names: messages of `STANDARD` that are defined."""

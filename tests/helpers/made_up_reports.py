@@ -40,11 +40,9 @@ def of_health(ratio=1.0, refused_share=0.0, last_fix_s=np.inf):
     squares = np.random.default_rng(1).chisquare(3, (200, 2)) * ratio**2 * fixed[:, None]
     gone = np.diff(refused, prepend=0.0)[:, None]
     rows = {
-        "fix_count": count,
-        "fix_refused_count": refused,
-        "nis_used": np.cumsum(squares * (1 - gone), axis=0),
+        "fix_count": count, "fix_refused_count": refused, "nis_used": np.cumsum(squares * (1 - gone), axis=0),
         "nis_used_count": np.cumsum(3.0 * (1 - gone) * fixed[:, None] + [[0.0, 0.0]], axis=0),
         "nis_refused": np.cumsum(squares * 100 * gone, axis=0),
         "nis_refused_count": np.cumsum(3.0 * gone + [[0.0, 0.0]], axis=0),
-    }
+    }  # fmt: skip
     return result(outputs={**result().outputs, **rows}, health=health(rows), notes=health(rows).notes())

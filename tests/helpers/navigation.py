@@ -35,16 +35,11 @@ def random_rows(rng):
     """Rows of a state of navigation somewhere, in motion, at any attitude, with a wander angle and biases."""
     q = rng.normal(size=4)
     return {
-        "q_wb": q / np.linalg.norm(q),
-        "velocity_w": rng.normal(size=3) * [80, 80, 5],
-        "q_ew": geodesy.numeric.q_ew_from_geodetic(0.6, rng.uniform(-3, 3), rng.uniform(-3, 3)),
-        "height": 500.0,
-        "gyro_bias": rng.normal(size=3) * 1e-4,
-        "accel_bias": rng.normal(size=3) * 1e-2,
-        "samples": 10.0,
-        "previous_delta_angle": rng.normal(size=3) * 1e-3,
-        "previous_delta_velocity": rng.normal(size=3) * 1e-2,
-    }
+        "q_wb": q / np.linalg.norm(q), "velocity_w": rng.normal(size=3) * [80, 80, 5],
+        "q_ew": geodesy.numeric.q_ew_from_geodetic(0.6, rng.uniform(-3, 3), rng.uniform(-3, 3)), "height": 500.0,
+        "gyro_bias": rng.normal(size=3) * 1e-4, "accel_bias": rng.normal(size=3) * 1e-2, "samples": 10.0,
+        "previous_delta_angle": rng.normal(size=3) * 1e-3, "previous_delta_velocity": rng.normal(size=3) * 1e-2,
+    }  # fmt: skip
 
 
 def random_state(rng):

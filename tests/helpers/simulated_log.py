@@ -26,14 +26,7 @@ def simulated_log(
     if gnss is not None:  # stamped with their time of validity
         gnss = replace(gnss, time=time[np.searchsorted(log.imu_time, gnss.arrival)] - gnss.age, arrival=None, age=None)
     return replace(
-        log,
-        imu_time=time,
-        temperature=None,
-        gnss=gnss,
-        reference=replace(log.reference, time=time),
+        log, imu_time=time, temperature=None, gnss=gnss, reference=replace(log.reference, time=time),
         description=LogDescription.model_validate({"title": "simulated", "imu": {**IMU, "grade": grade}, **sections}),
-        unit=None,
-        settings={},
-        instruments=(),
-        told={},
-    )
+        unit=None, settings={}, instruments=(), told={},
+    )  # fmt: skip

@@ -97,9 +97,8 @@ def other(log, **scales):
     gnss, scaled = log.gnss, {id: scales[id] for id in ("delta_angle", "delta_velocity") if id in scales}
     if gnss is not None:
         place, speed = scales.get("place", 1.0), scales.get("speed", 1.0)
-        gnss = replace(
-            gnss, latitude=gnss.latitude * place, longitude=gnss.longitude * place, velocity_n=gnss.velocity_n * speed
-        )
+        gnss = replace(gnss, latitude=gnss.latitude * place, longitude=gnss.longitude * place,
+            velocity_n=gnss.velocity_n * speed)  # fmt: skip
     readings = tuple(replace(each, values=each.values * scales.get(each.id, 1.0)) for each in log.instruments)
     log = replace(log, gnss=gnss, instruments=readings, **{name: getattr(log, name) * size for name, size in scaled.items()})
     return declared(log, log.description.imu.grade, **(DESCRIBED if readings else {}))

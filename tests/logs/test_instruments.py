@@ -30,13 +30,9 @@ def fitted(folder):
 def test_samples_get_the_last_reading_of_their_time_in_si_and_body_axes(fitted):
     columns, _ = sample_columns(fitted.load(), slice(None))
     expected = {
-        "barometer_height": 510.0,
-        "magnetometer_field_b": [2e-5, 1e-6, 4.3e-5],
-        "odometer_speed": 10.0,
-        "dvl_velocity_b": [1.0, 2.0, 3.0],
-        "heading_azimuth": np.pi / 2,
-        "heading_azimuth_sigma": np.radians(0.5),
-    }
+        "barometer_height": 510.0, "magnetometer_field_b": [2e-5, 1e-6, 4.3e-5], "odometer_speed": 10.0,
+        "dvl_velocity_b": [1.0, 2.0, 3.0], "heading_azimuth": np.pi / 2, "heading_azimuth_sigma": np.radians(0.5),
+    }  # fmt: skip
     for name, value in expected.items():
         np.testing.assert_allclose(columns[name][[26, 49]], [value, value], rtol=1e-12, err_msg=name)
     for id in FILES:

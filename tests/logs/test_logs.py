@@ -54,14 +54,11 @@ def test_gyro_units_and_milliseconds_mean_the_same(folder, unit, factor):
     np.testing.assert_allclose(log.imu_time, expected.imu_time, rtol=1e-11)
 
 
-@pytest.mark.parametrize(
-    ("axes", "matrix"),
-    [
-        ("RFU", [[0, 1, 0], [1, 0, 0], [0, 0, -1]]),
-        ("-z+y+x", [[0, 0, -1], [0, 1, 0], [1, 0, 0]]),
-        ([[0, 1, 0], [1, 0, 0], [0, 0, -1]], [[0, 1, 0], [1, 0, 0], [0, 0, -1]]),
-    ],
-)
+@pytest.mark.parametrize(("axes", "matrix"), [
+    ("RFU", [[0, 1, 0], [1, 0, 0], [0, 0, -1]]),
+    ("-z+y+x", [[0, 0, -1], [0, 1, 0], [1, 0, 0]]),
+    ([[0, 1, 0], [1, 0, 0], [0, 0, -1]], [[0, 1, 0], [1, 0, 0], [0, 0, -1]]),
+])  # fmt: skip
 def test_axes(folder, axes, matrix):
     body, c_bs, rows = folder.load(), np.array(matrix, dtype=float), imu_rows()
     np.testing.assert_array_equal(axes_matrix(axes), c_bs)

@@ -71,9 +71,8 @@ def test_attitude_alone_and_what_does_not_go_together(folder):
     )
     written(folder, columns, LOCAL.replace("quaternion_d", 'velocity_ecef = ["u", "v", "w"]\n#'))
     together = "quaternion, quaternion_order and quaternion_direction go together; only quaternion, quaternion_order given"
-    folder.error(
-        together, "velocity and velocity_ecef exclude one another", "velocity_ecef needs position_ecef", "position_local"
-    )
+    folder.error(together, "velocity and velocity_ecef exclude one another", "velocity_ecef needs position_ecef",
+        "position_local")  # fmt: skip
 
 
 def test_a_reference_without_attitude_is_compared_at_its_own_point(folder):

@@ -49,11 +49,6 @@ def blocks_of(name: str, page: str) -> list[Block]:
     return [Block(name, line, m["language"], m["text"], m["reason"]) for line, m in found]
 
 
-def shown_below(text: str) -> list[tuple[str, list[str]]]:
-    parts = re.split(r"^\$ ", text.replace("\\\n", " "), flags=re.MULTILINE)[1:]
-    return [(part.splitlines()[0], part.splitlines()[1:]) for part in parts]
-
-
 TIMES = re.compile(r"(?:, \S+ us a sample|, \S+ us per step|simulated in \S+ s|lateness .*|\d+ messages to .*)")
 
 
@@ -124,16 +119,16 @@ def marked(things: list, page_of) -> list:
     return [pytest.param(x, id=str(x), marks=[] if page_of(x) in FIRST else pytest.mark.slow) for x in things]
 
 
-@pytest.mark.parametrize(
-    "block", marked([b for b in ALL if b.language in ("console", "sh") or b.reason], lambda block: block.page)
-)
+@pytest.mark.parametrize("block",
+    marked([b for b in ALL if b.language in ("console", "sh") or b.reason], lambda block: block.page))  # fmt: skip
 def test_commands(block, tmp_path):
     if block.reason is not None:
         pytest.skip(f"{block}: {block.reason}")
     folder = tmp_path if "$ insenv examples" in block.text else linked(tmp_path)
     path = path_of(block.page, folder)
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-    for command, shown in shown_below(block.text):
+    parts = re.split(r"^\$ ", block.text.replace("\\\n", " "), flags=re.MULTILINE)[1:]
+    for command, *shown in map(str.splitlines, parts):
         if re.fullmatch(r"python examples/\w+\.py", command) and not shown:
             continue  # test_examples.py runs them, and looks at what they print
         if command.startswith("make "):

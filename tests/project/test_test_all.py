@@ -21,13 +21,10 @@ def test_again_says_what_it_runs_and_why_and_a_target_without_tests_counts_its_c
     assert (outcome.passed, outcome.failed, outcome.status) == (1, 1, 1)
 
 
-@pytest.mark.parametrize(
-    ("chosen", "reason"),
-    [
-        (["tests/none.py"], "tests/none.py: no such file or folder"),
-        (["-k", "none", "tests"], "no test matches tests -k 'none'"),
-    ],
-)
+@pytest.mark.parametrize(("chosen", "reason"), [
+    (["tests/none.py"], "tests/none.py: no such file or folder"),
+    (["-k", "none", "tests"], "no test matches tests -k 'none'"),
+])  # fmt: skip
 def test_pytest_with_workers_says_why_it_runs_nothing(chosen, reason, tmp_path):
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests" / "conftest.py").write_text((ROOT / "tests" / "conftest.py").read_text())

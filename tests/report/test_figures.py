@@ -53,14 +53,11 @@ def test_times_that_count_from_a_date_are_drawn_from_the_first_on():
 HEALTHY = replace(of_health(), sigma={}, limit={}, limit_sigma={})
 
 
-@pytest.mark.parametrize(
-    "made",
-    [
-        report(of_health(refused_share=0.1), result("wander-sins")),
-        report(of_health(ratio=300.0)),
-        report(replace(HEALTHY, errors={}), truth=Track(TIME), seed=None),  # no reference
-    ],
-)
+@pytest.mark.parametrize("made", [
+    report(of_health(refused_share=0.1), result("wander-sins")),
+    report(of_health(ratio=300.0)),
+    report(replace(HEALTHY, errors={}), truth=Track(TIME), seed=None),  # no reference
+])  # fmt: skip
 def test_the_figure_has_a_panel_of_test_ratios(made):
     panel = next(axis for axis in draw(made).axes if "Innovations over" in axis.get_title(loc="left"))
     expected = course(made.results[0].outputs)[0][1:]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from consistency import CASES, WANDER_IGNORED, WHITE_FIXES, bounds, measure
+from consistency import WANDER_IGNORED, WHITE_FIXES, bounds, measure
 from scipy.stats import chi2, norm
 
 
@@ -28,10 +28,3 @@ def test_a_filter_that_assumes_white_fixes_is_detected_when_they_wander():
     found = measure(replace(WANDER_IGNORED, duration_s=200.0, runs=6))
     assert found.nees.shape[0] == 6
     assert found.inside < 0.1 and found.mean.mean() > 3
-
-
-@pytest.mark.slow
-def test_ecef_kf_is_consistent_at_rest():
-    found = measure(replace(CASES[0], duration_s=300.0))
-    assert found.case.estimator == "ecef-kf" and found.degrees == 3
-    assert found.inside >= 0.9

@@ -65,20 +65,17 @@ def test_nothing_is_scored_before_the_first_estimate_and_no_truth_is_in_a_sample
     assert not [name for name in seen if "true" in name or name in ("q_nb", "velocity_n", "latitude", "gyro_bias_true")]
 
 
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        ([np.nan, 0, 0, 0], r"q_nb = \[nan, 0.0, 0.0, 0.0\]"),
-        ([2.0, 0, 0, 0], "has the norm 2"),
-        ([1.0, 0.0], r"q_nb has shape \(2,\)"),
-        (np.diag([1.0, 1.0, -1.0]), "a rotation matrix, right-handed"),
-        ({"q_bn": [1, 0, 0, 0]}, "'q_bn': unknown row of an estimate; did you mean 'q_nb'"),
-        ({"q_nb": [1, 0, 0, 0], "latitude": 0.5}, "latitude without longitude, height"),
-        ({"q_nb": [1, 0, 0, 0], "latitude": 48.0, "longitude": 11.0, "height": 0.0}, "allowed is up to 1.5708"),
-        ({"velocity_n": [0, 0, 0]}, "allowed is one with q_nb"),
-        (None, "returned no estimate in 0.1 s"),
-    ],
-)
+@pytest.mark.parametrize(("value", "message"), [
+    ([np.nan, 0, 0, 0], r"q_nb = \[nan, 0.0, 0.0, 0.0\]"),
+    ([2.0, 0, 0, 0], "has the norm 2"),
+    ([1.0, 0.0], r"q_nb has shape \(2,\)"),
+    (np.diag([1.0, 1.0, -1.0]), "a rotation matrix, right-handed"),
+    ({"q_bn": [1, 0, 0, 0]}, "'q_bn': unknown row of an estimate; did you mean 'q_nb'"),
+    ({"q_nb": [1, 0, 0, 0], "latitude": 0.5}, "latitude without longitude, height"),
+    ({"q_nb": [1, 0, 0, 0], "latitude": 48.0, "longitude": 11.0, "height": 0.0}, "allowed is up to 1.5708"),
+    ({"velocity_n": [0, 0, 0]}, "allowed is one with q_nb"),
+    (None, "returned no estimate in 0.1 s"),
+])  # fmt: skip
 def test_a_wrong_estimate_is_refused_in_one_sentence(value: Any, message: str) -> None:
     with pytest.raises(InputError, match=message) as error:
         insenv.run("ship-swaying", lambda sample: value, duration_s=0.1)

@@ -54,9 +54,8 @@ def test_a_vehicle_that_moves_sideways_keeps_its_heading():
     assert found.sigma["heading_deg"][0] < 6.0
 
 
-@pytest.mark.parametrize(
-    ("grade", "velocity"), [pytest.param("tactical", True, marks=pytest.mark.slow), ("consumer", True), ("industrial", False)]
-)
+@pytest.mark.parametrize(("grade", "velocity"),
+    [pytest.param("tactical", True, marks=pytest.mark.slow), ("consumer", True), ("industrial", False)])  # fmt: skip
 def test_the_motion_shows_the_heading_of_a_start(grade, velocity):
     """At rest for ten seconds, and under way; the sigma that is stated holds."""
     log = car_log(grade, 110.0)

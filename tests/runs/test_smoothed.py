@@ -1,7 +1,6 @@
 """Fixed-interval smoothing: the compiled form against Rauch, Tung and Striebel's (1965) in NumPy; runs and replays."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import namedtuple
 
 import casadi as ca
 import numpy as np
@@ -29,35 +28,15 @@ from insenv.scenario import build, load
 PLACE = ("latitude", "longitude", "height")
 
 
-@dataclass(frozen=True)
-class Scalars:
-    """The scalar measurements of one instant in the order used.
+Scalars = namedtuple("Scalars", "gain weight left")
+"""The scalar measurements of one instant in the order used: gain (m, n); weight (m): inverse variances of the innovations, 0
+with a gain of 0: not used; left (m): innovations minus what the measurements before them explained."""
+Pass = namedtuple("Pass", "transition noise covariance scalars")
+"""A filter's pass over K instants of a system of n states, and the scalars of each instant.
 
-    gain (m, n). weight (m): inverse variances of the innovations; 0 with a gain of 0: not used. left (m): innovations minus
-    what the measurements before them explained.
-    """
-
-    gain: np.ndarray
-    weight: np.ndarray
-    left: np.ndarray
-
-
-@dataclass(frozen=True)
-class Pass:
-    """A filter's pass over K instants of a system of n states.
-
-    The error state is relative to the filter's state after feedback: just after the measurements of an instant its estimate is
-    0, and at a measurement the state that it refers to jumps by the correction fed back.
-
-    transition (K, n, n), noise (K, n, n): of the interval that *ends* at each instant, so transition[k] takes the error
-    state at k - 1 to k; that of the first instant is not used. covariance (K, n, n): after the measurements of each instant.
-    scalars: of each instant.
-    """
-
-    transition: np.ndarray
-    noise: np.ndarray
-    covariance: np.ndarray
-    scalars: Sequence[Scalars]
+The error state is relative to the filter's state after feedback: just after the measurements of an instant its estimate is 0,
+and at a measurement the state that it refers to jumps by the correction fed back.  transition, noise (K, n, n): of the interval
+that *ends* at each instant; those of the first are not used.  covariance (K, n, n): after the measurements of each instant."""
 
 
 def rts(run: Pass) -> tuple[np.ndarray, np.ndarray]:
@@ -99,9 +78,8 @@ def kept_pass(kept, p, own=SMOOTHING):
     """The record of a forward pass of 15 states, every instant smoothed, as a `Pass`; transitions from the error model."""
     flat = ca.SX.sym("i", own.interval.size)
     rows = own.interval.symbols(flat)
-    interval = Interval(
-        rows.last_since_propagation, rows.last_since_propagation_velocity_w, rows.last_omega_ie_w, rows.last_omega_ew_w
-    )
+    interval = Interval(rows.last_since_propagation, rows.last_since_propagation_velocity_w, rows.last_omega_ie_w,
+        rows.last_omega_ew_w)  # fmt: skip
     A = ca.SX(15, 15)
     A[:9, :9] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
     A[TILT, GYRO] = rows.last_since_propagation_angle_gyro_bias

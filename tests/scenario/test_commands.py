@@ -35,16 +35,13 @@ def test_run_follows_them():
     assert any(note.startswith("no limit: limits are taken along the course of a scenario") for note in report.notes)
 
 
-def test_wrong_entries():
+def test_wrong_entries_are_named_and_others_refuse_them():
     for entry, message in (
         ({"at_s": 1.0, "sped": 1.0}, r"commands\[0\]: unknown command 'sped'; did you mean 'speed'"),
         ({"at_s": 1.0, "speed": 1e3}, r"commands\[0\]: command_speed"),
     ):
         with pytest.raises(insenv.InputError, match=message):
             load(with_commands(entry))
-
-
-def test_others_refuse_them():
     for use in (
         insenv.limit,
         lambda each: insenv.campaign(each, "loosely-coupled", 2),

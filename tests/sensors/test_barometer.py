@@ -1,9 +1,12 @@
 """The barometer: noise, drift, lag and constants against their stated parameters."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 from sensor_plant import DT, assert_gauss_markov, assert_variance, simulate, starts
+
+from insenv.sensors.barometer import LAG
 
 
 def test_white_noise_and_drift() -> None:
@@ -21,6 +24,8 @@ def test_lag_of_a_ramp_is_the_closed_form() -> None:
     y = simulate(n, {"barometer_lag": lag}, {"height": 50.0 + rate * time}, of="barometer")
     behind = -rate * lag * (1 - np.exp(-time / lag))
     np.testing.assert_allclose(y["barometer_height"] - (50.0 + rate * time), behind, atol=1e-12)
+    # what a filter counts of it
+    assert LAG.estimate(SimpleNamespace(velocity_down=-rate), SimpleNamespace(barometer_lag=lag)) == -rate * lag
 
 
 def test_constants() -> None:

@@ -39,14 +39,11 @@ def test_a_grade_file_beside_a_scenario(tmp_path):
     assert insenv.load(own).imu.rows(200.0)["velocity_random_walk"] == pytest.approx(20 * 9.80665e-6)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (None, "s.toml: imu.grade: .*unit.toml: file not found"),
-        ('title = "x"\nfoo = 1\nbar = 2', "unit.toml: foo: unknown key(.|\n)*unit.toml: bar: unknown key"),
-        ('title = "x"\naccel_white_ug = 1.0\naccel_vrw_ug_sqrt_hz = 1.0', "describe the same noise"),
-    ],
-)
+@pytest.mark.parametrize(("text", "message"), [
+    (None, "s.toml: imu.grade: .*unit.toml: file not found"),
+    ('title = "x"\nfoo = 1\nbar = 2', "unit.toml: foo: unknown key(.|\n)*unit.toml: bar: unknown key"),
+    ('title = "x"\naccel_white_ug = 1.0\naccel_vrw_ug_sqrt_hz = 1.0', "describe the same noise"),
+])  # fmt: skip
 def test_a_wrong_grade_file_is_refused(text, message, tmp_path):
     if text is not None:
         (tmp_path / "unit.toml").write_text(text, encoding="utf-8")

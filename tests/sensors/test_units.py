@@ -3,9 +3,11 @@
 import math
 import re
 
+import numpy as np
 import pytest
+from ambiance import Atmosphere
 
-from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, TIME_UNITS
+from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, TIME_UNITS, standard_height
 from insenv.sensors import units
 from insenv.sensors.registry import instruments
 
@@ -34,7 +36,9 @@ def test_every_unit_is_what_its_name_says():
         assert unit.convert.back(unit.convert(3.0)) == pytest.approx(3.0, rel=1e-14), name
 
 
-def test_temperatures_and_densities():
+def test_temperatures_densities_and_the_height_of_a_pressure():
+    heights = np.array([-300.0, 0.0, 1500.0, 10500.0])
+    assert standard_height(Atmosphere(heights).pressure) == pytest.approx(heights, abs=0.1)
     assert units.deg_c_to_k(20.0) == pytest.approx(293.15)
     assert units.one_sigma_from_cep(1.1774100225154747) == units.one_sigma_from_r50(0.6744897501960817) == pytest.approx(1.0)
     # a standard deviation of 2e-5 rad/s per sample of 0.005 s: over n samples the angle scatters by 2e-5 * 0.005 * sqrt(n)

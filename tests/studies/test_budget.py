@@ -23,7 +23,6 @@ from insenv.studies import budget as budget_module
 from insenv.studies.budget import packed, switch_off, switchable
 from insenv.studies.budget_result import budget_page
 
-OMEGA = 7.292115e-5
 PERFECT = {"grade": "perfect", "gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0}
 TRUE_START = {"draw_errors": False, **dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), 0.0)}
 
@@ -57,7 +56,7 @@ def test_sources_of_a_ship_are_those_of_closed_forms_and_sum_in_variance_to_the_
     low, high = ship.as_json()["rms_ratio_95"]  # the scatter of 64 draws
     alone = dict(zip(ship.sources, ship.rms(ship.alone), strict=True))
     tilt = np.degrees(np.max(rows["accel_bias_sigma"]) / 9.79)
-    heading = np.degrees(np.max(rows["gyro_bias_sigma"]) / (OMEGA * np.cos(np.radians(30.0))))
+    heading = np.degrees(np.max(rows["gyro_bias_sigma"]) / (7.292115e-5 * np.cos(np.radians(30.0))))
     # 120 s see the east bias in part only: the heading of a level platform is a matter of the last third
     assert low < alone["accel turn-on bias"][0] / tilt < high
     assert low < alone["accel turn-on bias"][1] / tilt < high

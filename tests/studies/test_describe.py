@@ -206,24 +206,17 @@ def test_whole_numbers_of_a_receiver_and_heights_that_are_not_in_metres(tmp_path
 
 
 REFUSED = (
-    ("slow.csv", "nothing shows whether the gyros are in rad/s or deg/s"),
-    ("comma.csv", "decimal commas"),
-    ("plain-imu.csv later.csv", "do not share a clock"),
-    ("plain.toml", "a TOML file, which `insenv replay` reads"),
-    ("none.csv", "file not found"),
-    ("empty.csv", "the file is empty"),
-    ("nothing", "no log in this folder: looked for flight logs, .csv"),
-    ("one.csv", "one column"),
+    ("slow.csv", "nothing shows whether the gyros are in rad/s or deg/s"), ("comma.csv", "decimal commas"),
+    ("plain-imu.csv later.csv", "do not share a clock"), ("plain.toml", "a TOML file, which `insenv replay` reads"),
+    ("none.csv", "file not found"), ("empty.csv", "the file is empty"),
+    ("nothing", "no log in this folder: looked for flight logs, .csv"), ("one.csv", "one column"),
     ("few.csv", "2 rows of numbers: a log has 10 or more"),
     ("parked-imu.csv parked-gnss.csv", "in which the fixes move: nothing shows units and axes"),
-    ("bytes.csv", "neither a text table nor of a format"),
-    ("bytes.npy", "not a file of NumPy"),
-    ("bytes.bag", "not readable as a ROS bag"),
-    ("bytes.ulg plain-imu.csv", "a flight log beside other files"),
-    ("plain-imu.csv -o imu.txt", "allowed is a name that ends in .toml"),
-    ("plain-imu.csv -o nothing.toml", "it is a folder"),
+    ("bytes.csv", "neither a text table nor of a format"), ("bytes.npy", "not a file of NumPy"),
+    ("bytes.bag", "not readable as a ROS bag"), ("bytes.ulg plain-imu.csv", "a flight log beside other files"),
+    ("plain-imu.csv -o imu.txt", "allowed is a name that ends in .toml"), ("plain-imu.csv -o nothing.toml", "it is a folder"),
     ("plain-imu.csv --run-out results", "allowed with -o LOG.toml"),
-)
+)  # fmt: skip
 
 
 def test_what_is_wrong_or_left_open_is_refused_in_one_sentence(tmp_path, monkeypatch):

@@ -81,9 +81,8 @@ def test_a_run_that_states_too_little_counts_as_silent_unless_it_says_so():
 def test_the_recorded_results_are_those_of_the_code():
     peers.package("onavdata")
     found = prove(["n380-stoplight", "umn-thor-75"])
-    kept = Proof(
-        found.insenv, tuple(log for log in Proof.of_json(RECORD).logs if log.name in ("n380-stoplight", "umn-thor-75"))
-    )
+    kept = Proof(found.insenv,
+        tuple(log for log in Proof.of_json(RECORD).logs if log.name in ("n380-stoplight", "umn-thor-75")))  # fmt: skip
     printed, expected = (as_text(each.document().blocks()) for each in (found, kept))
     assert printed == expected, "insenv prove --json > tests/studies/proof.json"
 

@@ -19,6 +19,8 @@ def test_it_flies_turns_and_climbs_as_its_legs_say() -> None:
     # against the drag it leans forward, and the accelerometer feels the drag
     force = rows["true_delta_velocity"][1245] / 0.02
     np.testing.assert_allclose(force[0], -STANDARD_GRAVITY * np.sin(0.15 * 8.0 / STANDARD_GRAVITY), rtol=2e-3)
+    side = rows["true_delta_velocity"][1400, 1] / 0.02  # in the turn it leans by as much as the turn takes
+    assert side == pytest.approx(0.0, abs=0.05)
     assert rows["yaw"][-1] == pytest.approx(90 * DEG, abs=1e-6)
     np.testing.assert_allclose(left, [3.0, 0.0, 0.0], atol=2e-3)  # of east
     assert rows["height"][-1] == pytest.approx(120.0, abs=0.01)

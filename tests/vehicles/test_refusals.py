@@ -14,24 +14,21 @@ def multirotor(legs):
     return FLIGHT.table(flight([MultirotorLeg(**leg) for leg in legs]))
 
 
-@pytest.mark.parametrize(
-    ("planned", "legs", "said"),
-    [
-        (car_route, [{"turn_deg": 90, "duration_s": 5}], "leg 1: turn_deg = 90"),  # at rest
-        (car_route, [{"accelerate_to_mps": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs either"),
-        (flight_plan, [{"turn_deg": 90}], "leg 1: turn_deg = 90 at 0 m/s"),
-        (flight_plan, [{"speed_mps": 20}, {"climb_to_m": 500}], "leg 2: climb_to_m = 500 at 20 m/s"),
-        (flight_plan, [{"speed_mps": 80}, {"turn_deg": 5, "bank_deg": 30}], "before the bank has settled"),
-        (multirotor, [{"hover_s": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs duration_s"),
-        (multirotor, [{"turn_deg": 3600, "duration_s": 10}], "segment 1: yaw_rate = 6.28"),
-        (SCRIPT.table, [{"speed": 3.0}], "segment 1: duration is missing"),
-        (SCRIPT.table, [{"duration": 1.0}, {"duration": 1.0, "speed": float("nan")}], "segment 2: speed = nan"),
-        (SCRIPT.table, [{"duration": 1.0}] * (N_SEGMENTS + 1), "at most 64"),
-        (regular_sway, [{"motion": "roll", "amplitude_deg": 1}], "sway 1: needs either period_s .s. or"),
-        (lambda size: Hull(length=size), 0, "length = 0"),
-        (lambda height: irregular_sea(height, 8.0), -1.0, "significant_height = -1"),
-    ],
-)
+@pytest.mark.parametrize(("planned", "legs", "said"), [
+    (car_route, [{"turn_deg": 90, "duration_s": 5}], "leg 1: turn_deg = 90"),  # at rest
+    (car_route, [{"accelerate_to_mps": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs either"),
+    (flight_plan, [{"turn_deg": 90}], "leg 1: turn_deg = 90 at 0 m/s"),
+    (flight_plan, [{"speed_mps": 20}, {"climb_to_m": 500}], "leg 2: climb_to_m = 500 at 20 m/s"),
+    (flight_plan, [{"speed_mps": 80}, {"turn_deg": 5, "bank_deg": 30}], "before the bank has settled"),
+    (multirotor, [{"hover_s": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs duration_s"),
+    (multirotor, [{"turn_deg": 3600, "duration_s": 10}], "segment 1: yaw_rate = 6.28"),
+    (SCRIPT.table, [{"speed": 3.0}], "segment 1: duration is missing"),
+    (SCRIPT.table, [{"duration": 1.0}, {"duration": 1.0, "speed": float("nan")}], "segment 2: speed = nan"),
+    (SCRIPT.table, [{"duration": 1.0}] * (N_SEGMENTS + 1), "at most 64"),
+    (regular_sway, [{"motion": "roll", "amplitude_deg": 1}], "sway 1: needs either period_s .s. or"),
+    (lambda size: Hull(length=size), 0, "length = 0"),
+    (lambda height: irregular_sea(height, 8.0), -1.0, "significant_height = -1"),
+])  # fmt: skip
 def test_wrong_plans(planned, legs, said):
     with pytest.raises(InputError, match=said):
         planned(legs)

@@ -52,6 +52,16 @@ def test_smith_effect_is_the_decay_with_depth_of_the_draught():
     assert found == pytest.approx(np.exp(-k * 2.0) * (1 - k * 2.0) / (1 - 2 * k * 2.0), rel=0.02)
 
 
+@pytest.mark.parametrize("speed", [0.5, 8.0])
+def test_roll_resonates_at_the_frequency_of_encounter(speed):
+    """There the damping alone is left, and the roll has the phase of the elevation."""
+    hull, ahead = Hull(), speed / STANDARD_GRAVITY
+    own = 2 * np.pi / hull.roll_period  # w + w^2 U / g, against the waves
+    w = (np.sqrt(1 + 4 * ahead * np.cos(0.8) * own) - 1) / (2 * ahead * np.cos(0.8))
+    roll = response([w], hull, np.pi - 0.8, speed)["roll"][0]
+    assert abs(roll.imag) < 1e-6 * abs(roll.real)
+
+
 @pytest.mark.parametrize("speed", [0.0, 6.0, 15.0])
 @pytest.mark.parametrize(("direction", "heading"), [(0.3, 0.3), (0.3, 2.8), (1.0, -0.4), (-2.0, 0.9)])
 def test_sinusoids_are_the_response_at_the_frequency_of_encounter(speed, direction, heading):

@@ -21,7 +21,6 @@ from insenv.web.live import live_document
 
 END = "document.querySelector('.end').hidden === false"
 STARTED = "document.getElementById('clock')?.textContent === '0:00.0'"
-OPEN_ALL = "document.querySelectorAll('details').forEach((one) => (one.open = true));"
 
 
 def ready(browser, path, size=LAPTOP, **more):
@@ -120,7 +119,7 @@ def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
 @pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
 def test_the_page_is_accessible_and_fits(browser, size, dark):
     ready(browser, page_file(*SHIP), size, dark=dark)
-    browser.driver.execute_script(OPEN_ALL)
+    browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true));")
     assert browser.violations() == []
     assert browser.value("document.documentElement.scrollWidth <= innerWidth")
     assert browser.console() == []

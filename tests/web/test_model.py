@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import wasmtime
 from interpreted import interpreted  # noqa: F401
-from live_pages import CAR, SHIP, in_node, live_page
+from live_pages import CAR, SHIP, answers, in_node, live_page
 
 import insenv
+from insenv.base.keys import FORMS
 from insenv.bench.page_machine import PageMachine
 from insenv.report.page.html import worker_script
 from insenv.web.controls import with_values
@@ -106,6 +107,23 @@ def test_worker_gives_a_scenario_with_its_numbers_and_refuses_in_a_sentence(tmp_
     assert "start.latitude_deg = 91 deg: allowed is -80 to 80 deg" in latitude
     assert "seed = 5000: allowed is 0 to 1023" in seed
     equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
+
+
+def test_a_control_converts_as_its_key_and_a_cloud_has_the_rms_of_its_units(tmp_path):
+    scale, value, forms = 3600.0, 100.1, ("product", "quotient", "degrees", "inverse")
+    code = """given.forms.map((form) => {
+      const machine = Object.create(module_machine.Machine.prototype), p = [0];
+      const targets = [{ into: "p", form, scale: given.scale, at: [0], stated: [] }];
+      machine.live = { outages: [] };
+      machine.controls = new Map([["key", { minimum: 0, maximum: 1e9, targets }]]);
+      machine.set("key", given.value, p, []);
+      return p[0];
+    })"""
+    found = answers("machine.js", code, {"forms": forms, "scale": scale, "value": value}, tmp_path)
+    assert found == [float(FORMS[form](value, scale)) for form in forms]
+    live = {"channels": {"a": {"label": "a [m]"}}, "estimators": [{"id": "x", "channels": ["a"]}]}
+    code = "module_cloud.figures(given.live, given.ends, 0, (end) => [end], false).rows"
+    assert answers("cloud.js", code, {"live": live, "ends": [3.0, -4.0]}, tmp_path) == [["a [m]", "3.54", "4.00"]]
 
 
 @pytest.mark.slow

@@ -26,10 +26,6 @@ def driven():
     return insenv.run(scenario, ["loosely-coupled", "wander-sins"], duration_s=DURATION)
 
 
-def panels_of(document):
-    return {panel["title"]: panel for section in document["sections"] for panel in section["panels"]}
-
-
 def test_the_document_holds_errors_sigma_and_limit(driven):
     document = page_json(run_page(driven))
     arrays = [np.frombuffer(base64.b64decode(text), dtype="<f4") for text in document["arrays"]]
@@ -47,7 +43,7 @@ def test_the_document_holds_errors_sigma_and_limit(driven):
     assert np.array_equal(limit, result.limit_sigma["east_m"][places].astype("<f4"))
     assert east["shade"] and places[-1] == len(result.time) - 1
     more = {"Track seen from above", "Height above the start", "Gyro bias, down", "Innovations over their stated sigmas, rms"}
-    assert more <= set(panels_of(document))
+    assert more <= {panel["title"] for section in document["sections"] for panel in section["panels"]}
 
 
 def test_angles_about_180_deg_are_drawn_from_0_to_360():
@@ -85,14 +81,11 @@ def page(driven, tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize(
-    ("size", "dark"),
-    [
-        pytest.param(LAPTOP, False, id="light"),
-        pytest.param(LAPTOP, True, id="dark", marks=pytest.mark.slow),
-        pytest.param(PHONE, False, id="phone", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("size", "dark"), [
+    pytest.param(LAPTOP, False, id="light"),
+    pytest.param(LAPTOP, True, id="dark", marks=pytest.mark.slow),
+    pytest.param(PHONE, False, id="phone", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_the_page_opens_from_disk(browser, page, driven, size, dark):
     browser.open(page, size, dark)
     browser.until("document.querySelectorAll('.plot canvas').length >= 20")

@@ -12,7 +12,6 @@ from places import ROOT
 from insenv.base.errors import InsenvError
 from insenv.report.page.html import assembled, joined
 
-WEB = ROOT / "web"
 VENDORED = {
     "web/vendor/uPlot/uPlot.iife.min.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",
     "web/vendor/uPlot/uPlot.min.css": "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04",
@@ -52,5 +51,5 @@ def test_modules_are_joined_after_those_that_they_import(tmp_path):
 @pytest.mark.slow
 def test_types():
     compiler = program("tsc", how="npm install -g typescript")
-    done = subprocess.run([compiler, "-p", str(WEB)], capture_output=True, text=True)
+    done = subprocess.run([compiler, "-p", str(ROOT / "web")], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout

@@ -66,17 +66,14 @@ def test_what_a_state_stands_for_is_not_counted_twice():
     assert prepared(known, table, UNIT)["rotation_error"] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("states", "aids", "words"),
-    [
-        (["gyro_scal"], ["gnss"], "'gyro_scal'.* 'gyro_scale'"),
-        (["gyro_scale", "gyro_scale"], ["gnss"], "state 'gyro_scale' is given twice"),
-        ([], [], "at least one of gnss"),
-        (["odometer_scale"], ["gnss"], "'odometer_scale' without the aid odometer"),
-        ([3], ["gnss"], "class ErrorState"),
-        (None, ["gnss"], "a list of names"),
-    ],
-)
+@pytest.mark.parametrize(("states", "aids", "words"), [
+    (["gyro_scal"], ["gnss"], "'gyro_scal'.* 'gyro_scale'"),
+    (["gyro_scale", "gyro_scale"], ["gnss"], "state 'gyro_scale' is given twice"),
+    ([], [], "at least one of gnss"),
+    (["odometer_scale"], ["gnss"], "'odometer_scale' without the aid odometer"),
+    ([3], ["gnss"], "class ErrorState"),
+    (None, ["gnss"], "a list of names"),
+])  # fmt: skip
 def test_wrong_states_and_aids_are_named(states, aids, words):
     with pytest.raises(InputError, match=words):
         fusion(states, aids)
@@ -102,19 +99,16 @@ def with_barometer_alone(level_deg):
 WHEELS, SLOWER = ["odometer", "non_holonomic"], changed("car-odometer", rate_hz=60.0)
 
 
-@pytest.mark.parametrize(
-    ("scenario", "filter", "settings", "said", "unsaid"),
-    [
-        ("car-survey", fusion(["gyro_misalignment"], ["gnss"]), {}, "standard deviation at the start is 0", "neither"),
-        # 13 m off
-        ("multirotor-hover", "fusion", {"states": ["gnss_wander"]}, "neither estimates nor counts as noise", "is 0"),
-        (SLOWER, fusion([], ["odometer"]), {}, "holds the height", "at the start is 0"),  # 1.5 km after 600 s
-        (SLOWER, fusion([], WHEELS), {}, "none of the aids shows the heading", "holds the height"),
-        (with_barometer_alone(0.2), "fusion", {}, "holds the horizontal velocity", "neither states"),
-        (with_barometer_alone(0.1), "fusion", {}, "fusion: ", "holds the horizontal velocity"),
-        ("car-city-drive", "fusion", {"aids": ["gnss"], "states": []}, "standing_sigma: set without effect", "gnss_gate"),
-    ],
-)
+@pytest.mark.parametrize(("scenario", "filter", "settings", "said", "unsaid"), [
+    ("car-survey", fusion(["gyro_misalignment"], ["gnss"]), {}, "standard deviation at the start is 0", "neither"),
+    # 13 m off
+    ("multirotor-hover", "fusion", {"states": ["gnss_wander"]}, "neither estimates nor counts as noise", "is 0"),
+    (SLOWER, fusion([], ["odometer"]), {}, "holds the height", "at the start is 0"),  # 1.5 km after 600 s
+    (SLOWER, fusion([], WHEELS), {}, "none of the aids shows the heading", "holds the height"),
+    (with_barometer_alone(0.2), "fusion", {}, "holds the horizontal velocity", "neither states"),
+    (with_barometer_alone(0.1), "fusion", {}, "fusion: ", "holds the horizontal velocity"),
+    ("car-city-drive", "fusion", {"aids": ["gnss"], "states": []}, "standing_sigma: set without effect", "gnss_gate"),
+])  # fmt: skip
 def test_notes_on_the_choice(scenario, filter, settings, said, unsaid):
     seconds = 100.0 if said == "holds the height" or unsaid == "holds the height" else 2.0
     report = insenv.run(scenario, filter, duration_s=seconds, settings={"fusion": settings} if settings else None)

@@ -47,15 +47,12 @@ def test_the_sigmas_fit_the_errors_where_the_unit_turns():
     assert rms < 1.3 * limit and stated > 0.9 * limit
 
 
-@pytest.mark.parametrize(
-    ("grade", "chosen", "said"),
-    [
-        ("tactical", {}, f"biases, {', '.join(OF_UNIT)}; aids: in_place"),
-        ("industrial", {}, "a gyro bias of 720 deg/h may turn the heading by 24 deg in the 120 s"),
-        ("tactical", {"states": ["gyro_scale"]}, "estimate: gyro_g_sensitivity, gyro_misalignment, accel_scale,"),
-        ("tactical", {"aids": ["zero_velocity"]}, "no aid states that the unit stays in place"),
-    ],
-)
+@pytest.mark.parametrize(("grade", "chosen", "said"), [
+    ("tactical", {}, f"biases, {', '.join(OF_UNIT)}; aids: in_place"),
+    ("industrial", {}, "a gyro bias of 720 deg/h may turn the heading by 24 deg in the 120 s"),
+    ("tactical", {"states": ["gyro_scale"]}, "estimate: gyro_g_sensitivity, gyro_misalignment, accel_scale,"),
+    ("tactical", {"aids": ["zero_velocity"]}, "no aid states that the unit stays in place"),
+])  # fmt: skip
 def test_what_is_chosen_and_left_out_is_said(grade, chosen, said):
     report = insenv.run(table(grade, **chosen) | {"rate_hz": 10.0})
     assert said in " ".join((*report.notes, *report.results[0].notes))

@@ -28,30 +28,22 @@ def numbers(table, generator, **given):
 
 
 STATE = {
-    "q_wb": Rotation.from_euler("ZYX", [0.7, 0.2, -0.3]).as_quat(scalar_first=True),
-    "velocity_w": np.array([12.0, -7.0, 1.5]),
-    "height": 120.0,
-    "samples": 100.0,
-    "gnss_delay": np.array([0.001]),
-    "magnetometer_misalignment": np.zeros(3),
+    "q_wb": Rotation.from_euler("ZYX", [0.7, 0.2, -0.3]).as_quat(scalar_first=True), "velocity_w": np.array([12.0, -7.0, 1.5]),
+    "height": 120.0, "samples": 100.0, "gnss_delay": np.array([0.001]), "magnetometer_misalignment": np.zeros(3),
     "covariance": None,
-}
+}  # fmt: skip
 
 
 def kept_motion():
     """What `history` keeps of a motion at constant velocity and attitude."""
     ages = 0.02 + history.SPACING * np.arange(history.SLOTS)
     return {
-        "past_time": 0.02,
-        "past_count": 50.0,
-        "past_age": ages - 0.02,
-        "way_w": np.array([3.0, 2.0, 1.0]),
+        "past_time": 0.02, "past_count": 50.0, "past_age": ages - 0.02, "way_w": np.array([3.0, 2.0, 1.0]),
         "past_way": np.array([3.0, 2.0, 1.0]) - ages[:, None] * STATE["velocity_w"],
         "past_velocity": np.tile(STATE["velocity_w"], (history.SLOTS, 1)),
-        "past_attitude": np.tile(STATE["q_wb"], (history.SLOTS, 1)),
-        "past_rate": np.tile([0.4, -0.2, 0.8], (history.SLOTS, 1)),
+        "past_attitude": np.tile(STATE["q_wb"], (history.SLOTS, 1)), "past_rate": np.tile([0.4, -0.2, 0.8], (history.SLOTS, 1)),
         "previous_delta_angle": np.array([2e-3, -1e-3, 4e-3]),
-    }
+    }  # fmt: skip
 
 
 def constants(**values):
@@ -73,30 +65,17 @@ def sensitivities(filter, generator, state, inputs):
 
 
 INPUTS = {
-    "delta_angle": np.array([2e-3, -1e-3, 4e-3]),
-    "delta_velocity": np.array([3e-3, -5e-3, -0.049]),
-    "dt": 0.005,
-    "gnss_valid": 1.0,
-    "gnss_velocity_valid": 1.0,
-    "gnss_age": 0.08,
-    "gnss_latitude": 0.8,
-    "gnss_longitude": 0.3,
-    "gnss_height": 121.0,
-    **{f"{id}_new": 1.0 for id in ("barometer", "magnetometer", "odometer", "dvl", "heading")},
-    **{f"{id}_age": 0.05 for id in ("barometer", "magnetometer", "odometer", "dvl", "heading")},
-    "heading_azimuth_sigma": 0.01,
-}
+    "delta_angle": np.array([2e-3, -1e-3, 4e-3]), "delta_velocity": np.array([3e-3, -5e-3, -0.049]), "dt": 0.005,
+    "gnss_valid": 1.0, "gnss_velocity_valid": 1.0, "gnss_age": 0.08, "gnss_latitude": 0.8, "gnss_longitude": 0.3,
+    "gnss_height": 121.0, **{f"{id}_new": 1.0 for id in ("barometer", "magnetometer", "odometer", "dvl", "heading")},
+    **{f"{id}_age": 0.05 for id in ("barometer", "magnetometer", "odometer", "dvl", "heading")}, "heading_azimuth_sigma": 0.01,
+}  # fmt: skip
 PARAMETERS = {
-    "antenna_lever_arm": np.array([1.2, -0.4, -0.9]),
-    "odometer_lever_arm_b": np.array([-1.0, 0.6, 0.8]),
-    "odometer_mounting": np.array([0.01, 0.03, -0.05]),
-    "dvl_lever_arm_b": np.array([4.0, 0.0, 3.0]),
-    "heading_baseline_b": np.array([0.4, 1.3, 0.1]),
-    "magnetic_field_n": np.array([2.1e-5, 1e-6, 4.2e-5]),
-    "start_latitude": 0.8,
-    "start_longitude": 0.3,
-    "start_height": 100.0,
-}
+    "antenna_lever_arm": np.array([1.2, -0.4, -0.9]), "odometer_lever_arm_b": np.array([-1.0, 0.6, 0.8]),
+    "odometer_mounting": np.array([0.01, 0.03, -0.05]), "dvl_lever_arm_b": np.array([4.0, 0.0, 3.0]),
+    "heading_baseline_b": np.array([0.4, 1.3, 0.1]), "magnetic_field_n": np.array([2.1e-5, 1e-6, 4.2e-5]),
+    "start_latitude": 0.8, "start_longitude": 0.3, "start_height": 100.0,
+}  # fmt: skip
 
 
 def test_the_states_of_the_unit_take_out_what_the_simulated_unit_puts_in():

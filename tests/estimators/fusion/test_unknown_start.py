@@ -33,9 +33,8 @@ def ratio(result, names, until=None):
     return max(np.max(np.abs(result.errors[name][:until]) / result.sigma[name][:until]) for name in names)
 
 
-@pytest.mark.parametrize(
-    ("name", "seconds", "sigma"), [("car-unknown-heading", 80.0, 0.5), ("aircraft-inflight-alignment", 60.0, 0.02)]
-)
+@pytest.mark.parametrize(("name", "seconds", "sigma"),
+    [("car-unknown-heading", 80.0, 0.5), ("aircraft-inflight-alignment", 60.0, 0.02)])  # fmt: skip
 def test_a_car_and_an_aircraft_find_their_attitude(name, seconds, sigma):
     scenario = changed(name, knowledge=UNKNOWN, rate_hz=60.0)
     (result,) = insenv.run(scenario, "fusion", seed=20001, duration_s=seconds).results
@@ -176,9 +175,8 @@ def test_errors_of_a_level_without_a_heading_belong_to_biases_in_body_axes():
     assert P[TILT, GYRO][:2] == pytest.approx(expected, abs=5e-3 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(
-    ("knowledge", "dvl", "seconds"), [({"heading_sigma_deg": 12.0}, {}, 40.0), ({}, {"interval_s": 60.0}, 300.0)]
-)
+@pytest.mark.parametrize(("knowledge", "dvl", "seconds"),
+    [({"heading_sigma_deg": 12.0}, {}, 40.0), ({}, {"interval_s": 60.0}, 300.0)])  # fmt: skip
 def test_the_way_by_a_log_is_as_uncertain_as_stated(knowledge, dvl, seconds):
     """Of a heading known to 12 deg, in which the way was not laid before: 28 sigma off; of velocities a minute apart."""
     scenario = changed("ship-log-alignment", knowledge=knowledge, dvl=dvl, rate_hz=20.0)
@@ -189,16 +187,13 @@ def test_the_way_by_a_log_is_as_uncertain_as_stated(knowledge, dvl, seconds):
 FAR, NEAR = ({"position_sigma_m": (sigma, sigma, 1e2)} for sigma in (2e4, 1e3))
 
 
-@pytest.mark.parametrize(
-    ("scenario", "seconds", "said", "unsaid"),
-    [
-        (changed("car-city-drive", knowledge=UNKNOWN, gnss={"velocity": False}), 2.0, "too small sigmas", "heading found"),
-        (load("aircraft-inflight-alignment"), 20.0, "the heading is not found to 7 deg", "heading found"),
-        (changed("car-city-drive", estimator={"fusion": UNKNOWN}), 2.0, "180 deg of heading", "heading found"),
-        (changed("ship-log-alignment", knowledge=FAR), 2.0, "is uncertain by 20 km", "heading found"),
-        (changed("ship-log-alignment", knowledge=NEAR), 2.0, "", "place at the start"),
-    ],
-)
+@pytest.mark.parametrize(("scenario", "seconds", "said", "unsaid"), [
+    (changed("car-city-drive", knowledge=UNKNOWN, gnss={"velocity": False}), 2.0, "too small sigmas", "heading found"),
+    (load("aircraft-inflight-alignment"), 20.0, "the heading is not found to 7 deg", "heading found"),
+    (changed("car-city-drive", estimator={"fusion": UNKNOWN}), 2.0, "180 deg of heading", "heading found"),
+    (changed("ship-log-alignment", knowledge=FAR), 2.0, "is uncertain by 20 km", "heading found"),
+    (changed("ship-log-alignment", knowledge=NEAR), 2.0, "", "place at the start"),
+])  # fmt: skip
 def test_notes_on_the_start(scenario, seconds, said, unsaid):
     notes = insenv.run(scenario, "fusion", seed=1, duration_s=seconds).results[0].notes
     assert any(said in note for note in notes) or not said

@@ -29,20 +29,17 @@ PERFECT = {"grade": "perfect"}
 QUIET = {"grade": "perfect", "gyro_bias_sigma_deg_h": 0.01, "accel_bias_sigma_ug": 50.0}
 
 
-@pytest.mark.parametrize(
-    ("id", "duration_s", "latitude_deg", "imu", "begins"),
-    [
-        # 0.15 deg/sqrt(h): 6.4 deg/h over two seconds, 0.5 deg/h over five minutes, of 13.0 deg/h
-        ("q-method", 2.0, None, {**PERFECT, "gyro_arw_deg_sqrt_h": 0.15}, ("heading is good to 28 deg",)),
-        ("q-method", 300.0, None, {**PERFECT, "gyro_arw_deg_sqrt_h": 0.15}, ()),
-        # of the horizontal Earth rate, 15.04 cos 30 = 13.0 deg/h
-        ("gyrocompass", 2.0, None, {**PERFECT, "gyro_bias_sigma_deg_h": 0.5}, ()),
-        ("gyrocompass", 2.0, None, {**PERFECT, "gyro_bias_sigma_deg_h": 20.0}, ("not applicable for heading",)),
-        ("analytic", 2.0, 89.98, QUIET, ("0.02 deg (2.23 km) from a pole", "not applicable for heading")),
-        # 5 mg level to 0.29 deg
-        ("analytic", 2.0, 88.0, {**PERFECT, "accel_bias_sigma_ug": 5000.0}, ("heading is good to 8.2 deg only",)),
-    ],
-)
+@pytest.mark.parametrize(("id", "duration_s", "latitude_deg", "imu", "begins"), [
+    # 0.15 deg/sqrt(h): 6.4 deg/h over two seconds, 0.5 deg/h over five minutes, of 13.0 deg/h
+    ("q-method", 2.0, None, {**PERFECT, "gyro_arw_deg_sqrt_h": 0.15}, ("heading is good to 28 deg",)),
+    ("q-method", 300.0, None, {**PERFECT, "gyro_arw_deg_sqrt_h": 0.15}, ()),
+    # of the horizontal Earth rate, 15.04 cos 30 = 13.0 deg/h
+    ("gyrocompass", 2.0, None, {**PERFECT, "gyro_bias_sigma_deg_h": 0.5}, ()),
+    ("gyrocompass", 2.0, None, {**PERFECT, "gyro_bias_sigma_deg_h": 20.0}, ("not applicable for heading",)),
+    ("analytic", 2.0, 89.98, QUIET, ("0.02 deg (2.23 km) from a pole", "not applicable for heading")),
+    # 5 mg level to 0.29 deg
+    ("analytic", 2.0, 88.0, {**PERFECT, "accel_bias_sigma_ug": 5000.0}, ("heading is good to 8.2 deg only",)),
+])  # fmt: skip
 def test_the_unit_is_compared_with_the_horizontal_earth_rate(id, duration_s, latitude_deg, imu, begins):
     start = {} if latitude_deg is None else {"latitude_deg": latitude_deg}
     ship = changed("ship-swaying", imu=imu, start=start, rate_hz=10.0)
@@ -54,20 +51,17 @@ def test_the_unit_is_compared_with_the_horizontal_earth_rate(id, duration_s, lat
 RAD = np.pi / 180
 
 
-@pytest.mark.parametrize(
-    ("function", "parameters", "words"),
-    [
-        ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 10 * RAD}, ()),
-        ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 12 * RAD}, ("12 deg of heading",)),
-        ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 45 * RAD}, ("45 deg of heading", "aqe-sukf")),
-        ("unseen_heading", {"heading_sigma": 20 * RAD}, ()),
-        ("unseen_heading", {"heading_sigma": 45 * RAD}, ("known to 45 deg only",)),
-        ("unmodelled_motion", {"accel_bias_sigma": 0.01, "rotation_error": 3e-4}, ()),
-        ("unmodelled_motion", {"accel_bias_sigma": 0.01, "rotation_error": 4e-4}, ("0.4 mrad", "three stated sigmas")),
-        ("far_heading", {"start_heading_sigma": 0.5}, ()),
-        ("far_heading", {"start_heading_sigma": 0.6}, ("34.4 deg", "at 180 deg not at all")),
-    ],
-)
+@pytest.mark.parametrize(("function", "parameters", "words"), [
+    ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 10 * RAD}, ()),
+    ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 12 * RAD}, ("12 deg of heading",)),
+    ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 45 * RAD}, ("45 deg of heading", "aqe-sukf")),
+    ("unseen_heading", {"heading_sigma": 20 * RAD}, ()),
+    ("unseen_heading", {"heading_sigma": 45 * RAD}, ("known to 45 deg only",)),
+    ("unmodelled_motion", {"accel_bias_sigma": 0.01, "rotation_error": 3e-4}, ()),
+    ("unmodelled_motion", {"accel_bias_sigma": 0.01, "rotation_error": 4e-4}, ("0.4 mrad", "three stated sigmas")),
+    ("far_heading", {"start_heading_sigma": 0.5}, ()),
+    ("far_heading", {"start_heading_sigma": 0.6}, ("34.4 deg", "at 180 deg not at all")),
+])  # fmt: skip
 def test_a_note_begins_where_the_sigmas_become_too_small(function, parameters, words):
     said = getattr(applicability, function)(parameters, 100.0)
     assert len(said) == bool(words) and all(word in said[0] for word in words), said

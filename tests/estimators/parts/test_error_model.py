@@ -28,9 +28,8 @@ from insenv.estimators.parts.error_model import TILT, aligned, covariance_after
 from insenv.estimators.parts.kalman import Update
 
 FLIGHT, DURATION, DT = Motion(), 100.0, 0.025
-STRAIGHT = Motion(
-    swings=((2.0, 0.2, 0.4, (0.3, -0.8, 0.3)),), turns=((0.02, 0.3, 0.2, (0.2, -0.3, 0.9)), (0.01, 0.5, 1.0, (0.9, 0.4, -0.1)))
-)
+STRAIGHT = Motion(swings=((2.0, 0.2, 0.4, (0.3, -0.8, 0.3)),),
+    turns=((0.02, 0.3, 0.2, (0.2, -0.3, 0.9)), (0.01, 0.5, 1.0, (0.9, 0.4, -0.1))))  # fmt: skip
 """Nearly straight: over some seconds the attitude changes by 1e-2 rad."""
 EXACT = {
     "angle_random_walk": 0.0, "velocity_random_walk": 0.0, "gyro_bias_sigma": 0.0, "accel_bias_sigma": 0.0,

@@ -23,15 +23,12 @@ SURE = {
 
 
 @pytest.mark.parametrize("id", ["loosely-coupled", "smoother", "aqe-ekf", "aqe-sukf", "ecef-kf"])
-@pytest.mark.parametrize(
-    ("motion", "arm", "age", "place", "speed"),
-    [
-        (FLIGHT, ARM, 0.0, 1e-3, 2e-3),
-        (FLIGHT, ARM, 0.0037, 1e-3, 2e-3),  # between two samples
-        (FLIGHT, ARM, 0.2, 0.015, 0.05),
-        (SWAY, MAST, 0.2, 0.015, 0.015),
-    ],
-)
+@pytest.mark.parametrize(("motion", "arm", "age", "place", "speed"), [
+    (FLIGHT, ARM, 0.0, 1e-3, 2e-3),
+    (FLIGHT, ARM, 0.0037, 1e-3, 2e-3),  # between two samples
+    (FLIGHT, ARM, 0.2, 0.015, 0.05),
+    (SWAY, MAST, 0.2, 0.015, 0.015),
+])  # fmt: skip
 def test_an_exact_fix_leaves_no_innovation(id, motion, arm, age, place, speed):
     """At 250 m/s, and on a mast of 15 m in sway: a time wrong by 0.2 s is 50 m, an arm that swings the wrong way 1 m/s.
 
@@ -51,16 +48,11 @@ def late(name, sensor, latency_s):
     return changed(name, **{sensor: {"interval_s": 4.0, "latency_s": latency_s}})
 
 
-@pytest.mark.parametrize(
-    ("name", "sensor", "id", "allowed", "too_late"),
-    [
-        ("ship-dvl", "dvl", "fusion", 1.0, 1.5),
-        ("car-odometer", "odometer", "fusion-smoother", 1.0, 3.0),
-        ("car-city-drive", "gnss", "loosely-coupled", 1.0, 1.2),
-        ("car-city-drive", "gnss", "aqe-sukf", 0.4, 1.0),
-        ("ship-at-sea", "gnss", "velocity-integration", 0.9, 3.0),
-    ],
-)
+@pytest.mark.parametrize(("name", "sensor", "id", "allowed", "too_late"), [
+    ("ship-dvl", "dvl", "fusion", 1.0, 1.5), ("car-odometer", "odometer", "fusion-smoother", 1.0, 3.0),
+    ("car-city-drive", "gnss", "loosely-coupled", 1.0, 1.2), ("car-city-drive", "gnss", "aqe-sukf", 0.4, 1.0),
+    ("ship-at-sea", "gnss", "velocity-integration", 0.9, 3.0),
+])  # fmt: skip
 def test_measurements_that_are_too_old_are_refused(name, sensor, id, allowed, too_late):
     plant = build(late(name, sensor, allowed))
     plant.parameters_of(plant.adapted(id))

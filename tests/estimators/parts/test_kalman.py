@@ -299,9 +299,8 @@ def test_bias_variances_are_those_of_gauss_markov_processes(id):
         assert np.abs(P[place, place] - expected).max() < 0.03 * expected[0, 0]
 
 
-@pytest.mark.parametrize(
-    ("id", "interval", "near"), [*((id, {}, 0.03) for id in IDS), *((id, {"filter_interval": 8.0}, 1e-3) for id in QUATERNION)]
-)
+@pytest.mark.parametrize(("id", "interval", "near"),
+    [*((id, {}, 0.03) for id in IDS), *((id, {"filter_interval": 8.0}, 1e-3) for id in QUATERNION)])  # fmt: skip
 def test_white_noise_of_the_accelerometers_is_integrated_once_and_twice(id, interval, near):
     """Also within one update of 8 s, whatever is integrated inside."""
     T, V = 8.0, 3e-3

@@ -55,9 +55,8 @@ def test_noise_of_the_chain_is_the_integral_of_its_transition():
     T, g, V, N = 3.0, 9.8, 2e-3, 5e-4
     F = np.diag(np.ones(3), 1)
     G = np.diag([0.0, V**2, (g * N) ** 2, 0.0])
-    grown = solve_ivp(
-        lambda t, Q: (F @ Q.reshape(4, 4) + Q.reshape(4, 4) @ F.T + G).ravel(), (0, T), np.zeros(16), rtol=1e-10, atol=1e-16
-    )
+    grown = solve_ivp(lambda t, Q: (F @ Q.reshape(4, 4) + Q.reshape(4, 4) @ F.T + G).ravel(), (0, T), np.zeros(16), rtol=1e-10,
+        atol=1e-16)  # fmt: skip
     p, x = constants(MODEL.parameters, velocity_random_walk=V, angle_random_walk=N), constants(MODEL.state, gravity=g)
     found = number(differences._noise(p, x, ca.SX(T)))
     assert np.allclose(found, grown.y[:, -1].reshape(4, 4), rtol=1e-6, atol=1e-14)

@@ -1,7 +1,7 @@
 """Aiding instruments in the limit: their equations against differences of independent ones, and closed forms."""
 
 import math
-from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +9,10 @@ from interpreted import interpreted  # noqa: F401
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
+from insenv.evaluation.limits import recursion
 from insenv.evaluation.limits.aids import Aid, aids_of
-from insenv.evaluation.limits.steps import Steps
+from insenv.evaluation.limits.states import receiver_of, unit_of
+from insenv.evaluation.limits.steps import Steps, fixes_of
 from insenv.geodesy.magnetic import world_magnetic_model
 from insenv.scenario import build, limit, load
 
@@ -83,9 +85,8 @@ def true_C(steps):
     return Rotation.from_quat(np.roll(steps.q_nb[0], -1)).as_matrix()
 
 
-@cache
-def aid_of(id):
-    plant = build(load({**CAR, id: ERRORS[id]}))
+def aid_of(id, **section):
+    plant = build(load({**CAR, id: section or ERRORS[id]}))
     rows = plant.model.parameters.unpack(plant.model.parameters.pack(plant.parameters))
     (aid,) = aids_of(rows, plant.sample_interval)
     return aid
@@ -123,10 +124,36 @@ def test_equations_are_the_derivatives_of_what_is_shown(id, seed):
         np.testing.assert_allclose(np.abs(columns), np.abs(difference), rtol=1e-5, atol=1e-7 * scale)
 
 
-def test_a_detected_outlier_is_a_measurement_that_is_missing():
-    plant = build(load({**CAR, "heading": {"grade": "perfect", "noise_m": [0.01, 0.02, 0.03], "outlier_probability": 0.75}}))
-    (aid,) = aids_of(plant.model.parameters.unpack(plant.model.parameters.pack(plant.parameters)), plant.sample_interval)
-    np.testing.assert_allclose(aid.noise, [0.02, 0.04, 0.06], rtol=1e-12)
+def test_the_equations_of_a_fix_are_the_derivatives_of_what_it_shows():
+    """Of an epoch 8 ms before its sample: position and velocity of an antenna whose arm and delay are uncertain."""
+    receiver = {"lever_arm_m": [2.0, -1.0, 3.0], "epoch_offset_s": 0.008, "lever_arm_sigma_m": 0.1, "delay_sigma_s": 0.1}
+    plant, steps, h = build(load({**CAR, "gnss": {"grade": "rtk", **receiver}})), one_step(4), 1e-6
+    rows, seen = plant.model.parameters.unpack(plant.model.parameters.pack(plant.parameters)), {}
+    fixes, C_en = fixes_of(rows, plant.sample_interval), np.asarray(geodesy.numeric.C_en(steps.latitude, steps.longitude))[0]
+    layout = recursion.Layout(unit_of({}), receiver_of(rows), fixes, None)
+    filter = SimpleNamespace(P=np.zeros((13, 13)), layout=layout, measure=lambda H, variance: seen.update(H=H))
+    recursion.CovarianceFilter._fix(filter, fixes, C_en, recursion._antenna(steps, fixes.lever_arm).at(0))
+    gravity, rate_b = geodesy.numeric.normal_gravity(np.sin(steps.latitude), steps.height), true_C(steps).T @ steps.rate_n[0]
+    acceleration = steps.thrust[0] / 0.1 + [0.0, 0.0, gravity[0]]
+
+    def shown(psi, dv, dr, arm, delay):
+        C = C_en.T @ Rotation.from_rotvec(psi).as_matrix() @ C_en @ true_C(steps)
+        arm_n, turning = (C @ each for each in (receiver["lever_arm_m"] + arm, np.cross(rate_b, receiver["lever_arm_m"] + arm)))
+        moved = steps.velocity_n[0] + C_en.T @ dv
+        late = delay * (steps.velocity_n[0] + true_C(steps) @ np.cross(rate_b, receiver["lever_arm_m"]))
+        return np.concatenate([C_en.T @ dr + arm_n - 0.008 * moved + late, moved + turning + delay * acceleration])
+
+    for k, column in enumerate(seen["H"].T):
+        up, down = (shown(*np.split(sign * h * np.eye(13)[k], [3, 6, 9, 12])) for sign in (1, -1))
+        np.testing.assert_allclose(column, (up - down) / (2 * h), rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize(("id", "section", "noise"), [
+    ("heading", {"noise_m": [0.01, 0.02, 0.03], "outlier_probability": 0.75}, [0.02, 0.04, 0.06]),
+    ("barometer", {"noise_m": 0.3, "quantum_m": 1.2}, math.hypot(0.3, 1.2 / 12**0.5)),
+])  # fmt: skip
+def test_a_detected_outlier_is_a_measurement_that_is_missing_and_rounding_is_noise(id, section, noise):
+    np.testing.assert_allclose(aid_of(id, **{"grade": "perfect", **section}).noise, noise, rtol=1e-12)
 
 
 def test_epochs_of_a_step_without_those_in_outages():
@@ -160,23 +187,20 @@ def parked(**knowledge):
     return {"vehicle": {"kind": "car"}, "knowledge": {"heading_sigma_deg": 40.0, **knowledge}}
 
 
-@pytest.mark.parametrize(
-    ("id", "section", "drive", "channel", "expected", "near"),
-    [
-        # start and bias are constants: the height is their weighted mean, whatever the unit does
-        ("barometer", {"bias_sigma_m": 4.0}, FREE, "down_m", 1 / math.hypot(1 / 6.0, 1 / 4.0), 0.01),
-        # the anomaly over the horizontal field, of which it alone has an east component
-        ("magnetometer", {"anomaly_sigma_nt": [0.0, 300.0, 0.0], "field_nt": [20000.0, 0.0, 40000.0]},
-         {"imu": LEVEL, **parked(tilt_sigma_deg=0.5)}, "heading_deg", math.degrees(300.0 / 20000.0), 0.02),
-        ("odometer", {"noise_mps": 0.05}, EAST, "ve_mps", 0.05 / math.sqrt(600), 0.02),
-        # at one speed nothing shows the scale
-        ("odometer", {"noise_mps": 0.05, "scale_factor_sigma_percent": 1.0}, EAST, "ve_mps", 0.15, 0.02),
-        ("heading", {"noise_m": 0.01, "interval_s": 1.0, "baseline_m": [2.0, 0.0, 0.0]},
-         {"imu": {"grade": "navigation"}, **parked()}, "heading_deg", math.degrees(0.005 / math.sqrt(60)), 0.02),
-        ("dvl", {"water_track": True, "current_sigma_mps": 0.4, "current_time_s": 1e6},
-         SAILING, "vn_mps", 0.4, 0.02),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("id", "section", "drive", "channel", "expected", "near"), [
+    # start and bias are constants: the height is their weighted mean, whatever the unit does
+    ("barometer", {"bias_sigma_m": 4.0}, FREE, "down_m", 1 / math.hypot(1 / 6.0, 1 / 4.0), 0.01),
+    # the anomaly over the horizontal field, of which it alone has an east component
+    ("magnetometer", {"anomaly_sigma_nt": [0.0, 300.0, 0.0], "field_nt": [20000.0, 0.0, 40000.0]},
+     {"imu": LEVEL, **parked(tilt_sigma_deg=0.5)}, "heading_deg", math.degrees(300.0 / 20000.0), 0.02),
+    ("odometer", {"noise_mps": 0.05}, EAST, "ve_mps", 0.05 / math.sqrt(600), 0.02),
+    # at one speed nothing shows the scale
+    ("odometer", {"noise_mps": 0.05, "scale_factor_sigma_percent": 1.0}, EAST, "ve_mps", 0.15, 0.02),
+    ("heading", {"noise_m": 0.01, "interval_s": 1.0, "baseline_m": [2.0, 0.0, 0.0]},
+     {"imu": {"grade": "navigation"}, **parked()}, "heading_deg", math.degrees(0.005 / math.sqrt(60)), 0.02),
+    ("dvl", {"water_track": True, "current_sigma_mps": 0.4, "current_time_s": 1e6},
+     SAILING, "vn_mps", 0.4, 0.02),
+])  # fmt: skip
 def test_what_an_instrument_tells_is_its_closed_form(id, section, drive, channel, expected, near):
     assert final(**{id: {"grade": "perfect", **section}}, **drive)[channel] == pytest.approx(expected, rel=near)
     assert final(**drive)[channel] > 3 * expected, "it is the instrument that tells it"

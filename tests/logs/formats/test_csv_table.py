@@ -13,18 +13,15 @@ from insenv.base.errors import InputError
 from insenv.logs.formats.csv_table import read_table
 
 
-@pytest.mark.parametrize(
-    ("name", "line", "text", "said"),
-    [
-        ("imu.csv", 5, "10.08,0,-1e6,0,0,0,-1", "imu.csv: line 5, column 'gy': gyro is -1e+06 deg/s, allowed -1e+05 to 1e+05"),
-        ("imu.csv", 5, "10.08,nan,0,0,0,0,-1", "imu.csv: line 5, column 'gx': value is nan"),
-        ("imu.csv", 5, "10.03,0,0,0,0,0,-1", "line 5: time goes backwards from 10.06 s (line 4) to 10.03 s"),
-        ("imu.csv", 5, "10.08,0,0,0,0,0", "line 5 has 6 fields, expected 7"),
-        ("imu.csv", 5, "10.08,0,abc,0,0,0,-1", "line 5, column 'gy': 'abc' is not a number"),
-        ("imu.csv", 1, "t,gx,gy,gz,ax,ay,up", "no column 'az'"),
-        ("gnss.csv", 3, "11.5,45,-393,200,1,1,1", "longitude is -393 deg"),
-    ],
-)
+@pytest.mark.parametrize(("name", "line", "text", "said"), [
+    ("imu.csv", 5, "10.08,0,-1e6,0,0,0,-1", "imu.csv: line 5, column 'gy': gyro is -1e+06 deg/s, allowed -1e+05 to 1e+05"),
+    ("imu.csv", 5, "10.08,nan,0,0,0,0,-1", "imu.csv: line 5, column 'gx': value is nan"),
+    ("imu.csv", 5, "10.03,0,0,0,0,0,-1", "line 5: time goes backwards from 10.06 s (line 4) to 10.03 s"),
+    ("imu.csv", 5, "10.08,0,0,0,0,0", "line 5 has 6 fields, expected 7"),
+    ("imu.csv", 5, "10.08,0,abc,0,0,0,-1", "line 5, column 'gy': 'abc' is not a number"),
+    ("imu.csv", 1, "t,gx,gy,gz,ax,ay,up", "no column 'az'"),
+    ("gnss.csv", 3, "11.5,45,-393,200,1,1,1", "longitude is -393 deg"),
+])  # fmt: skip
 def test_wrong_rows(folder, name, line, text, said):
     folder.line(name, line, text)
     folder.error(said)
@@ -44,14 +41,11 @@ def test_a_file_that_is_cut_off(folder):
     assert "is the file cut off?" in folder.load().notes[0]
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("x.csv.gz", "cannot be unpacked"),
-        ("package:no_such_package/a.csv", "'no_such_package' is not installed"),
-        ("package:insenv/a.csv", "holds no such file"),
-    ],
-)
+@pytest.mark.parametrize(("name", "said"), [
+    ("x.csv.gz", "cannot be unpacked"),
+    ("package:no_such_package/a.csv", "'no_such_package' is not installed"),
+    ("package:insenv/a.csv", "holds no such file"),
+])  # fmt: skip
 def test_files_that_cannot_be_read(folder, name, said):
     folder.write("x.csv.gz", gzip.compress(b"1,2,3\n" * 99)[:-9])
     folder.change(('"gnss.csv"', f'"{name}"'))

@@ -31,14 +31,11 @@ def at_rest(path, parameters=(), attitude=False, instruments=False):
     return path
 
 
-def test_the_lever_arm_comes_from_the_parameters_in_the_log(tmp_path):
+def test_the_lever_arm_comes_from_the_parameters_in_the_log_and_attitude_alone_is_a_reference(tmp_path):
     parameters = {"GPS_POS1_X": 0.5, "GPS_POS1_Y": 0.0, "GPS_POS1_Z": -0.25, "INS_POS1_X": 0.125}
     log = load(at_rest(tmp_path / "flight.BIN", parameters))
     assert log.lever_arm_b == pytest.approx([0.375, 0.0, -0.25])
     assert any("GPS_POS1_X, Y, Z less INS_POS1_X" in note for note in log.notes)
-
-
-def test_attitude_alone_is_a_reference(tmp_path):
     log = load(at_rest(tmp_path / "flight.BIN", attitude=True))
     assert log.reference.latitude is None
     assert any("ATT: attitude without position and velocity" in note for note in log.notes)

@@ -36,9 +36,8 @@ def test_sensors_and_fixes_of_both_versions(folder):
     folder.toml = f'title = "phone"\n[imu]\n{file}[gnss]\n{file}lever_arm_m = [0, 0, 0]\n'
     log = folder.load()
     assert len(log.imu_time) == 98  # between instants, less the one before the accelerometer's first
-    np.testing.assert_allclose(
-        log.delta_angle, (expected.delta_angle[2:] + expected.delta_angle[1:-1]) / 2, rtol=1e-7, atol=1e-11
-    )
+    np.testing.assert_allclose(log.delta_angle, (expected.delta_angle[2:] + expected.delta_angle[1:-1]) / 2, rtol=1e-7,
+        atol=1e-11)  # fmt: skip
     early = np.column_stack([np.interp(rows[1:, 0], rows[:, 0] + 0.004, each) for each in (rows[:, 4:] * G).T])
     np.testing.assert_allclose(log.delta_velocity, (early[1:] + early[:-1]) / 100, rtol=1e-7)
     np.testing.assert_allclose(log.gnss.time, [10.5, 11.5])

@@ -7,9 +7,8 @@ from text_logs import imu_rows
 
 def test_vectors_matrices_and_structures_and_what_is_refused(folder):
     rows, expected = imu_rows(), folder.load()
-    folder.change(
-        ('"imu.csv"', '"log.mat"'), ('["gx", "gy", "gz"]', '["i.w[0]", "i.w[1]", "i.w[2]"]'), ('"ax", "ay", "az"', "F")
-    )
+    folder.change(('"imu.csv"', '"log.mat"'), ('["gx", "gy", "gz"]', '["i.w[0]", "i.w[1]", "i.w[2]"]'),
+        ('"ax", "ay", "az"', "F"))  # fmt: skip
     folder.change(("F", '"i.f.data[0]", "i.f.data[1]", "i.f.data[2]"'))
     savemat(folder.path / "log.mat", {"t": rows[:, 0], "i": {"w": rows[:, 1:4], "f": {"data": rows[:, 4:].T}}, "note": "a car"})
     log = folder.load()

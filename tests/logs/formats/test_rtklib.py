@@ -27,15 +27,12 @@ def lines(clock, stamp, second, axes, names, place, C_cn):
         yield f"{stamp}{second + row:.3f} {' '.join(f'{v:.12g}' for v in values)}"
 
 
-@pytest.mark.parametrize(
-    "form",
-    [
-        ("GPST", "2025/07/08 19:34:", 18.5, "neu", "latitude(deg) longitude(deg) height(m)", PLACE, NEU),
-        ("UTC", "2025/07/08 19:34:0", 0.5, "neu", "latitude(d'\") longitude(d'\") height(m)", MINUTES, NEU),
-        ("GPST", "2374 ", 243258.5, "xyz", "x-ecef(m) y-ecef(m) z-ecef(m)", pymap3d.geodetic2ecef(*PLACE), C_EN),
-        ("JST", "2025/07/09 04:34:0", 0.5, "enu", "e-baseline(m) n-baseline(m) u-baseline(m)", OFFSET, OF_BASE),
-    ],
-)
+@pytest.mark.parametrize("form", [
+    ("GPST", "2025/07/08 19:34:", 18.5, "neu", "latitude(deg) longitude(deg) height(m)", PLACE, NEU),
+    ("UTC", "2025/07/08 19:34:0", 0.5, "neu", "latitude(d'\") longitude(d'\") height(m)", MINUTES, NEU),
+    ("GPST", "2374 ", 243258.5, "xyz", "x-ecef(m) y-ecef(m) z-ecef(m)", pymap3d.geodetic2ecef(*PLACE), C_EN),
+    ("JST", "2025/07/09 04:34:0", 0.5, "enu", "e-baseline(m) n-baseline(m) u-baseline(m)", OFFSET, OF_BASE),
+])  # fmt: skip
 def test_each_notation_means_the_same(folder, form):
     text = list(lines(*form))
     folder.write("rover.pos", "\n".join(text))

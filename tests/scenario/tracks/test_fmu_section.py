@@ -60,14 +60,11 @@ def test_the_track_is_that_of_the_fmu(exported, theirs):
     assert "is vehicle.outputs.quaternion_order = 'wxyz' right?" in wrong.notes[0]
 
 
-@pytest.mark.parametrize(
-    ("outputs", "step_s", "said"),
-    [
-        ({"height": "altitude"}, 0.1, "no variable 'altitude'"),
-        ({"velocity": [VELOCITY[1], VELOCITY[0], VELOCITY[2]]}, 0.1, r"velocity (north|east) is"),
-        ({}, 0.013, r"step_s = 0.013 s: allowed is a whole multiple of its own step, 0.01 s$"),
-    ],
-)
+@pytest.mark.parametrize(("outputs", "step_s", "said"), [
+    ({"height": "altitude"}, 0.1, "no variable 'altitude'"),
+    ({"velocity": [VELOCITY[1], VELOCITY[0], VELOCITY[2]]}, 0.1, r"velocity (north|east) is"),
+    ({}, 0.013, r"step_s = 0.013 s: allowed is a whole multiple of its own step, 0.01 s$"),
+])  # fmt: skip
 def test_wrong_outputs_and_steps_are_refused(outputs, step_s, said, exported, capfd):
     with pytest.raises(InputError, match=said):
         scenario(exported, outputs={**OUTPUTS, **outputs}, step_s=step_s)

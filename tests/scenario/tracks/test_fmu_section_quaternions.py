@@ -18,21 +18,18 @@ def flown(nose, roll):
 
 TIME = np.arange(0.0, 60.0, 0.1)
 ZERO = np.zeros_like(TIME)
-COURSES = np.radians(np.arange(0, 360, 15))
 FIGURES = {
-    "loops": ((ZERO, 2.0 * np.pi * TIME / 15.0), ZERO),
-    "rolls": ((ZERO, ZERO), 2.0 * np.pi * TIME / 6.0),
+    "loops": ((ZERO, 2.0 * np.pi * TIME / 15.0), ZERO), "rolls": ((ZERO, ZERO), 2.0 * np.pi * TIME / 6.0),
     "inverted for two thirds": ((ZERO, ZERO), np.where(TIME > 20.0, np.pi, 0.0)),
-    "a circle upside down": ((2.0 * np.pi * TIME / 60.0, ZERO), ZERO + np.pi),
-    "knife edge": ((ZERO, ZERO), ZERO + 0.5 * np.pi),
+    "a circle upside down": ((2.0 * np.pi * TIME / 60.0, ZERO), ZERO + np.pi), "knife edge": ((ZERO, ZERO), ZERO + 0.5 * np.pi),
     "turns": ((2.0 * np.pi * TIME / 30.0, ZERO), ZERO + np.arctan(60.0 * 2.0 * np.pi / 30.0 / 9.81)),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("figure", FIGURES)
 def test_aerobatics_are_no_wrong_order_and_a_wrong_order_is_none(figure):
     (heading, pitch), roll = FIGURES[figure]
-    for course in COURSES:
+    for course in np.radians(np.arange(0, 360, 15)):
         q_nb, velocity, acceleration = flown((heading + course, pitch), roll)
         assert other_order(contradictions(q_nb, "wxyz", velocity, acceleration), "wxyz") is None, course
         for moved, read, true in (([1, 2, 3, 0], "wxyz", "xyzw"), ([3, 0, 1, 2], "xyzw", "wxyz")):

@@ -54,14 +54,11 @@ def test_a_closed_form_with_its_velocities():
     assert position < 1e-3 and velocity < 0.01
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        (lambda v: 3.6 * v, "velocity north is .* m/s at .* s, and .* m/s by the positions"),
-        (lambda v: v * [1.0, 1.0, -1.0], "velocity down is .* max_contradiction_mps = 0.05 m/s"),
-        (lambda v: v * 1.003, "velocity north .* the Earth model"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "said"), [
+    (lambda v: 3.6 * v, "velocity north is .* m/s at .* s, and .* m/s by the positions"),
+    (lambda v: v * [1.0, 1.0, -1.0], "velocity down is .* max_contradiction_mps = 0.05 m/s"),
+    (lambda v: v * 1.003, "velocity north .* the Earth model"),
+])  # fmt: skip
 def test_velocities_that_contradict_the_positions_are_refused(wrong, said):
     points = closed_form()
     points = replace(points, velocity=wrong(points.velocity))

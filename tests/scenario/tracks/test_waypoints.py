@@ -48,15 +48,12 @@ def test_a_coordinated_turn_banks():
 FIRST, SECOND = PLACES[:2]
 
 
-@pytest.mark.parametrize(
-    ("places", "message"),
-    [
-        ([FIRST, FIRST], r"vehicle.waypoints\[1\]: 0 m from the place before"),
-        ([FIRST, SECOND, FIRST], r"waypoints\[1\]: a turn of 180 deg"),
-        ([{**FIRST, "stop_s": 86400.0}, SECOND], "the plan lasts 86474.* s or more"),
-        ([{**FIRST, "latitude_deg": 89.9}, {**SECOND, "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
-    ],
-)
+@pytest.mark.parametrize(("places", "message"), [
+    ([FIRST, FIRST], r"vehicle.waypoints\[1\]: 0 m from the place before"),
+    ([FIRST, SECOND, FIRST], r"waypoints\[1\]: a turn of 180 deg"),
+    ([{**FIRST, "stop_s": 86400.0}, SECOND], "the plan lasts 86474.* s or more"),
+    ([{**FIRST, "latitude_deg": 89.9}, {**SECOND, "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
+])  # fmt: skip
 def test_wrong_plans_are_refused(places, message):
     with pytest.raises(InputError, match=message):
         scenario(places)

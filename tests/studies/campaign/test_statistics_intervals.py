@@ -5,7 +5,7 @@ import pytest
 from campaigns import car, small_plan
 
 from insenv.studies.campaign import make_plan, run_campaign
-from insenv.studies.campaign.statistics import Estimate, horizontal, mean_ends, percentile, root_mean_square
+from insenv.studies.campaign.statistics import Estimate, _skewed, horizontal, mean_ends, percentile, root_mean_square
 
 
 def test_intervals_of_percentiles_are_those_of_the_sign_test():
@@ -33,6 +33,13 @@ def test_intervals_of_skewed_squares_cover_as_often_as_they_say(n):
     found = root_mean_square(np.append(squares[0], 0.0))  # an error of exactly 0 fits no chi-square
     assert 0.0 < found.low < found.value < found.high < np.inf
     assert root_mean_square(np.full(n, 4.0)) == Estimate(2.0, 2.0, 2.0)
+
+
+def test_the_upper_end_of_a_skewed_mean_solves_the_polynomial_of_hall():
+    """x - g x^2 / 3 + g^2 x^3 / 27 - g / (6 n) = t, with the unbiased skewness g."""
+    for n, third, t in ((6, 1.1, 0.9), (40, -0.4, 0.3)):
+        x, g = float(_skewed(np.array(third), n, t)), third * np.sqrt(n * (n - 1)) / (n - 2)
+        assert x - g * x**2 / 3 + g**2 * x**3 / 27 - g / (6 * n) == pytest.approx(t, rel=1e-12)
 
 
 def test_cep_and_2drms_of_a_circular_gaussian():

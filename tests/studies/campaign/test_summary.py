@@ -17,8 +17,6 @@ from insenv.studies.campaign import block as block_module
 from insenv.studies.campaign import plan as plan_module
 from insenv.studies.campaign.block import run_block
 
-PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
-
 
 @pytest.fixture
 def drawn(monkeypatch):
@@ -53,7 +51,7 @@ def test_navigation_over_the_runs(drawn):
     for place, name in enumerate(found.channels):
         course, error, square = found.courses[name], arrays["error"][:, :, place], arrays["mean_square"][:, :, place]
         assert np.allclose(course.mean, error.mean(axis=0)) and np.allclose(course.rms, np.sqrt(square.mean(axis=0)))
-        assert np.allclose(course.percentiles, np.percentile(error, PERCENTILES, axis=0))
+        assert np.allclose(course.percentiles, np.percentile(error, (2.5, 16.0, 50.0, 84.0, 97.5), axis=0))
         variance = arrays["mean_variance"][:, :, place]
         assert np.allclose(course.stated, np.sqrt(variance.mean(axis=0)))
         assert np.allclose(found.stated[:, place], np.sqrt(variance.mean(axis=1)))

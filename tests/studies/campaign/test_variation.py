@@ -17,16 +17,11 @@ from insenv.studies.campaign.block import run_block
 from insenv.studies.campaign.presentation import campaign_facts
 
 
-@pytest.mark.parametrize(
-    ("text", "law"),
-    [
-        ("normal(2, 0.5)", stats.norm(2.0, 0.5)),
-        ("lognormal(2, 0.5)", stats.lognorm(0.5, scale=2.0)),
-        ("uniform(-1, 3)", stats.uniform(-1.0, 4.0)),
-        ("-1:3", stats.uniform(-1.0, 4.0)),
-        ("loguniform(0.1, 10)", stats.loguniform(0.1, 10.0)),
-    ],
-)
+@pytest.mark.parametrize(("text", "law"), [
+    ("normal(2, 0.5)", stats.norm(2.0, 0.5)), ("lognormal(2, 0.5)", stats.lognorm(0.5, scale=2.0)),
+    ("uniform(-1, 3)", stats.uniform(-1.0, 4.0)), ("-1:3", stats.uniform(-1.0, 4.0)),
+    ("loguniform(0.1, 10)", stats.loguniform(0.1, 10.0)),
+])  # fmt: skip
 def test_values_have_their_distribution(text, law):
     uniforms = parse_variation("x=0:1").uniforms(range(4000))
     numbers = parse_variation(f"x={text}").distribution.numbers(uniforms)

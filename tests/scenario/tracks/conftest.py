@@ -1,1 +1,0 @@
-from interpreted import interpreted  # noqa: F401
