@@ -196,9 +196,7 @@ def _show(report: Report, output: Output, strict: bool) -> int:
     faults = {
         "diverged": judged("diverged", "from"),
         "overconfident": judged("overconfident", "about"),
-        "contradicted": [
-            f"{r.estimator} by {', '.join(r.health.contradicted)}" for r in report.results if r.health and r.health.contradicted
-        ],
+        "contradicted": [f"{r.estimator} by {', '.join(r.doubts)}" for r in report.results if r.doubts],
         "errors larger than stated": [r.estimator for r in report.results if r.too_sure()],
     }
     lines = [f"{fault}: {', '.join(ids)}" for fault, ids in faults.items() if ids]

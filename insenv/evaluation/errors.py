@@ -16,13 +16,13 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError, nearest
-from insenv.base.remarks import Remark, declared, remark
+from insenv.base.remarks import Doubt, Remark, declared, remark
 from insenv.core.elementary import sin_cos, wrap_angle
 from insenv.core.model import Values
 from insenv.core.tables import Array, Table
 from insenv.estimators import Estimator
 from insenv.evaluation.health import Health
-from insenv.evaluation.outages import Outages
+from insenv.evaluation.outages import BEYOND, Outages
 from insenv.evaluation.specific_force import SpecificForce
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.registry import traits_of
@@ -92,8 +92,12 @@ VELOCITY = ("vn_mps", "ve_mps", "vd_mps")
 CHANNELS = ATTITUDE + POSITION + VELOCITY
 STEEP = 80.0
 """Pitch (deg) from which roll and heading do not show an error of the attitude."""
+_CALLED = dict(zip(CHANNELS, ("roll", "pitch", "heading", "north", "east", "down", "vn", "ve", "vd"), strict=True))
 TOO_SURE = 3.0
 """Ratio of an rms error to its stated standard deviation beyond which a run says so."""
+BEYOND_SHARE = 0.05
+"""A reference contradicts an estimate if an error is beyond `BEYOND` stated standard deviations for more than this share of the
+time: of true ones it is for 0.27 %, and an error that changes slowly may be for some per cent of one run."""
 STEEP_LIMIT = declared(
     "steep-no-limit",
     "no limit of roll and heading: the pitch comes near 90 deg, where their errors are large without an error of the attitude",
@@ -191,6 +195,11 @@ class Result:
         return replace(self, limit=limit, notes=(*self.notes, *self.steep(), *self.too_sure()))
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """The codes of the notes that contradict the estimate."""
+        return tuple(dict.fromkeys(note.code for note in self.notes if isinstance(note, Doubt)))
+
+    @property
     def unjudged(self) -> tuple[str, ...]:
         """Errors that are none of the attitude: roll and heading, where the pitch comes near 90 deg."""
         return ("roll_deg", "heading_deg") if self.steep() else ()
@@ -212,6 +221,29 @@ class Result:
         """An rms error is more than `TOO_SURE` times its stated sigma; not said of a run that is too short."""
         stated = {name: sigma for name, sigma in self.stated().items() if name not in self.unjudged}
         return too_sure(self.statistics()["rms"], stated) if self.settled else ()
+
+    def against_reference(self) -> Result:
+        """The result with what the reference of its log contradicts, unless the log contradicts that; the verdict says it."""
+        if self.specific_force is not None and self.specific_force.contradicted:
+            return self
+        notes = (*self.notes, *self.reference_contradicts())
+        return replace(self, notes=notes, health=None if self.health is None else self.health.doubted(notes))
+
+    @remark(
+        "reference-contradicts",
+        "the reference contradicts the estimate: {what} differs by more than 3 stated sigmas for {share} % of the time; the "
+        "stated sigmas are too small, unless the reference errs by as much",
+        Doubt,
+    )
+    def reference_contradicts(self) -> dict[str, Any] | None:
+        """An error is beyond `BEYOND` stated sigmas for more than `BEYOND_SHARE` of the time; not said of a run too short."""
+        judged = [name for name in self.errors if name in self.sigma and name not in self.unjudged]
+        beyond = {name: (np.abs(self.errors[name]) > BEYOND * self.sigma[name])[self._late] for name in judged}
+        shares = {name: float(np.mean(each)) for name, each in beyond.items()}
+        worst = max(shares, key=lambda name: shares[name], default="")
+        if not self.settled or not worst or shares[worst] <= BEYOND_SHARE:
+            return None
+        return {"what": _CALLED[worst], "share": f"{100 * shares[worst]:.0f}"}
 
     @property
     def _late(self) -> Any:

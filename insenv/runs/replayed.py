@@ -95,10 +95,12 @@ def replay(
     evaluation = description.evaluation
     reference = _reference_track(log.reference, times)
     duration = float(log.dt[first : first + total].sum())
-    changes = velocity_changes(ready.whole)
+    changes, of_reference = velocity_changes(ready.whole), reference_notes(log)
     results = tuple(
         _result(f, begun, ready, reference, times, duration, changes) for f, begun in zip(followers, starts, strict=True)
     )
+    if not of_reference:  # one on another clock, or in other axes, speaks against no estimate
+        results = tuple(each.against_reference() for each in results)
     notes = [
         *ready.notes,
         *log.notes,
@@ -109,7 +111,7 @@ def replay(
         notes.append(log.assumed.remark)
     if any(_takes_sensors(e, parameter_rows[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
-    notes += reference_notes(log)
+    notes += of_reference
     if log.gaps.count:
         notes.append(_BRIDGED.filled(count=log.gaps.count, samples=log.gaps.samples))
     if dropped:

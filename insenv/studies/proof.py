@@ -24,6 +24,9 @@ ESTIMATORS = ("fusion", "fusion-smoother", "loosely-coupled")
 WARNINGS = ("too-sure", "outages-too-sure")
 """Remarks that say that the errors are larger than stated, beside the verdict on the innovations."""
 
+BY_REFERENCE = ("reference-contradicts", "too-sure")
+"""Those that nobody has without a reference."""
+
 Step = Callable[[str, int, int], None]
 
 
@@ -74,6 +77,7 @@ def _judged(log: RecordedLog, estimator: str, outages: str) -> Judged:
         estimator,
         verdict=_verdict(result),
         warned=_is_warned(result),
+        by_reference=_is_warned(result) and not _is_warned(result, BY_REFERENCE),
         errors={name: compared for name in CHANNELS if (compared := _compared(result, name)) is not None},
         force=None if force is None else force.estimate,
         force_of_reference=None if force is None else force.reference,
@@ -113,10 +117,11 @@ def _verdict(result: Result) -> str:
     return "" if result.health is None else result.health.verdict
 
 
-def _is_warned(result: Result) -> bool:
-    """Whether the run says that it states too little."""
-    wrong = result.health is not None and result.health.wrong
-    return wrong or any(note.code in WARNINGS for note in result.notes)
+def _is_warned(result: Result, but: Sequence[str] = ()) -> bool:
+    """Whether the run says that it states too little, by other notes than those of the codes in `but`."""
+    notes = [note for note in result.notes if note.code not in but]
+    wrong = result.health is not None and result.health.doubted(notes).wrong
+    return wrong or any(note.code in WARNINGS for note in notes)
 
 
 def _rms(values: Any) -> float:

@@ -59,15 +59,16 @@ class Withheld:
 class Judged:
     """An estimator on a log.
 
-    verdict, warned: with all fixes, as of `Withheld`.  errors: against the reference, by channel.  force,
-    force_of_reference: what the attitudes leave of the changes of the receiver's velocity, m/s2.  fixes_late_s: delay of the
-    fixes that it finds, s; None if it does not estimate one.  notes: codes of its remarks.
+    verdict, warned: with all fixes, as of `Withheld`.  by_reference: whether nothing but the reference warns.  errors: against
+    the reference, by channel.  force, force_of_reference: what the attitudes leave of the changes of the receiver's velocity,
+    m/s2.  fixes_late_s: delay of the fixes that it finds, s; None if it does not estimate one.  notes: codes of its remarks.
     refused: why the log is not for it, or what became of it; then there is nothing else.
     """
 
     estimator: str
     verdict: str = ""
     warned: bool = False
+    by_reference: bool = False
     errors: Mapping[str, Compared] = field(default_factory=dict)
     force: float | None = None
     force_of_reference: float | None = None
@@ -179,11 +180,15 @@ def summary(proof: Proof) -> list[str]:
     for used, logs in _by_use(proof).items():
         runs = [(log, run) for log in logs for run in log.runs if not run.refused]
         over = [(log, run) for log, run in runs if run.beyond > NOTABLE or _share(run.withheld) > NOTABLE]
-        silent = [f"{log.name} {run.estimator}" for log, run in over if run.silent]
+        silent, shown = (
+            [f"{log.name} {run.estimator}" for log, run in over if said(run)]
+            for said in (lambda run: run.silent, lambda run: run.by_reference and not run.silent)
+        )
         if runs:
             lines.append(
                 f"{used}: {len(over)} of {len(runs)} runs have more than {NOTABLE:.0%} of errors beyond 3 stated sigmas; "
-                f"{len(silent)} of these do not say so{': ' if silent else ''}{', '.join(silent)}"
+                f"{len(silent)} of these do not say so{': ' if silent else ''}{', '.join(silent)}; {len(shown)} say so only "
+                f"because of their reference{': ' if shown else ''}{', '.join(shown)}"
             )
     return lines
 

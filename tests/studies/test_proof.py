@@ -1,6 +1,7 @@
 """`insenv prove`, with a simulated drive in the place of the data of a public log."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import peers
@@ -13,7 +14,7 @@ from simulated_log import simulated_log
 from insenv.report.console import as_text
 from insenv.studies import proof, proof_logs
 from insenv.studies.proof import prove
-from insenv.studies.proof_result import Compared, Judged, Proof, Withheld
+from insenv.studies.proof_result import Compared, Judged, LogProof, Proof, Withheld, summary
 
 RECORD = json.loads((ROOT / "tests" / "studies" / "proof.json").read_text("utf-8"))
 NAME, FOLDER = "kf-gins-leador", "KF-GINS/dataset"
@@ -75,6 +76,9 @@ def test_a_run_that_states_too_little_counts_as_silent_unless_it_says_so():
     lost = Withheld(2, 4.0, {"horizontal_m": Compared(9.0, 2.0, 0.3)}, {"horizontal_m": 9.0}, "consistent", False)
     said = [Judged("fusion", warned=warned, errors=over, withheld=each) for warned in (False, True) for each in (None, lost)]
     assert [run.silent for run in said] == [True, True, False, True]
+    named = replace(said[2], verdict="contradicted", by_reference=True)
+    (line,) = summary(Proof("", (LogProof("drive", "", "", "", "reported on", "", runs=(said[0], named)),)))
+    assert "2 of 2 runs" in line and "1 of these do not say so: drive fusion; 1 say so only because of their reference" in line
 
 
 @pytest.mark.slow
