@@ -22,7 +22,9 @@ from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.live_health import LiveHealth
 from insenv.mavlink.surroundings import Interference, defaults
 from insenv.scenario import Scenario, build, poles
+from insenv.scenario.build import model_of
 from insenv.scenario.files import named_estimators
+from insenv.sensors import IMU
 
 _INCREMENTS = ("delta_angle", "delta_velocity")
 PLACE = ("latitude", "longitude", "height")
@@ -76,7 +78,11 @@ class Simulation:
         added = defaults(scenario, year)
         with_added = build(scenario.model_copy(update=added), seed=seed) if added else plant
         # the estimator knows the scenario alone: its run is that of `insenv run`
-        self.plant = replace(plant, model=with_added.model, parameters=with_added.parameters)
+        # and what is added stands last, since a sensor's random streams follow its place among the sensors
+        sections = with_added.scenario.sensors
+        ordered = sorted(sections, key=lambda id: id in added)
+        model = model_of(scenario.vehicle.vehicle(), (IMU, *(sections[id].sensor for id in ordered)))
+        self.plant = replace(plant, model=model, parameters=with_added.parameters)
         self.estimator = self.plant.adapted(estimator or named_estimators(scenario)[0], offline=False)
         self.interval = self.plant.sample_interval
         self._plant = make_runner(self.plant.model, self.plant.parameters)

@@ -86,7 +86,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     this = f"vehicle kind {scenario.vehicle.kind!r}"
     with naming(f"{this}, vehicle", prefixed=False):
         vehicle = scenario.vehicle.vehicle()
-    model = _model(vehicle, (IMU, *(section.sensor for section in scenario.sensors.values())))
+    model = model_of(vehicle, (IMU, *(section.sensor for section in scenario.sensors.values())))
     rows = {
         "sample_interval": interval,
         **rows_of(start),
@@ -146,7 +146,8 @@ def _checked(where: str, rows: Callable[[], Any], table: Table) -> Mapping[str, 
 
 
 @lru_cache(maxsize=64)
-def _model(vehicle: Vehicle, sensors: tuple[Sensor, ...]) -> Model:
+def model_of(vehicle: Vehicle, sensors: tuple[Sensor, ...]) -> Model:
+    """The plant of a vehicle with these sensors, built once; their order decides which random streams they draw from."""
     return plant_model(vehicle, sensors)
 
 
