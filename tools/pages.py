@@ -97,6 +97,7 @@ SCENARIO_SECTIONS: Sections = (
     *((f"[{id}]", section) for id, section in registered().items() if id in instruments()),
     ("[gravity]", GravitySection),
     ("[knowledge]", description.KnowledgeSection),
+    ("[[story]]", description.CaptionSection),
 )
 LOG_SECTIONS: Sections = (
     ("top level", LogDescription),

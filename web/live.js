@@ -15,6 +15,7 @@ import { notesPanel } from "./notes.js";
 import { origin } from "./origin.js";
 import { startSession } from "./session.js";
 import { makeSpan, spanControls } from "./span.js";
+import { storyStrip } from "./story.js";
 import { onTheme, themeButton } from "./theme.js";
 import { firstSpeed, transport } from "./transport.js";
 import { vehicleViews } from "./views.js";
@@ -35,6 +36,7 @@ export function livePage(live) {
   const panels = livePanels(live, span);
   const views = vehicleViews(live, at, history);
   const notes = notesPanel(live);
+  const story = storyStrip(live.values.story ?? []);
   const end = h("section", { class: "end", "aria-live": "polite", hidden: true });
   const wrong = h("p", { class: "wrong told", role: "alert", id: "wrong" });
   let state = preparedState(live);
@@ -222,6 +224,7 @@ export function livePage(live) {
       const velocity = at("velocity_n").at;
       const cuts = cutNow(live, state.values, frame.time_s);
       bar.at(frame.time_s, cuts);
+      story.at(frame.time_s, outagesOf(live, state.values));
       drive.show(Math.hypot(frame.outputs[velocity], frame.outputs[velocity + 1]), cuts);
     }
     panels.draw(running);
@@ -252,6 +255,7 @@ export function livePage(live) {
     {},
     bar.element,
     wrong,
+    story.element,
     h(
       "div",
       { class: `stage${steered ? " steered" : ""}` },

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from math import radians, sin
-from typing import Annotated, Any, Union
+from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import Field, PrivateAttr, Strict, ValidationError, create_model, model_validator
@@ -49,6 +49,17 @@ class GravitySection(Section):
         return {"gravity_disturbance_n": np.array([north, east, units.mgal_to_m_s2(self.disturbance_mgal)])}
 
 
+class CaptionSection(Section):
+    """A sentence that a page tells while it runs."""
+
+    after: Literal["start", "cut", "return"] = key(
+        "start", "what its time counts from: the start, or each time GNSS is cut, or returns (told until that changes)"
+    )
+    at_s: Number = key(0.0, "time from there on", "s", ge=0, le=MAX_DURATION_S)
+    text: str = key(..., "the sentence", min_length=1, max_length=160)
+
+
+MAX_CAPTIONS = 12
 MAX_SEED = 2**53
 
 
@@ -110,6 +121,7 @@ class Scenario(Section):
     estimator: dict[str, dict[str, Parameter]] = key(
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'
     )
+    story: tuple[CaptionSection, ...] = key((), "what a page tells while it runs", max_length=MAX_CAPTIONS)
     _name: str = PrivateAttr("")
     _changes: tuple[Remark, ...] = PrivateAttr(())
 
@@ -179,6 +191,9 @@ class Scenario(Section):
             raise ValueError(f"duration_s = {self.duration_s:g} s: the track lasts {lasts:.6g} s")
         if round(self.duration_s * self.rate_hz) < 1:
             raise ValueError(f"duration_s = {self.duration_s:g} s is shorter than one sample of {1 / self.rate_hz:g} s")
+        for number, caption in enumerate(self.story):
+            if caption.after != "start" and self.gnss is None:
+                raise ValueError(f"story[{number}].after = {caption.after!r}: without [gnss], allowed is 'start'")
         return self
 
     def __reduce__(self) -> tuple[Callable[..., Scenario], tuple[Any, ...]]:

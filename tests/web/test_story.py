@@ -1,0 +1,45 @@
+"""The story of a scenario: in its file, and in the strip of a live page."""
+
+import pytest
+from browser import LAPTOP, PHONE
+from changed_scenario import changed
+from live_pages import CAR, SHIP, answers, page_file
+
+import insenv
+from insenv.base.errors import InputError
+
+STORY = [{"text": "on"}, {"at_s": 5, "text": "later"}, {"after": "cut", "text": "cut"}]
+STORY += [{"after": "cut", "at_s": 4, "text": "long cut"}, {"after": "return", "text": "back"}]
+STORY += [{"after": "return", "at_s": 11, "text": "well again"}]
+
+
+def test_the_sentence_that_began_last_is_told_and_each_cut_and_return_tells_its_own(tmp_path):
+    times = [0.0, 4.9, 5.0, 10.0, 13.9, 14.0, 20.0, 28.0, 30.0, 32.0, 34.0, 44.0]
+    code = "given.times.map((time) => module_story.captionAt(given.story, given.cuts, time))"
+    given = {"story": STORY, "times": times, "cuts": [[10.0, 20.0], [30.0, 33.0]]}
+    told = ["on", "on", "later", "cut", "cut", "long cut", "back", "back", "cut", "cut", "back", "well again"]
+    assert answers("story.js", code, given, tmp_path) == told
+
+
+def test_a_story_about_gnss_needs_gnss():
+    message = r"story\[0\].after = 'cut': without \[gnss\], allowed is 'start'"
+    with pytest.raises(InputError, match=message):
+        insenv.load(changed("ship-swaying", story=[{"after": "cut", "text": "gone"}]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("page", "size"), [(SHIP, LAPTOP), (CAR, PHONE)])
+def test_the_strip_follows_the_run_and_is_put_away_with_the_keyboard(browser, page, size):
+    path, story = page_file(*page), insenv.load(page[0]).story
+    browser.open(path, size)
+    caption, strip = "document.getElementById('caption')", "document.querySelector('.story')"
+    assert browser.until(f"{caption}.textContent") == story[0].text
+    width = "document.querySelector('#story').offsetWidth"
+    assert browser.value(f"{width} < {strip}.offsetWidth / 4 && {caption}.getAttribute('aria-live') === 'polite'")
+    browser.until("!document.getElementById('run').disabled")
+    browser.driver.execute_script("document.getElementById('speed').value = ''; document.getElementById('run').click()")
+    browser.until(f"{caption}.textContent === {story[2 if size == LAPTOP else 1].text!r}")
+    assert browser.violations() == []
+    browser.driver.find_element("id", "story").send_keys(" ")
+    assert browser.value(f"{caption}.hidden && !document.getElementById('story').ariaExpanded.includes('true')")
+    assert browser.console() == []
