@@ -16,7 +16,7 @@ from insenv.sensors.instrument_section import section_of
 
 TAKEN = frozenset(dir(SensorSection)) | {
     "title", "description", "duration_s", "rate_hz", "seed", "estimators", "start", "vehicle", "imu", "gnss", "knowledge",
-    "estimator", "name", "sensors", "tunings", "drive", "gravity", "notes", "choices_of", "commands", "stated",
+    "estimator", "name", "sensors", "tunings", "drive", "gravity", "notes", "choices_of", "commands", "stated", "story",
 }  # fmt: skip
 """Names of the keys and attributes of a scenario, which no section of a sensor can have."""
 

@@ -1,8 +1,8 @@
 """The conformance suite: what insenv promises of every estimator, sensor, vehicle and environment, as checks.
 
     insenv.testing.check_estimator("q-method")
-    insenv.testing.check_sensor(CompassSection, noise_deg=0.5)
-    insenv.testing.check_vehicle(TrolleySection, amplitude_m=1.0)
+    insenv.testing.check_sensor("compass", noise_deg=0.5)
+    insenv.testing.check_vehicle(TrolleySection, kind="trolley", amplitude_m=1.0)
     insenv.testing.check_id("my/Env-v0")
 
 A check that fails raises `AssertionError`, which names the thing and the promise.  insenv runs them on all that it ships; a

@@ -13,7 +13,8 @@ from insenv.core.runner import make_runner
 from insenv.runs.simulated import run
 from insenv.scenario import Plant, build, load
 from insenv.sensors import SensorSection
-from insenv.sensors.registry import stated_rows
+from insenv.sensors import registry as sensors
+from insenv.sensors.instrument import Instrument
 from insenv.testing.models import check_backends, check_snapshots, check_tables, promised
 from insenv.vehicles import VehicleSection
 
@@ -23,11 +24,17 @@ _PLACE = {"title": "Conformance", "rate_hz": 100, "start": {"latitude_deg": 50, 
 _CAR = {"kind": "car", "legs": [{"wait_s": 1}, {"accelerate_to_mps": 5}, {"turn_deg": 90, "radius_m": 10}]}
 
 
+def _class(thing: object, base: type[Section], what: str) -> None:
+    """Raise `AssertionError` if `thing` is not a class of sections."""
+    assert isinstance(thing, type) and issubclass(thing, base), f"{thing!r}: allowed is {what}"
+
+
 def check_keys(section: type[Section], **values: Any) -> None:
     """Check that each key of a section has a meaning and a unit, and that wrong values are refused by the name of the key.
 
     values: a section that is right.
     """
+    _class(section, Section, "the class of a section")
     this = section.__name__
     _made(section, values)
     _refused(section, {**values, "no_such_key": 1.0}, "no_such_key")
@@ -61,11 +68,15 @@ def _refused(section: type[Section], values: dict[str, Any], name: str) -> None:
         raise AssertionError(f"{section.__name__}: {name} = {values[name]!r} is not refused")
 
 
-def check_sensor(section: type[SensorSection], *, compiled: bool = True, **values: Any) -> None:
+def check_sensor(section: type[SensorSection] | Instrument | str, *, compiled: bool = True, **values: Any) -> None:
     """Check a registered sensor: its keys, what it tells estimators, its outputs on a driving car, its bits on every backend.
 
-    values: its keys in a scenario.  compiled: whether native code and batches are compared.  Raises `AssertionError`.
+    section: its section, the instrument or its id.  values: its keys in a scenario.  compiled: whether native code and batches
+    are compared.  Raises `AssertionError`, and `InputError` for an id that is not registered.
     """
+    if isinstance(section, (Instrument, str)):
+        section = sensors.get(section if isinstance(section, str) else section.id)
+    _class(section, SensorSection, "the class of a sensor's section, an instrument or its id")
     sensor = section.sensor
     this = f"sensor {sensor.id!r}"
     check_keys(section, **values)
@@ -75,7 +86,7 @@ def check_sensor(section: type[SensorSection], *, compiled: bool = True, **value
         table = plants[0].model.parameters
         if sensor.stated_errors is not None:
             stated = sensor.stated_errors(table.unpack(table.pack(plants[0].parameters)))
-            unknown = set(stated) - set(stated_rows().names)
+            unknown = set(stated) - set(sensors.stated_rows().names)
             assert not unknown, f"{this} states {sorted(unknown)}: allowed are rows of insenv.sensors.registry.stated_rows()"
         runs = [make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples) for plant in plants]
         outputs = [plant.model.outputs.unpack(rows) for plant, rows in zip(plants, runs, strict=True)]
@@ -94,6 +105,7 @@ def check_vehicle(section: type[VehicleSection], *, compiled: bool = True, **val
     The last is free-inertial navigation by an estimator with a perfect unit from the true start, over 10 s.  values: its keys
     in a scenario.  compiled: whether native code and batches are compared.  Raises `AssertionError`.
     """
+    _class(section, VehicleSection, "the class of a vehicle's section")
     kind = str(values.get("kind"))
     this = f"vehicle kind {kind!r}"
     check_keys(section, **values)

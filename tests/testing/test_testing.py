@@ -102,6 +102,20 @@ def test_an_estimator_that_runs_on_no_scenario_is_found_with_the_reason():
         testing.check_estimator(replace(get("analytic"), sensors=("lidar",)))
 
 
+def test_a_sensor_is_checked_by_its_id_and_what_is_none_is_named():
+    testing.check_sensor("barometer", compiled=False)
+    testing.check_sensor(sensors.instrument("barometer"), compiled=False)
+    for check, wrong, allowed in (
+        (testing.check_sensor, int, "<class 'int'>: allowed is the class of a sensor's section, an instrument or its id"),
+        (testing.check_vehicle, "car", "'car': allowed is the class of a vehicle's section"),
+        (testing.check_keys, "x", "'x': allowed is the class of a section"),
+    ):
+        with pytest.raises(AssertionError, match=re.escape(allowed)):
+            check(wrong)
+    with pytest.raises(InputError, match="did you mean 'barometer'"):
+        testing.check_sensor("baromter")
+
+
 class Keyed(Section):
     """Keys."""
 
