@@ -51,9 +51,9 @@ def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
 def guess(name: str, allowed: Iterable[str]) -> str:
     """The nearest allowed name as a question; empty if none is near.
 
-    A name with another first letter must be nearer: 'super' is not a misspelt 'consumer'.
+    A name with another first letter must be nearer: 'super' is not a misspelt 'consumer', nor 'spp'.
     """
-    for close in difflib.get_close_matches(name, list(allowed), n=NEAREST_NAMES, cutoff=0.5):
+    for close in difflib.get_close_matches(name, list(allowed), n=NEAREST_NAMES, cutoff=0.55):
         if close[:1].lower() == name[:1].lower() or difflib.SequenceMatcher(None, close, name).ratio() >= 0.7:
             return f"; did you mean {close!r}?"
     return ""

@@ -93,7 +93,7 @@ class FiguresSection(Section):
     @classmethod
     def _known(cls, value: str) -> str:
         if value not in cls.grades:
-            raise ValueError(f"{value!r}: unknown{nearest(value, cls.grades)}")
+            raise ValueError(f"unknown grade{nearest(value, cls.grades)}")
         return value
 
     def error_rows(self) -> dict[str, Any]:
