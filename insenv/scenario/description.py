@@ -191,9 +191,6 @@ class Scenario(Section):
             raise ValueError(f"duration_s = {self.duration_s:g} s: the track lasts {lasts:.6g} s")
         if round(self.duration_s * self.rate_hz) < 1:
             raise ValueError(f"duration_s = {self.duration_s:g} s is shorter than one sample of {1 / self.rate_hz:g} s")
-        for number, caption in enumerate(self.story):
-            if caption.after != "start" and self.gnss is None:
-                raise ValueError(f"story[{number}].after = {caption.after!r}: without [gnss], allowed is 'start'")
         return self
 
     def __reduce__(self) -> tuple[Callable[..., Scenario], tuple[Any, ...]]:

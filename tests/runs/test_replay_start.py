@@ -125,7 +125,7 @@ def test_under_way_the_motion_gives_the_attitude(rest, said, ids):
             assert abs(result.errors[name][-1]) < 3 * result.sigma[name][-1], name
             assert beyond(result, name, result.time > 0) < 0.01, name
         assert result.sigma["heading_deg"][0] < 10.1 and result.sigma["heading_deg"][-1] < 1
-        assert result.health.verdict == "consistent"
+        assert set(result.doubts) <= {"reference-contradicts"}  # positions: that its fixes wander the log does not say
 
 
 def test_where_the_motion_does_not_show_it_fusion_starts_from_nothing_and_others_need_an_attitude():
