@@ -92,7 +92,6 @@ VELOCITY = ("vn_mps", "ve_mps", "vd_mps")
 CHANNELS = ATTITUDE + POSITION + VELOCITY
 STEEP = 80.0
 """Pitch (deg) from which roll and heading do not show an error of the attitude."""
-_CALLED = dict(zip(CHANNELS, ("roll", "pitch", "heading", "north", "east", "down", "vn", "ve", "vd"), strict=True))
 TOO_SURE = 3.0
 """Ratio of an rms error to its stated standard deviation beyond which a run says so."""
 BEYOND_SHARE = 0.05
@@ -243,7 +242,7 @@ class Result:
         worst = max(shares, key=lambda name: shares[name], default="")
         if not self.settled or not worst or shares[worst] <= BEYOND_SHARE:
             return None
-        return {"what": _CALLED[worst], "share": f"{100 * shares[worst]:.0f}"}
+        return {"what": worst.rpartition("_")[0], "share": f"{100 * shares[worst]:.0f}"}
 
     @property
     def _late(self) -> Any:
