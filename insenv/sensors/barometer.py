@@ -22,6 +22,7 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.sensors.figures import Figure, Grade, by_name
 from insenv.sensors.instrument import Column, Estimated, Instrument, Lag, Term, constant, drift, white
 
+TIME_CONSTANT = Row("barometer_lag", "Time constant with which the shown height follows", "s", lower=0.0, upper=1e3)
 TERMS = (
     white("barometer_noise", "barometer noise", "White noise of a height", "m", normals=(1,)),
     constant(
@@ -107,45 +108,26 @@ _AIR = "insenv's choice: air temperature known to 6 K, 2 % of 288 K"
 
 GRADES = by_name(
     Grade("perfect", "No errors"),
-    Grade(
+    Grade.of(
         "ms5611",
         "MS5611, a barometer of autopilots and flight recorders",
-        {
-            "noise_m": "TE MS5611-01BA03 data sheet: resolution 0.012 mbar rms at the highest oversampling; 8.4 cm per Pa",
-            "bias_sigma_m": "Same data sheet: +-1.5 mbar at 25 deg C, read as 2 sigma: 6.3 m",
-            "drift_sigma_m": _WEATHER,
-            "drift_time_s": _WEATHER,
-            "scale_factor_sigma_percent": _AIR,
-            "lag_s": "Delay that ArduPilot's EKF3 assumes of a barometer: 60 ms",
-        },
-        {
-            "noise_m": 0.10,
-            "bias_sigma_m": 6.3,
-            "drift_sigma_m": 2.0,
-            "drift_time_s": 7200.0,
-            "scale_factor_sigma_percent": 2.0,
-            "lag_s": 0.06,
-        },
+        noise_m=(0.10, "TE MS5611-01BA03 data sheet: resolution 0.012 mbar rms at the highest oversampling; 8.4 cm per Pa"),
+        bias_sigma_m=(6.3, "Same data sheet: +-1.5 mbar at 25 deg C, read as 2 sigma: 6.3 m"),
+        drift_sigma_m=(2.0, _WEATHER),
+        drift_time_s=(7200.0, _WEATHER),
+        scale_factor_sigma_percent=(2.0, _AIR),
+        lag_s=(0.06, "Delay that ArduPilot's EKF3 assumes of a barometer: 60 ms"),
     ),
-    Grade(
+    Grade.of(
         "dps310",
         "DPS310, a consumer barometer",
-        {
-            "noise_m": "Infineon DPS422 data sheet, alike: precision +-5 cm",
-            "bias_sigma_m": "Same data sheet: absolute accuracy +-1 hPa, read as 2 sigma: 4.2 m",
-            "drift_sigma_m": _WEATHER,
-            "drift_time_s": _WEATHER,
-            "scale_factor_sigma_percent": _AIR,
-        },
-        {
-            "noise_m": 0.05,
-            "bias_sigma_m": 4.2,
-            "drift_sigma_m": 2.0,
-            "drift_time_s": 7200.0,
-            "scale_factor_sigma_percent": 2.0,
-        },
+        noise_m=(0.05, "Infineon DPS422 data sheet, alike: precision +-5 cm"),
+        bias_sigma_m=(4.2, "Same data sheet: absolute accuracy +-1 hPa, read as 2 sigma: 4.2 m"),
+        drift_sigma_m=(2.0, _WEATHER),
+        drift_time_s=(7200.0, _WEATHER),
+        scale_factor_sigma_percent=(2.0, _AIR),
     ),
-)  # fmt: skip
+)
 
 BAROMETER = Instrument(
     "barometer",
@@ -159,8 +141,8 @@ BAROMETER = Instrument(
     terms=TERMS,
     measure=_measure,
     holds=("vertical",),
-    parameters=(Row("barometer_lag", "Time constant with which the shown height follows", "s", lower=0.0, upper=1e3),),
-    stated=(Row("barometer_lag", "Time constant with which the shown height follows", "s", lower=0.0, upper=1e3),),
+    parameters=(TIME_CONSTANT,),
+    stated=(TIME_CONSTANT,),
     exact=lambda motion, e, p: {"barometer_height_true": motion.height},
     exact_rows=(Row("barometer_height_true", "True height above the ellipsoid at the epoch of the measurement", "m"),),
     totals=((Row("barometer_bias_true", "Bias and drift together at the latest epoch", "m"), lambda e, p: e.bias + e.drift),),

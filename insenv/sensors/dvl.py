@@ -83,25 +83,19 @@ _MOUNTED = "insenv's choice: angle that is left after a calibration run"
 
 GRADES = by_name(
     Grade("perfect", "No errors"),
-    Grade(
+    Grade.of(
         "survey",
         "Doppler velocity log of a survey vessel",
-        {
-            "noise_mps": "insenv's choice: 1 cm/s a ping",
-            "scale_factor_sigma_percent": "Teledyne data sheets of bottom-tracking logs: 0.2 % of the speed",
-            "misalignment_sigma_deg": _MOUNTED,
-        },
-        {"noise_mps": 0.01, "scale_factor_sigma_percent": 0.2, "misalignment_sigma_deg": 0.1},
+        noise_mps=(0.01, "insenv's choice: 1 cm/s a ping"),
+        scale_factor_sigma_percent=(0.2, "Teledyne data sheets of bottom-tracking logs: 0.2 % of the speed"),
+        misalignment_sigma_deg=(0.1, _MOUNTED),
     ),
-    Grade(
+    Grade.of(
         "ship",
         "Doppler velocity log of a ship",
-        {
-            "noise_mps": "Tang et al. 2013: 0.5 % of the speed +-0.5 cm/s; insenv's choice for a ping: 3 cm/s",
-            "scale_factor_sigma_percent": "Tang et al. 2013: 0.5 % of the speed",
-            "misalignment_sigma_deg": "insenv's choice: mounting in a dock",
-        },
-        {"noise_mps": 0.03, "scale_factor_sigma_percent": 0.5, "misalignment_sigma_deg": 0.5},
+        noise_mps=(0.03, "Tang et al. 2013: 0.5 % of the speed +-0.5 cm/s; insenv's choice for a ping: 3 cm/s"),
+        scale_factor_sigma_percent=(0.5, "Tang et al. 2013: 0.5 % of the speed"),
+        misalignment_sigma_deg=(0.5, "insenv's choice: mounting in a dock"),
     ),
 )
 

@@ -56,6 +56,15 @@ class Figure:
         return kind | None, key(None, meaning, self.unit, row=self.row, convert=convert, **limits)
 
 
+def with_sources(source: str, figures: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    """The values and the sources by name of figures, each a value, or a value with the source of its own: ``(0.1, "its data
+    sheet")``.  source: of all others.
+    """
+    own = {name: value for name, value in figures.items() if isinstance(value, tuple) and isinstance(value[-1], str)}
+    sources = {"": source} if source else {}
+    return {**figures, **{name: pair[0] for name, pair in own.items()}}, sources | {name: pair[1] for name, pair in own.items()}
+
+
 @dataclass(frozen=True)
 class Grade:
     """A grade of an instrument: figures by name, in data-sheet units, and their sources by name ("": of all others)."""
@@ -64,6 +73,12 @@ class Grade:
     title: str
     sources: Mapping[str, str] = field(default_factory=dict)
     figures: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, name: str, title: str, source: str = "", **figures: Any) -> Grade:
+        """A grade from figures, each with the source of its own if it has one; source: of all others (`with_sources`)."""
+        values, sources = with_sources(source, figures)
+        return cls(name, title, sources, values)
 
     def source(self, figure: str) -> str:
         """The source of a figure."""

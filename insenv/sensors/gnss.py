@@ -285,8 +285,7 @@ FIGURES = {
 
 
 def _grade(name: str, title: str, source: str, position: Sequence[float], velocity: Sequence[float], **more: Any) -> Grade:
-    figures = {"position_noise_m": tuple(position), "velocity_noise_mps": tuple(velocity), **more}
-    return Grade(name, title, {"": source} if source else {}, figures)
+    return Grade.of(name, title, source, position_noise_m=tuple(position), velocity_noise_mps=tuple(velocity), **more)
 
 
 def _single_point(name: str, title: str, cep: float) -> Grade:

@@ -117,21 +117,15 @@ _F9P = (
 
 GRADES = by_name(
     Grade("perfect", "No errors"),
-    Grade(
+    Grade.of(
         "rtk",
         "Moving-base real-time kinematic, fixed ambiguities, typical of the u-blox ZED-F9P",
-        {
-            "": _F9P,
-            "baseline_sigma_m": "insenv's choice: the baseline is measured with a ruler, 2 mm",
-            "length_tolerance_m": "insenv's choice: 5 cm",
-        },
-        {
-            "noise_m": (0.005, 0.005, 0.01),
-            "wander_sigma_m": (0.005, 0.005, 0.01),
-            "wander_time_s": 60.0,
-            "baseline_sigma_m": 0.002,
-            "length_tolerance_m": 0.05,
-        },
+        _F9P,
+        noise_m=(0.005, 0.005, 0.01),
+        wander_sigma_m=(0.005, 0.005, 0.01),
+        wander_time_s=60.0,
+        baseline_sigma_m=(0.002, "insenv's choice: the baseline is measured with a ruler, 2 mm"),
+        length_tolerance_m=(0.05, "insenv's choice: 5 cm"),
     ),
 )
 

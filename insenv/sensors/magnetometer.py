@@ -99,13 +99,10 @@ _CURRENTS = "insenv's choice: currents of a small vehicle, a tenth of the hard i
 
 
 def _grade(name: str, title: str, noise: float, noise_source: str, hard: float, soft: float, coupling: float) -> Grade:
-    return Grade(
-        name,
-        title,
-        {"": _CALIBRATED, "noise_nt": noise_source, "anomaly_sigma_nt": _MODEL, "drift_sigma_nt": _CURRENTS,
-         "drift_time_s": _CURRENTS},
-        {"noise_nt": noise, "hard_iron_sigma_nt": hard, "soft_iron_sigma_percent": soft, "coupling_sigma_percent": coupling,
-         "drift_sigma_nt": hard / 10.0, "drift_time_s": 600.0, "anomaly_sigma_nt": (137.0, 89.0, 141.0)},
+    return Grade.of(
+        name, title, _CALIBRATED, noise_nt=(noise, noise_source), hard_iron_sigma_nt=hard, soft_iron_sigma_percent=soft,
+        coupling_sigma_percent=coupling, drift_sigma_nt=(hard / 10.0, _CURRENTS), drift_time_s=(600.0, _CURRENTS),
+        anomaly_sigma_nt=((137.0, 89.0, 141.0), _MODEL),
     )  # fmt: skip
 
 
@@ -115,13 +112,11 @@ GRADES = by_name(
            0.3, 0.2),
     _grade("autopilot", "MEMS magnetometer of autopilots (IST8310, BMM150 class), calibrated on the vehicle", 300.0,
            "Bosch BMM150 data sheet: 0.3 uT; IST8310: 0.3 uT a count", 500.0, 1.0, 0.5),
-    Grade(
-        "uncalibrated",
-        "MEMS magnetometer of autopilots, without calibration on the vehicle",
-        {"": "insenv's choice: a field of the vehicle of a fifth of the Earth's, 5 % of soft iron",
-         "noise_nt": "Bosch BMM150 data sheet: 0.3 uT", "anomaly_sigma_nt": _MODEL},
-        {"noise_nt": 300.0, "hard_iron_sigma_nt": 10000.0, "soft_iron_sigma_percent": 5.0, "coupling_sigma_percent": 2.0,
-         "drift_sigma_nt": 500.0, "drift_time_s": 600.0, "anomaly_sigma_nt": (137.0, 89.0, 141.0)},
+    Grade.of(
+        "uncalibrated", "MEMS magnetometer of autopilots, without calibration on the vehicle",
+        "insenv's choice: a field of the vehicle of a fifth of the Earth's, 5 % of soft iron",
+        noise_nt=(300.0, "Bosch BMM150 data sheet: 0.3 uT"), hard_iron_sigma_nt=10000.0, soft_iron_sigma_percent=5.0,
+        coupling_sigma_percent=2.0, drift_sigma_nt=500.0, drift_time_s=600.0, anomaly_sigma_nt=((137.0, 89.0, 141.0), _MODEL),
     ),
 )  # fmt: skip
 

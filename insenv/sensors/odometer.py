@@ -86,52 +86,32 @@ _TYRE = "insenv's choice: wear, pressure and load of a tyre; data sheets of vehi
 
 GRADES = by_name(
     Grade("perfect", "No errors"),
-    Grade(
+    Grade.of(
         "wheel",
         "Wheel speed from the encoders of the brakes",
-        {
-            "noise_mps": "insenv's choice: 0.05 m/s, as OB_GINS assumes of an odometer",
-            "scale_factor_sigma_percent": _TYRE,
-            "slip_percent_s2_m": _SLIP,
-            "mounting_sigma_deg": "insenv's choice: angle between the axes of the unit and of the vehicle",
-            "quantum_mps": "insenv's choice: 0.01 m/s, as wheel speeds on a vehicle's bus have",
-        },
-        {
-            "noise_mps": 0.05,
-            "scale_factor_sigma_percent": 1.0,
-            "slip_percent_s2_m": 0.3,
-            "mounting_sigma_deg": (0.0, 0.5, 0.5),
-            "quantum_mps": 0.01,
-        },
+        noise_mps=(0.05, "insenv's choice: 0.05 m/s, as OB_GINS assumes of an odometer"),
+        scale_factor_sigma_percent=(1.0, _TYRE),
+        slip_percent_s2_m=(0.3, _SLIP),
+        mounting_sigma_deg=((0.0, 0.5, 0.5), "insenv's choice: angle between the axes of the unit and of the vehicle"),
+        quantum_mps=(0.01, "insenv's choice: 0.01 m/s, as wheel speeds on a vehicle's bus have"),
     ),
-    Grade(
+    Grade.of(
         "obd",
         "Speed on the diagnostic interface of a car, in whole km/h",
-        {
-            "noise_mps": "insenv's choice",
-            "scale_factor_sigma_percent": _TYRE,
-            "slip_percent_s2_m": _SLIP,
-            "mounting_sigma_deg": "insenv's choice: angle between the axes of the unit and of the vehicle",
-            "quantum_mps": "SAE J1979, parameter 0x0D: 1 km/h a count",
-        },
-        {
-            "noise_mps": 0.05,
-            "scale_factor_sigma_percent": 2.0,
-            "slip_percent_s2_m": 0.3,
-            "mounting_sigma_deg": (0.0, 0.5, 0.5),
-            "quantum_mps": float(np.round(1.0 / 3.6, 12)),
-        },
+        noise_mps=(0.05, "insenv's choice"),
+        scale_factor_sigma_percent=(2.0, _TYRE),
+        slip_percent_s2_m=(0.3, _SLIP),
+        mounting_sigma_deg=((0.0, 0.5, 0.5), "insenv's choice: angle between the axes of the unit and of the vehicle"),
+        quantum_mps=(float(np.round(1.0 / 3.6, 12)), "SAE J1979, parameter 0x0D: 1 km/h a count"),
     ),
-    Grade(
+    Grade.of(
         "survey",
         "Wheel encoder of a survey vehicle, its scale factor calibrated",
-        {"": "insenv's choice: 0.1 % after calibration, 0.02 m/s", "slip_percent_s2_m": _SLIP},
-        {
-            "noise_mps": 0.02,
-            "scale_factor_sigma_percent": 0.1,
-            "slip_percent_s2_m": 0.3,
-            "mounting_sigma_deg": (0.0, 0.1, 0.1),
-        },
+        "insenv's choice: 0.1 % after calibration, 0.02 m/s",
+        noise_mps=0.02,
+        scale_factor_sigma_percent=0.1,
+        slip_percent_s2_m=(0.3, _SLIP),
+        mounting_sigma_deg=(0.0, 0.1, 0.1),
     ),
 )
 

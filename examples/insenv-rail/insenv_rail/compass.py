@@ -43,8 +43,8 @@ COMPASS = Instrument(
     },
     grades=by_name(
         Grade("perfect", "No errors"),
-        Grade("boat", "Compass of a small boat", {"": "the author's choice"},
-              {"noise_deg": 0.5, "deviation_sigma_deg": 2.0, "drift_sigma_deg": 0.5, "drift_time_s": 600.0}),
+        Grade.of("boat", "Compass of a small boat", "the author's choice",
+                 noise_deg=0.5, deviation_sigma_deg=2.0, drift_sigma_deg=0.5, drift_time_s=600.0),
     ),
     grade="boat",
     interval_s=0.1,
