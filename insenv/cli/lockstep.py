@@ -100,13 +100,13 @@ def _px4(
     **options: Any,
 ) -> tuple[Vehicle, Px4Lockstep, str]:  # fmt: skip
     """The vehicle as component 200 of PX4's system, in PX4's units; its log is that of a stream."""
+    from insenv.logs.formats.tlog import TlogWriter
     from insenv.mavlink import Vehicle
     from insenv.mavlink.commands import answers
     from insenv.mavlink.lockstep import Px4Lockstep, px4, px4_messages, px4_rates, steering
     from insenv.mavlink.messages import parse_rates
     from insenv.mavlink.stream import Recorder
     from insenv.mavlink.vehicle import checked_speed
-    from insenv.mavlink.wire import TlogWriter
 
     pace = checked_speed(1.0 if speed is None else speed)
     chosen = px4_rates(scenario.rate_hz) | parse_rates(rates, scenario.rate_hz)

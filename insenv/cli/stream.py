@@ -108,10 +108,11 @@ def stream(
     """Stream the simulated vehicle and its estimate live over MAVLink to ground stations and other clients."""
     from insenv.cli.output import print_json, print_line
     from insenv.cli.signals import ending, written
+    from insenv.logs.formats.tlog import TlogWriter
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
     from insenv.mavlink.score import Score, report_of
-    from insenv.mavlink.wire import Signing, TlogWriter, open_link
+    from insenv.mavlink.wire import Signing, open_link
     from insenv.report import OutputFolder, run_document, write_files
     from insenv.scenario import with_settings
 

@@ -8,10 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
+from insenv.logs.formats.tlog import TlogWriter
 from insenv.mavlink.commands import Outbox, answers, parameter_frames
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire import Link, TlogWriter
+from insenv.mavlink.wire import Link
 from insenv.mavlink.wire.frames import Statistics, resequenced
 from insenv.mavlink.wire.link import Peer
 

@@ -10,8 +10,9 @@ import numpy as np
 from flight_writers import DataflashWriter, UlogWriter
 
 from insenv import attitude, geodesy
+from insenv.logs.formats.tlog import TlogWriter
 from insenv.mavlink import Vehicle
-from insenv.mavlink.wire import TlogWriter, dialect
+from insenv.mavlink.wire import dialect
 from insenv.scenario import load as load_scenario
 
 UNDULATION = 45.0

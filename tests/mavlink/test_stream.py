@@ -9,9 +9,9 @@ import pytest
 from pymavlink.dialects.v20 import common
 from streamed_vehicle import Clock, frame_of, logged, lost, ping, quiet, wait_for
 
+from insenv.logs.formats.tlog import TlogWriter
 from insenv.mavlink import Stream, Vehicle
 from insenv.mavlink.stream import BURST_MESSAGES, GIVE_UP_S, Pacer
-from insenv.mavlink.wire import TlogWriter
 from insenv.scenario import load
 
 

@@ -17,7 +17,8 @@ from types import TracebackType
 from typing import Any
 
 from insenv.base.errors import InputError
-from insenv.mavlink.wire.frames import Message, Statistics, dialect, resequenced, sender, split
+from insenv.logs.formats.tlog import sender
+from insenv.mavlink.wire.frames import Message, Statistics, dialect, resequenced, split
 from insenv.mavlink.wire.signing import Signing, Verdict
 
 INBOX_BYTES = 65536

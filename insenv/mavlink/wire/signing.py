@@ -34,7 +34,8 @@ from pathlib import Path
 
 from insenv.base.errors import InputError
 from insenv.base.output import atomic
-from insenv.mavlink.wire.frames import SIGNATURE, is_signed, sender
+from insenv.logs.formats.tlog import SIGNATURE, sender
+from insenv.mavlink.wire.frames import is_signed
 
 KEY_BYTES = 32
 EPOCH_UNIX_S = 1420070400

@@ -9,10 +9,10 @@ from flight_drive import START_UNIX, described, drive, telemetry
 from insenv import replay, run
 from insenv.base.errors import InputError
 from insenv.logs import load
-from insenv.logs.formats.telemetry import TelemetryLog
+from insenv.logs.formats.tlog import TelemetryLog, TlogWriter
 from insenv.mavlink import Stream, Vehicle
 from insenv.mavlink.simulation import Simulation
-from insenv.mavlink.wire import TlogWriter, dialect, open_link
+from insenv.mavlink.wire import dialect, open_link
 from insenv.scenario import build
 from insenv.scenario import load as load_scenario
 
