@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 import insenv
-from insenv.export.simulated import record
+from insenv.export import record
 from insenv.logs import GnssFixes, RecordedLog, load
 from insenv.logs.formats.text_log import toml_text
 from insenv.scenario import load as load_scenario

@@ -13,7 +13,7 @@ import numpy as np
 
 import insenv
 from insenv.base.errors import InsenvError
-from insenv.export.simulated import record
+from insenv.export import record
 from insenv.logs import RecordedLog
 from insenv.logs.description import InitialSection
 from insenv.logs.rest import rest_until

@@ -93,7 +93,7 @@ def sample_path() -> str:
     value, place = section.rows(plant.scenario.rate_hz)["odometer_noise"], table.slice("odometer_noise").start
     boxes = (
         ("scenario file", "[odometer]", f'grade = "{section.grade}"', "scenario.files"),  # type: ignore[attr-defined]
-        ("section", "keys, checked once", "noise_mps: 0 and more", "sensors.instrument_section"),
+        ("section", "keys, checked once", "noise_mps: 0 and more", "sensors.registry"),
         ("row", "odometer_noise", f"{float(value):g} m/s", "sensors.odometer"),
         ("vector", f"p[{place}]", f"one of {table.size} parameters", "core.tables"),
         ("equation", "measure(motion, errors, p)", "at the truth", "sensors.odometer"),

@@ -15,11 +15,11 @@ from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, get
 from insenv.estimators.fusion import fusion
 from insenv.geodesy import NOMINAL_GRAVITY
-from insenv.reproduce import update_time
+from insenv.reproduce import large_misalignment as paper
 from insenv.runs.simulated import run
 from insenv.runs.smoothed import Smoother
 from insenv.scenario import build, load
-from insenv.scenario.chunks import chunks, input_rows, recording_interval
+from insenv.scenario.inputs import chunks, input_rows, recording_interval
 from insenv.studies.campaign import make_plan, run_campaign
 from insenv.studies.campaign.running import cores
 
@@ -48,9 +48,9 @@ def step(id: str) -> Figure:
 
 
 UPDATES = {
-    "step.aqe-sukf.update": ("aqe-sukf", update_time.SUKF, "time update and fix"),
-    "step.lssvm.update": ("lssvm", update_time.LSSVM, "differences, inputs and answer"),
-    "step.lssvm.infer": ("lssvm", update_time.INFER, "answer of the machine, fed back"),
+    "step.aqe-sukf.update": ("aqe-sukf", paper.SUKF_STEPS, "time update and fix"),
+    "step.lssvm.update": ("lssvm", paper.LSSVM_STEPS, "differences, inputs and answer"),
+    "step.lssvm.infer": ("lssvm", paper.INFER_STEPS, "answer of the machine, fed back"),
 }
 """By name of a figure, an estimator, its steps that run with a fix, and what they do."""
 
@@ -58,9 +58,9 @@ UPDATES = {
 def update(name: str) -> Figure:
     """One update of `UPDATES`."""
     id, steps, note = UPDATES[name]
-    floor = empty_loop(update_time.UPDATES, update_time.REPETITIONS)
-    value = update_time.microseconds(id, steps)
-    return Figure(value, floor, update_time.REPETITIONS, f"{note}; {update_time.UPDATES} times")
+    floor = empty_loop(paper.UPDATES, paper.REPETITIONS)
+    value = paper.microseconds(id, steps)
+    return Figure(value, floor, paper.REPETITIONS, f"{note}; {paper.UPDATES} times")
 
 
 def flight() -> Figure:

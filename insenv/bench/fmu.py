@@ -38,7 +38,7 @@ from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.running import flattened
 from insenv.fmu.subject import Subject, subject
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 ESTIMATOR, SCENARIO = "qakf-improved", "ship-swaying"
 DURATION_S = 100.0

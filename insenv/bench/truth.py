@@ -12,7 +12,7 @@ from insenv.bench.figure import Figure
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.scenario import Plant, build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 SCENARIOS = {"ship": "ship-swaying", "car": "car-city-drive", "aircraft": "aircraft-survey"}
 DURATION_S = 600.0

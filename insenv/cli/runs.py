@@ -69,7 +69,7 @@ def _exported(report: Report, formats: tuple[str, ...], log: Callable[[], Record
     """The files of the formats by name.  log: the log of the same drive, made only if a format needs it."""
     if not formats:
         return {}
-    from insenv.export.formats import contents_of, needs_log
+    from insenv.export import contents_of, needs_log
 
     return contents_of(report, log() if needs_log(formats) else None, formats)
 

@@ -29,7 +29,7 @@ from insenv.envs.knowledge import knowledge_of
 from insenv.envs.setup import Setup
 from insenv.estimators import Estimator
 from insenv.scenario import build
-from insenv.scenario.chunks import bridge_lost
+from insenv.scenario.inputs import bridge_lost
 
 
 def make(

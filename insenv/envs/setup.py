@@ -16,7 +16,7 @@ from insenv.envs.checks import check_choice, check_type, check_whole, is_number,
 from insenv.envs.starts import Ranges, Starts, Variation
 from insenv.envs.task import HUGE_ACTION, Task
 from insenv.scenario import Scenario, ScenarioLike, load
-from insenv.scenario.commands import DRIVEN
+from insenv.scenario.inputs import DRIVEN
 from insenv.scenario.poles import check_reach
 from insenv.vehicles.section import MAX_DURATION_S
 

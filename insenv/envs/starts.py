@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from math import pi, radians
 from typing import Any
 
@@ -19,7 +20,6 @@ from insenv.core.tables import Array, Table
 from insenv.envs.checks import as_numbers, check_choice, check_number, check_range, check_type, is_number, refused
 from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
-from insenv.envs.units import middle_unit, units_between, units_of
 from insenv.evaluation.limits import Limit
 from insenv.scenario import Scenario, limit_along, plant_of, prior_of
 from insenv.scenario.build import build, check_speed_of_sinusoids
@@ -43,7 +43,7 @@ RANKED = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel
 class Variation:
     """What varies between the episodes of every environment, besides the seed; None keeps the scenario's value.
 
-    A random unit is one of those of `insenv.envs.units`; `imu_sheet` is its data sheet.  `initial_error` is both reported
+    A random unit is one of those of `insenv.envs.starts`; `imu_sheet` is its data sheet.  `initial_error` is both reported
     and used for the draw.
     """
 
@@ -383,3 +383,73 @@ def _over_the_episode(limits: Limit) -> Array:
     rotation = [np.sqrt(np.mean(np.interp(times, limits.time, axis**2))) for axis in limits.rotation.T]
     rms = limits.rms(times)
     return np.array([*rotation, *(rms[name] for name in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"))])
+
+
+# Inertial units between two grades: each figure of a unit has its own place on the way from one grade to the other.
+#
+# The units are a fixed pool, so that the limit of each is computed once and exactly.  Over the pool every figure is uniform, in
+# its logarithm where both grades have one above 0, and no two figures are correlated.
+
+UNITS = 64
+"""Units of a pool; more than a unit has figures."""
+
+
+def units_between(low: Array, high: Array, parameters: Table) -> Array:
+    """Return the pool of units between two grades, (UNITS, parameters.size), with all other parameters as in `low`.
+
+    low, high (parameters.size,): of a plant with the better and with the worse unit.
+    """
+    names = [
+        name for name in IMU_PARAMETERS.names if not np.array_equal(low[parameters.slice(name)], high[parameters.slice(name)])
+    ]
+    fractions = uncorrelated(UNITS, len(names))
+    return at_fractions(low, high, parameters, {name: fractions[:, k] for k, name in enumerate(names)})
+
+
+def middle_unit(low: Array, high: Array, parameters: Table) -> Array:
+    """Return the unit halfway between two grades in every figure, (parameters.size,)."""
+    half = np.array([0.5])
+    return at_fractions(low, high, parameters, dict.fromkeys(IMU_PARAMETERS.names, half))[0]
+
+
+def at_fractions(low: Array, high: Array, parameters: Table, fractions: dict[str, Array]) -> Array:
+    """Return k units whose figures lie at fractions (k,) of the way between two grades, by row name."""
+    count = len(next(iter(fractions.values()), ())) or UNITS
+    vectors = np.tile(low, (count, 1))
+    for name, fraction in fractions.items():
+        place = parameters.slice(name)
+        a, b, way = low[place], high[place], fraction[:, None]
+        positive = (a > 0.0) & (b > 0.0)
+        ratio = np.where(positive, b, 1.0) / np.where(positive, a, 1.0)
+        vectors[:, place] = np.where(positive, a * ratio**way, a + (b - a) * way)
+    return vectors
+
+
+def units_of(pool: Array, vectors: Array) -> NDArray[np.intp]:
+    """Return the places (k,) in a pool of units that parameters (k, at least parameters.size) have."""
+    telling = np.flatnonzero(pool[0] != pool[-1])
+    if not len(telling):
+        return np.zeros(len(vectors), dtype=np.intp)
+    column = telling[0]  # of a figure, whose values are all different
+    return np.argmin(np.abs(vectors[:, column, None] - pool[None, :, column]), axis=1)
+
+
+@lru_cache(maxsize=16)
+def uncorrelated(count: int, columns: int) -> Array:
+    """Return a Latin hypercube (count, columns) in (0, 1) whose columns have rank correlations of about 0.
+
+    Each column contains (k + 1/2) / count for k = 0 .. count - 1.  Source: Owen, "Controlling correlations in Latin hypercube
+    samples", Journal of the American Statistical Association 89 (1994), 1517-1522: ranked Gram-Schmidt.
+    """
+    draw = np.random.default_rng(0)
+    ranks = np.array([draw.permutation(count) for _ in range(columns)]).reshape(columns, count) - (count - 1) / 2.0
+    length = np.sum(ranks**2, axis=1)
+    for sweep in range(20):
+        order = range(columns) if sweep % 2 == 0 else range(columns)[::-1]
+        for done, k in enumerate(order):
+            rest = ranks[k].copy()
+            for other in order[:done]:
+                rest -= ranks[other] * (np.sum(rest * ranks[other]) / length[other])
+            # rounded, so that the order is that of every processor
+            ranks[k] = np.argsort(np.argsort(np.round(rest, 9), kind="stable")) - (count - 1) / 2.0
+    return ranks.T / count + 0.5

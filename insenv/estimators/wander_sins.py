@@ -22,7 +22,7 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import rows, strapdown, vertical_channel
+from insenv.estimators.parts import applicability, rows, strapdown
 
 PLAIN_STATE = strapdown.NAVIGATION_STATE + Table((
     Row("velocity_change_w", "Velocity increment of the last sample, (7)", "m/s", (3,), "w"),
@@ -77,7 +77,7 @@ def _estimator(id: str, title: str, state: Table, step: Callable[[Any, Any, Any]
         output=lambda p, x: strapdown.navigation_outputs(x),  # (8)-(11), by quaternions
         start=strapdown.start_state,
     )
-    return Estimator(model, kind="navigation", applicability=vertical_channel.notes)
+    return Estimator(model, kind="navigation", applicability=applicability.unaided_height)
 
 
 ESTIMATORS = (

@@ -29,7 +29,7 @@ from insenv.fmu.sources import TOKEN, amalgamated, sources, token
 from insenv.fmu.subject import Subject, identifier, subject
 from insenv.fmu.variables import SAMPLE_NUMBER, Kind, Variable, parts, quantity, variables
 from insenv.scenario import ScenarioLike
-from insenv.scenario.chunks import bridge_lost, input_rows
+from insenv.scenario.inputs import bridge_lost, input_rows
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip can hold
 

@@ -1,4 +1,4 @@
-"""Aiding instruments of a recorded log: their sections, their readings, and their stated errors.
+"""Aiding instruments of a recorded log: their sections, their readings, their stated errors, and the samples with all of them.
 
 All of it follows from the declaration of the instrument (`insenv.sensors.instrument`).
 """
@@ -19,13 +19,13 @@ from insenv.logs.assemble import LogReader
 from insenv.logs.columns import Column, Columns3, MeasurementSection
 from insenv.logs.description import LogDescription
 from insenv.logs.formats.csv_table import TextTable
-from insenv.logs.recorded import Readings, delivered
+from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, delivered
 from insenv.logs.units import axes_matrix, wrap
 from insenv.sensors import registry
 from insenv.sensors.contract import Place
 from insenv.sensors.instrument import Column as MeasuredColumn
 from insenv.sensors.instrument import Instrument
-from insenv.sensors.instrument_section import figures_of, setting_key
+from insenv.sensors.registry import figures_of, setting_key
 
 
 def _check_axes(value: Any) -> Any:
@@ -146,7 +146,7 @@ def stated_errors(id: str, section: Any, place: Place | None) -> dict[str, Any]:
     return {name: np.array(value, dtype=float) if np.ndim(value) else float(value) for name, value in values.items()}
 
 
-def sample_columns(readings: Sequence[Readings], end: Array, dt: Array) -> dict[str, Array]:
+def _instrument_columns(readings: Sequence[Readings], end: Array, dt: Array) -> dict[str, Array]:
     """Columns of the estimators' inputs for samples that end at `end` (n,) s and are `dt` (n,) s long.
 
     Which measurement belongs to which sample: see `insenv.logs.recorded.delivered`.
@@ -162,3 +162,54 @@ def sample_columns(readings: Sequence[Readings], end: Array, dt: Array) -> dict[
             columns[name] = np.tile(start, (len(end), *[1] * start.ndim)) if start.ndim else np.full(len(end), float(start))
             columns[name][sample] = values
     return columns
+
+
+# The samples of a recorded log as inputs of estimators, each with the fix and the measurements that arrive in it.
+
+
+def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:
+    """Samples in `window` as columns by the names of the estimators' inputs, and the number of fixes left out.
+
+    A fix belongs to the first sample that ends at or after its arrival, or its time where the log states no arrival; its
+    age, `gnss_age`, counts to the end of that sample.  A sample has at most one fix: of several, the last.
+    """
+    columns = {
+        "delta_angle": log.delta_angle[window],
+        "delta_velocity": log.delta_velocity[window],
+        "dt": log.dt[window],
+        **_instrument_columns(log.instruments, log.imu_time[window], log.dt[window]),
+    }
+    if log.gnss is None:
+        return columns, 0
+    fixes, dropped = _fix_columns(log.gnss, log.imu_time[window], log.dt[window])
+    return {**columns, **fixes}, dropped
+
+
+def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Array], int]:
+    fix, sample, age = delivered(gnss.time, gnss.arrival, gnss.age, end, dt)
+    arrived = gnss.time if gnss.arrival is None else gnss.arrival
+    inside = np.count_nonzero((arrived > end[0] - dt[0]) & (arrived <= end[-1]))
+    valid = np.zeros(len(end))
+    valid[sample] = 1
+
+    ages = np.zeros(len(end))
+    ages[sample] = age
+
+    def spread(values: Array, otherwise: float = 0.0) -> Array:
+        column = np.full((len(end), *values.shape[1:]), otherwise)
+        column[sample] = values[fix]
+        return column
+
+    columns = {
+        "gnss_valid": valid,
+        "gnss_age": ages,
+        "gnss_latitude": spread(gnss.latitude),
+        "gnss_longitude": spread(gnss.longitude),
+        "gnss_height": spread(gnss.height),
+        "gnss_position_sigma": spread(gnss.position_sigma, 1.0),
+    }
+    if gnss.velocity_n is not None and gnss.velocity_sigma is not None:
+        columns["gnss_velocity_valid"] = valid
+        columns["gnss_velocity_n"] = spread(gnss.velocity_n)
+        columns["gnss_velocity_sigma"] = spread(gnss.velocity_sigma, 1.0)
+    return columns, int(inside - len(fix))

@@ -15,7 +15,7 @@ from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
 from insenv.report.document import Page, Table
-from insenv.report.page.report import room, shown_records
+from insenv.report.page import room, shown_records
 from insenv.report.panels import TRUTH_GROUP, Band, Curve, Panel, Picture, Section, TimePanel, TrackPanel
 from insenv.report.run_data import RunData, has_fixes, without_fixes
 from insenv.report.tables import (

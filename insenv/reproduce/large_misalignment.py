@@ -14,18 +14,24 @@ difference of the two runs is due to the method.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
+from insenv.core.model import Model, Step
+from insenv.core.runner import make_runner
 from insenv.core.tables import Array
-from insenv.estimators import lssvm
+from insenv.estimators import get, lssvm
 from insenv.report.panels import Curve, Picture, TimePanel
-from insenv.reproduce import Quantity, limits, rms, update_time
+from insenv.reproduce import Quantity, limits, rms
 from insenv.reproduce.unit_limits import bias_errors_deg
 from insenv.runs.ensemble import Ensemble, ensemble
-from insenv.scenario import limit_of, load
+from insenv.scenario import build, limit_of, load
+from insenv.scenario.inputs import input_rows
 
 EKF, SUKF, LSSVM = "aqe-ekf", "aqe-sukf", "lssvm"
 IDS = (EKF, SUKF, LSSVM)
@@ -79,12 +85,12 @@ def quantities() -> list[Quantity]:
             share = _converged(_run(name, drawn=True), id)
             rows.append(_row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, printed, None, note))
     for what, id, steps in (
-        (SUKF, SUKF, update_time.SUKF),
-        (LSSVM, LSSVM, update_time.LSSVM),
-        (f"{LSSVM}, inference alone", LSSVM, update_time.INFER),
+        (SUKF, SUKF, SUKF_STEPS),
+        (LSSVM, LSSVM, LSSVM_STEPS),
+        (f"{LSSVM}, inference alone", LSSVM, INFER_STEPS),
     ):
         note = "time on this machine, native, one update per second of GNSS: compare ratios"
-        rows.append(Quantity(f"{what}, time of a filter update", "us", None, update_time.microseconds(id, steps), note=note))
+        rows.append(Quantity(f"{what}, time of a filter update", "us", None, microseconds(id, steps), note=note))
     return rows + _baseline() + _readings()
 
 
@@ -253,3 +259,38 @@ def _settled(run: Ensemble, id: str) -> float:
     last = np.where(wrong.any(axis=1), wrong.shape[1] - np.argmax(wrong[:, ::-1], axis=1), 0)
     times = np.r_[run.time, np.inf][last]
     return float(np.median(times))
+
+
+# Time of one filter update: the steps that run on a fix, without inertial samples, in the native loop.
+
+REPETITIONS = 5
+UPDATES = 50_000
+WARM_UP_S = 60.0
+SUKF_STEPS = ("predict", "gnss")
+LSSVM_STEPS = ("fix", "infer")
+INFER_STEPS = ("infer",)
+
+
+def microseconds(id: str, steps: tuple[str, ...]) -> float:
+    """Median time (us) of the named steps over repetitions, with the state and fix at the end of a warm-up run."""
+    estimator, plant = get(id), build(load("large-misalignment"), duration_s=WARM_UP_S)
+    columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples)))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    rows = input_rows(estimator.model, columns, plant.samples)
+    warm = make_runner(estimator.model, estimator.parameters(plant.knowledge))
+    warm.run(plant.samples, rows, 0)
+    fix = rows[columns["gnss_valid"] != 0][-1]
+
+    runner = make_runner(_alone(estimator.model, {step: Step(estimator.model.steps[step].function) for step in steps}), warm.p)
+    taken = []
+    for _ in range(REPETITIONS):
+        runner.x[:] = warm.x
+        begin = time.process_time()
+        runner.run(UPDATES, fix, 0)
+        taken.append(time.process_time() - begin)
+    return statistics.median(taken) / UPDATES * 1e6
+
+
+def _alone(model: Model, steps: Mapping[str, Step]) -> Model:
+    """The model with only these steps, which run on every advance."""
+    return replace(model, id=f"{model.id}-{'-'.join(steps)}", steps=steps)

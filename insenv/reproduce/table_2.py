@@ -24,7 +24,7 @@ from insenv.estimators import get
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, TimePanel
 from insenv.reproduce import Quantity, both, rms
 from insenv.scenario import Scenario, build, load
-from insenv.scenario.chunks import chunks, input_rows
+from insenv.scenario.inputs import chunks, input_rows
 from insenv.sensors import units
 
 CORRECTED, PRINTED = "wander-sins", "wander-sins-plain"

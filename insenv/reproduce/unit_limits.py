@@ -2,17 +2,30 @@
 
 The limit of `insenv.limit` is over an ensemble of units: a bias given as a number counts as one standard deviation.  For one
 unit, whose biases no alignment can tell from attitude, the error is that of its biases and what white noise leaves besides.
+
+The mean errors of the sensors rotate the apparent vertical and the apparent east: no algorithm that knows only the
+place can distinguish this from attitude. With the components of the mean errors in n (biases rotate with the body), the
+errors of attitude, estimate minus truth, are
+
+    about north = -b_aE / g,   about east = b_aN / g,   about down = (b_aE / g) tan L - b_gE / (omega_ie cos L)
+
+This is (42) of the ECEF fine-alignment paper and (15) of the swaying-base paper. Correction to (42), which gives the
+two parts of heading the same sign: the balance omega_ie x phi = -b_g of the paper's own error equation gives them
+opposite signs, and its simulated heading (-0.00944 deg) agrees with that limit (-0.0096), not with the printed one
+(-0.01195).
 """
 
 from __future__ import annotations
 
 from math import erf, exp, pi, sqrt
+from typing import Any
 
 import numpy as np
 
+from insenv import geodesy
 from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE
-from insenv.evaluation.limits import Limit, closed_forms
+from insenv.evaluation.limits import Limit
 from insenv.runs.ensemble import Ensemble
 from insenv.scenario import Plant, build, limit_of
 
@@ -28,7 +41,7 @@ def noise_limit(plant: Plant) -> Limit:
 def bias_errors_deg(run: Ensemble) -> Array:
     """Errors of roll, pitch and heading (seeds, 3), deg, that the sensor errors of each seed's unit cause."""
     known = run.plants[0].knowledge
-    tilts = [closed_forms.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in run.sensor_error_n]
+    tilts = [bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in run.sensor_error_n]
     return np.degrees(tilts)
 
 
@@ -58,3 +71,14 @@ def _folded(mean: float, sigma: float) -> float:
     """Mean of |x| of a normal distribution."""
     ratio = mean / sigma
     return sigma * sqrt(2 / pi) * exp(-(ratio**2) / 2) + mean * erf(ratio / sqrt(2))
+
+
+def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: Any, height: Any) -> Array:
+    """Attitude errors about north, east, down (..., 3, rad) from mean sensor errors in n (..., 3; rad/s, m/s^2).
+
+    latitude rad, height m (...). The sign is that of the rotation vector of estimate times inverse truth, in n.
+    """
+    g = geodesy.numeric.normal_gravity(np.sin(latitude), height)
+    north, east = -accel_error_n[..., 1] / g, accel_error_n[..., 0] / g
+    down = -north * np.tan(latitude) - gyro_error_n[..., 1] / (geodesy.OMEGA_IE * np.cos(latitude))
+    return np.stack([north, east, down], axis=-1)

@@ -17,7 +17,7 @@ from insenv.core.tables import Array
 from insenv.estimators import EstimatorsLike, get_all
 from insenv.evaluation.errors import wrapped_deg
 from insenv.scenario import Plant, ScenarioLike, build, load
-from insenv.scenario.chunks import chunks, input_rows, recording_interval
+from insenv.scenario.inputs import chunks, input_rows, recording_interval
 from insenv.sensors import SENSOR_ERROR
 
 SAMPLES_AT_ONCE = 200_000  # seeds times samples that are simulated before the estimators take them: about 100 MB

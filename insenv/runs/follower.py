@@ -15,7 +15,7 @@ from insenv.core.runner import Runner, make_runner
 from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.evaluation.health import Health, fixes_count_less, health, models_slow_errors, no_fix
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 SHORT = 1e-12
 """Squared norm below which a quaternion is no attitude."""

@@ -33,10 +33,10 @@ from insenv.core.tables import Array
 from insenv.estimators import Estimator, Knowledge, get
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.logs import RecordedLog
-from insenv.runs.log_samples import sample_columns
+from insenv.logs.instruments import sample_columns
 from insenv.runs.rest import wrapped
 from insenv.runs.standing_readings import Heading
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 COUNT = 12
 SPACING = 2 * np.pi / COUNT

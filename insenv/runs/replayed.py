@@ -24,19 +24,19 @@ from insenv.evaluation.outages import Antenna, Fixes, Outages, outages_of
 from insenv.evaluation.specific_force import VelocityChanges, specific_force
 from insenv.logs import RecordedLog, Reference, load
 from insenv.logs.description import EvaluationSection
+from insenv.logs.instruments import sample_columns
 from insenv.logs.outages import OutagesLike, Withheld, listed, withheld
 from insenv.logs.reference import at_imu, body_rate
 from insenv.logs.rest import REST_WINDOW_S, travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.log_remarks import fixes_delayed, latitude_at_rest, noise_in_motion, standstill_missed, unseen
-from insenv.runs.log_samples import sample_columns
 from insenv.runs.reference_check import reference_notes
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, rounding, start_time
 from insenv.runs.simulated import follower_of, members, result_of
 from insenv.runs.standing_readings import with_datum
 from insenv.runs.velocity_changes import velocity_changes
-from insenv.scenario.chunks import RECORDS, chunks, recording_interval
+from insenv.scenario.inputs import RECORDS, chunks, recording_interval
 
 
 def replay(

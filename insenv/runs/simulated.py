@@ -23,8 +23,8 @@ from insenv.runs.follower import Follower
 from insenv.runs.function import Called, EstimateFunction, FunctionFollower, parted, sample_names
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
-from insenv.scenario.chunks import bridge_lost, chunks, recording_interval
 from insenv.scenario.files import named_estimators
+from insenv.scenario.inputs import bridge_lost, chunks, recording_interval
 from insenv.sensors import IMU
 from insenv.sensors.imu import true_unit_errors
 

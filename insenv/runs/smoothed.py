@@ -24,7 +24,7 @@ from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.adjoint import Smoothing, used_row
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 from insenv.runs.follower import Follower, diverged
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 BLOCK = 2000  # samples filtered at a time: 7 MB
 

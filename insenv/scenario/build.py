@@ -17,8 +17,8 @@ from insenv.core import noise
 from insenv.core.model import Model
 from insenv.core.tables import Table, Vector, check_rows
 from insenv.estimators import Knowledge
-from insenv.scenario.commands import DRIVEN, commanded
 from insenv.scenario.description import MAX_SEED, KnowledgeSection, Scenario
+from insenv.scenario.inputs import DRIVEN, commanded
 from insenv.scenario.plant import Plant, plant_model
 from insenv.scenario.poles import check_course
 from insenv.sensors import IMU, Sensor

@@ -17,8 +17,8 @@ from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.tables import Row, Table, Vector
 from insenv.estimators import Estimator, Knowledge, get
 from insenv.estimators.settings import Settings, choices_in, settings_of
-from insenv.scenario.commands import Commanded, input_rows
 from insenv.scenario.description import Scenario
+from insenv.scenario.inputs import Commanded, commanded_rows
 from insenv.sensors import GNSS, IMU, Sensor
 from insenv.vehicles import Vehicle, truth_instant, truth_part
 
@@ -95,7 +95,7 @@ class Plant:
 
     def inputs(self, begin: int, count: int) -> Vector | None:
         """Inputs (count, inputs.size) of the samples from `begin` on; None if the scenario has no commands."""
-        return input_rows(self.model, self.commands, begin, count)
+        return commanded_rows(self.model, self.commands, begin, count)
 
     @cached_property
     def tunings(self) -> dict[str, dict[str, Any]]:

@@ -14,9 +14,8 @@ from insenv.base.errors import InputError
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
 from insenv.geodesy import POLAR_RADIUS
-from insenv.scenario.chunks import chunks
-from insenv.scenario.commands import PREFIX
 from insenv.scenario.description import Scenario
+from insenv.scenario.inputs import PREFIX, chunks
 from insenv.scenario.plant import Plant
 from insenv.vehicles.section import FASTEST_MPS
 

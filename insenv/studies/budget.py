@@ -31,8 +31,8 @@ from insenv.estimators import Estimator, get
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import ATTITUDE, statistics_from, wrapped_deg
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit, reseeded
-from insenv.scenario.chunks import recording_interval
 from insenv.scenario.error_sources import Source, sensors_of, sources_of, start_without, unknown_errors
+from insenv.scenario.inputs import recording_interval
 from insenv.sensors import Sensor
 from insenv.studies.budget_result import Budget
 from insenv.studies.campaign.block import Begun, in_pieces

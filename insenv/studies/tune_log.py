@@ -35,7 +35,7 @@ from insenv.evaluation.nis import NOTABLE
 from insenv.logs import RecordedLog
 from insenv.logs.formats import is_flight_log
 from insenv.runs.replayed import Prepared, prepared, replay
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 from insenv.studies.campaign.running import cores
 from insenv.studies.campaign.statistics import Estimate, student
 from insenv.studies.tune_result import Channel, Tuning

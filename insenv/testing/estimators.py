@@ -13,7 +13,7 @@ from insenv.core.tables import Vector
 from insenv.estimators import Estimator, get
 from insenv.estimators.parts.fed import misfed
 from insenv.scenario import Plant, ScenarioLike, build, load, names
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 from insenv.testing.models import check_backends, check_inputs, check_snapshots, check_tables, promised
 
 DURATION_S = 2.0

@@ -29,10 +29,9 @@ from insenv.report.page import assembled, check_size
 from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import start_normals, start_sigmas, stated_start_errors
-from insenv.scenario.chunks import recording_interval
-from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.files import named_estimators
+from insenv.scenario.inputs import PREFIX, VALID, recording_interval
 from insenv.web.controls import Control, Option, Trials, with_values
 from insenv.web.judging import findings, groups_of, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model

@@ -25,7 +25,7 @@ from insenv.fmu import export_fmu
 from insenv.fmu.running import run
 from insenv.fmu.subject import subject
 from insenv.scenario import Plant, build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 from insenv.studies.campaign import make_plan
 from insenv.studies.campaign.block import run_block
 from insenv.web.live import live

@@ -9,7 +9,7 @@ from insenv.core.runner import make_runner
 from insenv.envs import ManoeuvreEnv, TuningEnv, testing
 from insenv.envs.tuning import TUNED
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 from insenv.scenario.loop import loop_model
 
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}

@@ -13,9 +13,9 @@ from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get, registered
 from insenv.estimators.parts import quaternion_error
-from insenv.evaluation.limits import closed_forms
+from insenv.reproduce.unit_limits import bias_tilts
 from insenv.scenario import load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 NEAR = {  # scenario, duration (s), largest sigma of roll and pitch and of heading at its end, in units of the smallest possible
     "analytic": ("static-ecef", 300.0, 1.1, 1.1),
@@ -115,7 +115,7 @@ def test_errors_from_biases_are_those_of_theory(id, seconds, level, given, axis,
     for gyro_bias, accel_bias, near in ((np.radians(0.008) / 3600, 0.0, drifted), (0.0, 5e-5 * 9.8, level)):
         gyro, accel = gyro_bias * bias, accel_bias * bias
         runner = at_rest(id, [1.0, 0, 0, 0], latitude, seconds, gyro_bias=gyro, accel_bias=accel, parameters=given)
-        expected = closed_forms.bias_tilts(gyro, accel, latitude, 0.0)
+        expected = bias_tilts(gyro, accel, latitude, 0.0)
         assert np.allclose(attitude_error(runner, [1.0, 0, 0, 0]), expected, rtol=0.02, atol=near)
 
 

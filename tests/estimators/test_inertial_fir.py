@@ -12,10 +12,10 @@ from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get, inertial_fir
 from insenv.estimators.inertial_fir import BLOCK_S, FILTERS, STRIDES
-from insenv.evaluation.limits import closed_forms as limits
 from insenv.geodesy import OMEGA_IE
+from insenv.reproduce.unit_limits import bias_tilts
 from insenv.scenario import load, parse
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 from insenv.studies.campaign.block import run_block
 from insenv.studies.campaign.plan import make_plan
 
@@ -140,7 +140,7 @@ def test_a_day_at_rest():
     columns, model = samples(LEVEL, latitude, 0.1, 0.1, gyro_bias=bias), get("inertial-fir").model
     runner = make_runner(model, {"latitude": latitude, "block_samples": 1, "gyro_bias_sigma": 4e-8})
     runner.run(864_000, input_rows(model, columns, 1)[0], 0)
-    assert np.allclose(attitude_error(runner, LEVEL), limits.bias_tilts(bias, np.zeros(3), latitude, 0.0), atol=4e-5)
+    assert np.allclose(attitude_error(runner, LEVEL), bias_tilts(bias, np.zeros(3), latitude, 0.0), atol=4e-5)
     v, t, vt = (float(runner.state[name]) for name in ("velocity_variance", "tilt_variance", "velocity_tilt"))
     assert v > 0 and t > 0 and vt * vt < v * t
 

@@ -19,7 +19,7 @@ from insenv.estimators.velocity_integration import estimator as velocity_integra
 from insenv.estimators.velocity_integration.estimator import BY_FIXES, BY_LOG
 from insenv.estimators.velocity_integration.source import ALPHA, DRIFT, OF_SCALAR, OF_VECTOR
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 from insenv.studies.campaign.block import run_block
 from insenv.studies.campaign.plan import make_plan
 

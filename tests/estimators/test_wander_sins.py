@@ -10,7 +10,7 @@ from insenv.bench import truth
 from insenv.bench.truth import drift_ned
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.parts import vertical_channel
+from insenv.estimators.parts import applicability
 
 
 def test_the_plain_form_is_of_first_order(monkeypatch):
@@ -50,7 +50,7 @@ def test_height_diverges_with_the_stated_time_constant():
             runner.run(1800, inputs, 0)
             heights[-1].append(runner.state["height"])
     grown = (np.array(heights[1]) - heights[0]) / 1e-3
-    assert np.allclose(grown, np.cosh(np.array([1800.0, 3600.0]) / vertical_channel.TIME), rtol=0.02)
+    assert np.allclose(grown, np.cosh(np.array([1800.0, 3600.0]) / applicability.HEIGHT_TIME), rtol=0.02)
 
 
 def test_the_plain_form_takes_the_mean_of_the_last_two_increments():

@@ -9,7 +9,7 @@ from insenv.base.errors import InputError
 from insenv.base.resources import examples_folder
 from insenv.estimators import get
 from insenv.logs import load
-from insenv.runs.log_samples import sample_columns
+from insenv.logs.instruments import sample_columns
 from insenv.runs.replay_start import initial_knowledge
 from insenv.scenario import build
 

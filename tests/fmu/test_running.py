@@ -21,7 +21,7 @@ from insenv.fmu import run
 from insenv.fmu.exporter import signals
 from insenv.fmu.reading import read_variable
 from insenv.fmu.running import Series, flattened, read_csv, write_csv
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 ID, PLANT = "qakf-improved", "ship-swaying"
 MODEL = subject_of(ID)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from insenv.core.runner import make_runner
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 
 def columns_of(plant, **rows):

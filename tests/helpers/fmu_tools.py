@@ -16,7 +16,7 @@ from insenv.core.runner import make_runner
 from insenv.fmu import export_fmu
 from insenv.fmu.subject import SCENARIOS, Subject, subject
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 INTERVAL = 0.005
 """Sample interval of the scenarios used here, s."""

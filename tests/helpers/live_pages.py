@@ -9,8 +9,7 @@ from pathlib import Path
 from peers import program
 
 from insenv.base.resources import web_folder
-from insenv.report.page import assembled
-from insenv.report.page.html import joined
+from insenv.report.page import assembled, joined
 from insenv.web.live import Live, live, live_document
 
 SHIP = ("ship-swaying", ("q-method",), 60.0)

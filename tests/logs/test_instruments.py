@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insenv.runs.log_samples import sample_columns
+from insenv.logs.instruments import sample_columns
 
 FILES = {"barometer": "510", "magnetometer": "20000,-1000,-43000", "odometer": "36", "dvl": "1,2,3", "heading": "90,0.5"}
 EARLIER = {"barometer": "0", "magnetometer": "1,1,1", "odometer": "0", "dvl": "0,0,0", "heading": "0,1"}

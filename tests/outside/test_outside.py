@@ -18,7 +18,7 @@ from insenv.base.errors import InputError
 from insenv.envs import AlignmentEnv, AlignmentVectorEnv, ManoeuvreEnv, agents
 from insenv.estimators import Drive, registered
 from insenv.estimators.fusion.family import aids_of
-from insenv.sensors.instrument_section import section_of
+from insenv.sensors.registry import section_of
 
 PACKAGE = ROOT / "examples" / "insenv-rail"
 CAR = {

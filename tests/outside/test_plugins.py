@@ -21,8 +21,7 @@ from insenv.estimators import registry as estimators
 from insenv.scenario import Scenario, build
 from insenv.scenario.plant import plant_model
 from insenv.sensors import registry as sensors
-from insenv.sensors.instrument_section import section_of
-from insenv.sensors.registry import instruments
+from insenv.sensors.registry import instruments, section_of
 from insenv.vehicles import registry as vehicles
 
 START = {"title": "t", "duration_s": 1, "start": {"latitude_deg": 50, "longitude_deg": 8}}

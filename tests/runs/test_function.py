@@ -10,7 +10,7 @@ import insenv
 from insenv.base.errors import InputError, InsenvError
 from insenv.core.runner import make_runner
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 
 def stepped(scenario: str, id: str, seed: int) -> Any:

@@ -8,7 +8,7 @@ from changed_scenario import changed
 
 from insenv import campaign, run
 from insenv.scenario import load
-from insenv.scenario.chunks import chunks
+from insenv.scenario.inputs import chunks
 
 
 def test_progress_is_reported_to_the_end(monkeypatch):

@@ -9,7 +9,7 @@ from insenv.core.model import derived
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 from insenv.scenario.loop import loop_model
 
 SAMPLES = 220  # a fix, some tens of covariances, the first windows

@@ -15,7 +15,7 @@ from selenium.webdriver.common.by import By
 
 import insenv
 from insenv.report import OutputFolder, write_files
-from insenv.report.page.html import LIMIT
+from insenv.report.page import LIMIT
 from insenv.report.tables import error_rows, number
 from insenv.web.live import live_document
 

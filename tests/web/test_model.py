@@ -11,7 +11,7 @@ from live_pages import CAR, SHIP, answers, in_node, live_page
 import insenv
 from insenv.base.keys import FORMS
 from insenv.bench.page_machine import PageMachine
-from insenv.report.page.html import worker_script
+from insenv.report.page import worker_script
 from insenv.web.controls import with_values
 from insenv.web.live import live_document
 

@@ -13,7 +13,7 @@ from selenium.webdriver.common.by import By
 
 import insenv
 from insenv.report.of_run import in_a_turn, run_page
-from insenv.report.page.report import BYTES, Pool, html, page_json, shown_records
+from insenv.report.page import BYTES, Pool, html, page_json, shown_records
 from insenv.report.panels import threshold_of
 from insenv.report.tables import error_rows, number
 

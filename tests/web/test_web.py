@@ -10,7 +10,7 @@ from peers import program
 from places import ROOT
 
 from insenv.base.errors import InsenvError
-from insenv.report.page.html import assembled, joined
+from insenv.report.page import assembled, joined
 
 VENDORED = {
     "web/vendor/uPlot/uPlot.iife.min.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",

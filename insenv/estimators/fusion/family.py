@@ -27,7 +27,7 @@ from insenv.estimators.fusion.in_place import SHAKEN
 from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNKNOWN_ARM
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
-from insenv.estimators.parts import applicability, vertical_channel
+from insenv.estimators.parts import applicability
 from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
 from insenv.estimators.parts.finding import Finding
 from insenv.estimators.velocity_integration.estimator import OLDEST
@@ -285,7 +285,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
                 if by_earth_rate
                 else ()
             ),
-            *(() if _holds(filter, "vertical") else vertical_channel.by_bias(parameters, duration_s)),
+            *(() if _holds(filter, "vertical") else applicability.drifting_height(parameters, duration_s)),
             *(() if _holds(filter, "horizontal") else applicability.free_start(parameters, duration_s)),
             *(() if _holds(filter, "heading") or _gyrocompasses(ids, parameters) else (NO_HEADING,)),
             *(applicability.drifting_heading(parameters, duration_s) if IN_PLACE in ids else ()),

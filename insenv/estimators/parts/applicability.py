@@ -12,12 +12,12 @@ from place to place.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import cos, degrees, hypot, pi, sqrt, tan
+from math import cos, cosh, degrees, hypot, pi, sqrt, tan
 from typing import Any
 
 from insenv.base.remarks import Caveat, Remark, declared, remark
 from insenv.estimators.contract import Notes
-from insenv.geodesy import NOMINAL_GRAVITY, OMEGA_IE, A
+from insenv.geodesy import MEAN_RADIUS, NOMINAL_GRAVITY, OMEGA_IE, A
 
 DOUBTFUL = 0.1
 """rad: a larger heading error gives a note; as a ratio, gyro error over horizontal Earth rate."""
@@ -240,3 +240,45 @@ def _heading_error(parameters: Mapping[str, Any], duration_s: float) -> tuple[fl
         level = degrees(by_tilt / abs(tan(latitude)))
         why = f"the accelerometers level to {level:.2g} deg, at {degrees(latitude):.4g} deg of latitude"
     return hypot(by_gyro, by_tilt), why
+
+
+# Why free-inertial height diverges: an error of height changes gravity, and gravity the height.
+#
+# Of an error dh of the height, gravity computed at h + dh lacks 2 g / R dh, so dh'' = 2 g / R dh: a solution grows as
+# exp(t / T) with T = sqrt(R / 2 g), and an error at the start by the factor cosh(t / T). Britting (1971), chapter 6.
+
+HEIGHT_TIME = sqrt(MEAN_RADIUS / (2.0 * NOMINAL_GRAVITY))
+"""T: s, 570."""
+NOTED_GROWTH = 2.0
+"""Growth from which there is a note: after 750 s."""
+NOTED_HEIGHT_ERROR = 5.0
+"""m: a smaller error of the height is not noted."""
+
+
+@remark(
+    "height-drifts",
+    "none of the aids holds the height of a vehicle that moves: an accelerometer bias of accel_bias_sigma makes an error of "
+    "{error:.2g} m in {duration:g} s. Add a barometer, GNSS, a Doppler log or, for wheels, non_holonomic",
+)
+def drifting_height(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """The height of a filter whose aids do not hold it, where its error has begun to count.
+
+    parameters: ``accel_bias_sigma`` (m/s^2) and ``position_sigma`` (3, m) by name.  A bias b makes the error
+    b T^2 (cosh(t / T) - 1).
+    """
+    growth = cosh(min(duration_s / HEIGHT_TIME, 700.0)) - 1.0
+    error = float(parameters["accel_bias_sigma"]) * HEIGHT_TIME**2 * growth
+    if error < max(NOTED_HEIGHT_ERROR, float(parameters["position_sigma"][2])):
+        return None
+    return {"error": error, "duration": duration_s}
+
+
+@remark(
+    "height-unaided",
+    f"nothing aids the height: its errors grow by a factor e every {HEIGHT_TIME:.0f} s, sqrt(R / 2 g), those of the start by "
+    "{growth:.2g} in {duration:g} s; use an estimator with GNSS where the height matters",
+)
+def unaided_height(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """The height of an estimator without aiding, after `duration_s`, where it has begun to count."""
+    growth = cosh(min(duration_s / HEIGHT_TIME, 700.0))
+    return None if growth < NOTED_GROWTH else {"growth": growth, "duration": duration_s}

@@ -21,8 +21,8 @@ from insenv.estimators import Estimator
 from insenv.runs.simulated import members
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, reseeded
 from insenv.scenario.build import seed_and_duration
-from insenv.scenario.chunks import recording_interval
 from insenv.scenario.description import MAX_SEED
+from insenv.scenario.inputs import recording_interval
 from insenv.studies.campaign.model import Measured, measured_model
 from insenv.studies.campaign.variation import (
     Variation,

@@ -16,7 +16,7 @@ from insenv.core.runner import make_runner
 from insenv.estimators.parts.error_model import GYRO, POSITION, TILT
 from insenv.estimators.velocity_integration import source
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 UNKNOWN = {"heading_sigma_deg": 180.0}
 NAVIGATION = ("north_m", "east_m", "down_m", "vn_mps", "ve_mps", "vd_mps")

@@ -10,7 +10,7 @@ from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.fusion import zero_velocity
 from insenv.scenario import build, load
-from insenv.scenario.chunks import input_rows
+from insenv.scenario.inputs import input_rows
 
 MODEL = get("loosely-coupled").model
 FLAG = MODEL.state.slice("standing_now").start

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from insenv.scenario.chunks import bridge_lost
+from insenv.scenario.inputs import bridge_lost
 
 
 def test_lost_samples_are_interpolated_and_held_at_the_ends():
