@@ -103,15 +103,19 @@ if not TYPE_CHECKING:
 # --- how a key is declared -------------------------------------------------------------------------
 
 
-def key(default: Any, meaning: str, unit: str = "", *, row: str = "", convert: Conversion | None = None, **limits: Any) -> Any:
+def key(default: Any, meaning: str, unit: str = "", *, row: Any = "", convert: Conversion | None = None, **limits: Any) -> Any:
     """A key: its default (... if required), meaning, unit and limits (`gt`, `ge`, `lt`, `le`, `max_length` ...).
 
-    row: the parameter row that it sets (`insenv.base.keys.rows_of`), if it is one.  convert: to the row's SI unit; None: the
-    conversion of the key's unit.
+    row: the parameter row that it sets (`insenv.base.keys.rows_of`), if it is one: its name, or the row, whose range is then
+    that of the key.  convert: to the row's SI unit; None: the conversion of the key's unit.
     """
+    convert = convert or BY_UNIT.get(unit, SAME)
+    if not isinstance(row, str):
+        ends = {"ge": float(convert.back(row.lower)), "le": float(convert.back(row.upper))}
+        row, limits = row.name, {name: int(end) if end.is_integer() else end for name, end in ends.items()} | limits
     field = Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
     if row:
-        field.metadata.append(SetsRow(row, convert or BY_UNIT.get(unit, SAME)))
+        field.metadata.append(SetsRow(row, convert))
     return field
 
 

@@ -354,7 +354,7 @@ class GnssSection(_FIGURES, TimedSection):  # type: ignore[misc, valid-type]
     sensor: ClassVar[Sensor] = GNSS
 
     epoch_offset_s: Number = key(
-        0.0, "time from the epoch of a fix to its sample, below one sample", "s", row="gnss_epoch_offset", ge=0, le=1
+        0.0, "time from the epoch of a fix to its sample, below one sample", "s", row=GNSS_PARAMETERS["gnss_epoch_offset"]
     )
     lever_arm_m: LeverArm = key(
         _ZERO, "from the inertial unit to the antenna: forward, right, down", "m", row="antenna_lever_arm_b"
@@ -365,14 +365,14 @@ class GnssSection(_FIGURES, TimedSection):  # type: ignore[misc, valid-type]
     )
     delay_error_s: Number = key(
         0.0, "time by which a fix is older than its age says; latency and this from 0 to less than the interval",
-        "s", row="gnss_delay_error", ge=-3600, le=3600,
+        "s", row=GNSS_PARAMETERS["gnss_delay_error"],
     )  # fmt: skip
     delay_sigma_s: Number = key(
-        0.0, "that time, 1 sigma of a part drawn at the start", "s", row="gnss_delay_sigma", ge=0, le=3600
+        0.0, "that time, 1 sigma of a part drawn at the start", "s", row=GNSS_PARAMETERS["gnss_delay_sigma"]
     )
     velocity: bool = key(True, "whether fixes contain a velocity", row="gnss_has_velocity", strict=True)
     outlier_probability: Number = key(
-        0.0, "probability that a position is an outlier", row="gnss_outlier_probability", ge=0, le=1
+        0.0, "probability that a position is an outlier", row=GNSS_PARAMETERS["gnss_outlier_probability"]
     )
     outlier_size_m: Number = key(0.0, "length of an outlier", "m", row="gnss_outlier_size", ge=0, le=1e7)
 

@@ -282,7 +282,7 @@ class _ImuSection(SensorSection):
     mounting_error_deg: Rotation = key(
         (0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg", row="mounting_error"
     )
-    drop_probability: Number = key(0.0, "probability that a sample is lost", row="imu_drop_probability", ge=0, le=1)
+    drop_probability: Number = key(0.0, "probability that a sample is lost", row=IMU_PARAMETERS["imu_drop_probability"])
     temperature_start_degc: Number = key(20.0, "temperature at time 0", "deg C", row="imu_temperature_initial", ge=-100, le=200)
     temperature_end_degc: Number = key(20.0, "temperature after warm-up", "deg C", row="imu_temperature_final", ge=-100, le=200)
     temperature_reference_degc: Number = key(

@@ -24,9 +24,8 @@ from insenv.core.model import Values
 from insenv.core.tables import Array, Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
-from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker, along_all
-from insenv.vehicles.scripted import Gusts, scripted
+from insenv.vehicles.scripted import AIR_GUSTS, engine_phasors, scripted
 from insenv.vehicles.section import (
     MAX_LEGS,
     Actions,
@@ -39,6 +38,7 @@ from insenv.vehicles.section import (
     action,
     fastest,
     in_legs,
+    lasting,
     legs_of,
 )
 from insenv.vehicles.truth import SineCosine, Vehicle
@@ -100,10 +100,6 @@ _SLOPE = Tracker(("slope", "slope_rate", "slope_second"), "Slope of the path, cl
 _AIRBORNE = Tracker(
     ("airborne", "airborne_rate", "airborne_second"), "Share of the weight on the wings, 0 on the ground to 1", "1"
 )
-_GUSTS = Gusts("gust", (
-    ("gust_roll", "rad"), ("gust_pitch", "rad"), ("gust_yaw", "rad"),
-    ("gust_north", "m/s"), ("gust_east", "m/s"), ("gust_down", "m/s"),
-))  # fmt: skip
 _TRACKERS = (_SPEED, BANK, _SLOPE, _AIRBORNE)
 _TRACK = Table((
     Row("track", "Heading of the path, not wrapped", "rad"),
@@ -140,7 +136,7 @@ def aircraft(engine_components: int = 1) -> Vehicle:
     ``gust_<north|east|down>_sigma`` m/s), script (``segments``, ``segments_repeat``).
     `flight_plan` builds the script from physical quantities.
     """
-    engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
+    engine = engine_phasors(engine_components)
 
     def angles(p: Values, x: Values) -> list[Any]:
         pitch = p.mean_pitch + climb_angle(x.slope) + p.angle_of_attack * x.airborne
@@ -165,7 +161,7 @@ def aircraft(engine_components: int = 1) -> Vehicle:
         parameters=PARAMETERS,
         script=SCRIPT,
         trackers=_TRACKERS,
-        gusts=_GUSTS,
+        gusts=AIR_GUSTS,
         engine=engine,
         heading=_TRACK,
         start=lambda p: {"track": p.start_heading, "speed": p.start_speed, "airborne": p.start_speed > p.take_off_speed},
@@ -198,7 +194,7 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         **BANK.hold(x, h, bank, p.bank_bandwidth, p.bank_rate_limit),
         **_SLOPE.hold(x, h, slope, p.climb_bandwidth, p.pull_limit / fast),
         **_AIRBORNE.hold(x, h, flies, p.climb_bandwidth),
-        **_GUSTS.hold(p, x, p.gust_bandwidth, r),
+        **AIR_GUSTS.hold(p, x, p.gust_bandwidth, r),
         **SCRIPT.count(p, x),
     }
     end = along_all((_SPEED, BANK), SimpleNamespace(**{**vars(x), **held}), h)
@@ -260,8 +256,8 @@ class AircraftLeg(LegSection):
 
     kinds: ClassVar[tuple[str, ...]] = ("wait_s", "fly_s", "line_m", "speed_mps", "climb_to_m", "turn_deg")
 
-    wait_s: Number | None = key(None, "keep speed and direction for this time", "s", gt=0, le=86400)
-    fly_s: Number | None = key(None, "go straight on for this time", "s", gt=0, le=86400)
+    wait_s: Number | None = lasting("keep speed and direction for this time")
+    fly_s: Number | None = lasting("go straight on for this time")
     line_m: Number | None = key(None, "go straight on for this distance over ground", "m", gt=0, le=1e7)
     speed_mps: Number | None = key(None, "change to this speed; the leg ends when it is reached", "m/s", ge=0, le=340)
     climb_to_m: Number | None = key(None, "climb or descend to this height above the ellipsoid", "m", ge=-1000, le=50000)
@@ -337,9 +333,9 @@ class AircraftSection(GustsSection):
     angle_of_attack_deg: Number = key(
         2.0, "pitch above the flight path in the air", "deg", row="angle_of_attack", ge=-15, le=15
     )
-    take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", row="take_off_speed", ge=1, le=200)
+    take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", row=PARAMETERS["take_off_speed"])
     start_speed_mps: Number = key(
-        0.0, "speed at time 0; in the air if above the take-off speed", "m/s", row="start_speed", ge=0, le=340
+        0.0, "speed at time 0; in the air if above the take-off speed", "m/s", row=PARAMETERS["start_speed"]
     )
     legs: tuple[AircraftLeg, ...] = key((), "the flight, leg by leg; a parked aircraft only waits", max_length=MAX_LEGS)
     repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)

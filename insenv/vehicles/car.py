@@ -20,9 +20,8 @@ from insenv.base.toml import Number, key
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Values
 from insenv.core.tables import Array, Row, Table
-from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker
-from insenv.vehicles.scripted import Gusts, scripted
+from insenv.vehicles.scripted import Gusts, engine_phasors, scripted
 from insenv.vehicles.section import (
     MARGIN_MPS,
     MAX_LEGS,
@@ -38,6 +37,7 @@ from insenv.vehicles.section import (
     engine_rows,
     fastest,
     in_legs,
+    lasting,
     legs_of,
 )
 from insenv.vehicles.truth import SineCosine, Vehicle
@@ -129,7 +129,7 @@ def car(engine_components: int = 1) -> Vehicle:
     ``wind_pitch_sigma``), script (``segments``, ``segments_repeat``). `car_route`
     builds the script from physical quantities.
     """
-    engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
+    engine = engine_phasors(engine_components)
 
     def angles(p: Values, x: Values) -> list[Any]:
         return [
@@ -209,23 +209,21 @@ class CarLeg(LegSection):
     accelerate_to_mps: Number | None = key(
         None, "change to this speed; the leg ends when it is reached, or after duration_s", "m/s", ge=0, le=100
     )
-    drive_s: Number | None = key(None, "drive straight on for this time", "s", gt=0, le=86400)
+    drive_s: Number | None = lasting("drive straight on for this time")
     turn_deg: Number | None = key(
         None, "turn by this angle, right positive, with duration_s or radius_m", "deg", ge=-3600, le=3600
     )
-    stop_s: Number | None = key(None, "brake, then stand for this time", "s", gt=0, le=86400)
-    wait_s: Number | None = key(None, "keep speed and direction for this time", "s", gt=0, le=86400)
-    duration_s: Number | None = key(None, "duration of the turn or of the change of speed", "s", gt=0, le=86400)
+    stop_s: Number | None = lasting("brake, then stand for this time")
+    wait_s: Number | None = lasting("keep speed and direction for this time")
+    duration_s: Number | None = lasting("duration of the turn or of the change of speed")
     radius_m: Number | None = key(None, "radius of the turn", "m", gt=0, le=1e6)
     acceleration_mps2: Number | None = key(None, "largest acceleration, from this leg on (initially 2)", "m/s2", gt=0, le=15)
     grade_percent: Number | None = key(
-        None, "slope of the road, from this leg on", "%", row="slope", convert=Conversion("product", 0.01), ge=-40, le=40
+        None, "slope of the road, from this leg on", "%", row=SCRIPT["slope"], convert=Conversion("product", 0.01)
     )
     load_roll_deg: Number | None = key(None, "roll due to the load, from this leg on", "deg", row="load_roll", ge=-10, le=10)
     load_pitch_deg: Number | None = key(None, "pitch due to the load, from this leg on", "deg", row="load_pitch", ge=-10, le=10)
-    load_down_m: Number | None = key(
-        None, "displacement down due to the load, from this leg on", "m", row="load_down", ge=-0.2, le=0.2
-    )
+    load_down_m: Number | None = key(None, "displacement down due to the load, from this leg on", "m", row=SCRIPT["load_down"])
 
 
 def car_route(legs: Legs, start_speed_mps: float = 0.0, speed_bandwidth: float = 3.0) -> Array:
@@ -271,7 +269,7 @@ class CarSection(VehicleSection):
     wind_roll_sigma_deg: Number = key(0.0, "roll due to wind, standard deviation", "deg", row="wind_roll_sigma", ge=0, le=5)
     wind_pitch_sigma_deg: Number = key(0.0, "pitch due to wind, standard deviation", "deg", row="wind_pitch_sigma", ge=0, le=5)
     wind_correlation_s: Number = key(3.0, "correlation time of the wind", "s", row="wind_time_constant", ge=0.01, le=1e6)
-    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", row="start_speed", ge=0, le=100)
+    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", row=PARAMETERS["start_speed"])
     legs: tuple[CarLeg, ...] = key((), "the drive, leg by leg; a parked car only waits", max_length=MAX_LEGS)
     repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 

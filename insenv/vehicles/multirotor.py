@@ -21,9 +21,8 @@ from insenv.core.elementary import clamp
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script, Tracker
-from insenv.vehicles.scripted import Gusts, scripted
+from insenv.vehicles.scripted import AIR_GUSTS, engine_phasors, scripted
 from insenv.vehicles.section import (
     MAX_LEGS,
     Engine,
@@ -35,6 +34,7 @@ from insenv.vehicles.section import (
     VehicleTraits,
     fastest,
     in_legs,
+    lasting,
     legs_of,
 )
 from insenv.vehicles.truth import SineCosine, Vehicle
@@ -65,10 +65,6 @@ _CLIMB = Tracker(("climb", "climb_rate", "climb_second"), "Rate of climb", "m/s"
 _YAW = Tracker(("yaw_rate", "yaw_acceleration", "yaw_second"), "Yaw rate", "rad/s")
 _ROLL = Tracker(("tilt_roll", "tilt_roll_rate", "tilt_roll_second"), "Roll by which the thrust is inclined", "rad")
 _PITCH = Tracker(("tilt_pitch", "tilt_pitch_rate", "tilt_pitch_second"), "Pitch by which the thrust is inclined", "rad")
-_GUSTS = Gusts("gust", (
-    ("gust_roll", "rad"), ("gust_pitch", "rad"), ("gust_yaw", "rad"),
-    ("gust_north", "m/s"), ("gust_east", "m/s"), ("gust_down", "m/s"),
-))  # fmt: skip
 _TRACKERS = (_FORWARD, _RIGHT, _CLIMB, _YAW, _ROLL, _PITCH)
 
 PARAMETERS = Table((
@@ -95,7 +91,7 @@ def multirotor(rotor_components: int = 1) -> Vehicle:
     turbulence (``gust_time_constant``, ``gust_<roll|pitch|yaw>_sigma`` rad, ``gust_<north|east|down>_sigma`` m/s), script
     (``segments``, ``segments_repeat``).
     """
-    rotors = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, rotor_components)
+    rotors = engine_phasors(rotor_components)
 
     def angles(p: Values, x: Values) -> list[Any]:
         return [
@@ -119,7 +115,7 @@ def multirotor(rotor_components: int = 1) -> Vehicle:
         parameters=PARAMETERS,
         script=SCRIPT,
         trackers=_TRACKERS,
-        gusts=_GUSTS,
+        gusts=AIR_GUSTS,
         engine=rotors,
         heading=Table((Row("yaw", "Heading without gusts, not wrapped", "rad"),)),
         start=lambda p: {"yaw": p.start_heading},
@@ -145,7 +141,7 @@ def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         **_YAW.hold(x, h, x.commanded_yaw_rate, p.yaw_bandwidth),
         **_PITCH.hold(x, h, pitch, p.tilt_bandwidth),
         **_ROLL.hold(x, h, roll, p.tilt_bandwidth),
-        **_GUSTS.hold(p, x, p.gust_bandwidth, r),
+        **AIR_GUSTS.hold(p, x, p.gust_bandwidth, r),
         **SCRIPT.count(p, x),
     }
 
@@ -158,8 +154,8 @@ class MultirotorLeg(LegSection):
 
     kinds: ClassVar[tuple[str, ...]] = ("hover_s", "fly_s", "turn_deg")
 
-    hover_s: Number | None = key(None, "stay for this time", "s", gt=0, le=86400)
-    fly_s: Number | None = key(None, "fly for this time with forward_mps, right_mps and climb_mps", "s", gt=0, le=86400)
+    hover_s: Number | None = lasting("stay for this time")
+    fly_s: Number | None = lasting("fly for this time with forward_mps, right_mps and climb_mps")
     turn_deg: Number | None = key(
         None,
         "turn by this angle, right positive, over duration_s, with the velocities of the leg before",
@@ -167,10 +163,10 @@ class MultirotorLeg(LegSection):
         ge=-3600,
         le=3600,
     )
-    duration_s: Number | None = key(None, "duration of the turn", "s", gt=0, le=86400)
-    forward_mps: Number | None = key(None, "velocity along the heading; 0 if absent", "m/s", row="forward", ge=-50, le=50)
-    right_mps: Number | None = key(None, "velocity to the right of the heading; 0 if absent", "m/s", row="right", ge=-50, le=50)
-    climb_mps: Number | None = key(None, "rate of climb; 0 if absent", "m/s", row="climb_rate", ge=-20, le=20)
+    duration_s: Number | None = lasting("duration of the turn")
+    forward_mps: Number | None = key(None, "velocity along the heading; 0 if absent", "m/s", row=SCRIPT["forward"])
+    right_mps: Number | None = key(None, "velocity to the right of the heading; 0 if absent", "m/s", row=SCRIPT["right"])
+    climb_mps: Number | None = key(None, "rate of climb; 0 if absent", "m/s", row=SCRIPT["climb_rate"])
 
 
 class MultirotorSection(GustsSection):

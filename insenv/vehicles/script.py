@@ -36,6 +36,10 @@ class Script:
 
     commands: tuple[Row, ...]
 
+    def __getitem__(self, name: str) -> Row:
+        """The command of that name."""
+        return next(row for row in self.commands if row.name == name)
+
     @property
     def parameters(self) -> Table:
         """The table of segments, and whether to repeat it."""

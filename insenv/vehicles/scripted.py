@@ -92,6 +92,18 @@ class Gusts:
         return rows
 
 
+AIR_GUSTS = Gusts("gust", (
+    ("gust_roll", "rad"), ("gust_pitch", "rad"), ("gust_yaw", "rad"),
+    ("gust_north", "m/s"), ("gust_east", "m/s"), ("gust_down", "m/s"),
+))  # fmt: skip
+"""Those of a vehicle in the air."""
+
+
+def engine_phasors(components: int) -> Phasors:
+    """The vibration of an engine in roll, pitch (rad) and down (m); components: number of its angular frequencies."""
+    return Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, components)
+
+
 Hold = Callable[[Values, Values, Values, Any], dict[str, Any]]
 
 

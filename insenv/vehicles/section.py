@@ -98,7 +98,7 @@ class VehicleTraits:
 
 MAX_WAVES = 16
 MAX_LEGS = 64
-MAX_DURATION_S = 86400.0
+MAX_DURATION_S = 86400
 """Longest drive that is simulated."""
 FASTEST_MPS = 400.0
 """No vehicle of insenv is faster over the ground."""
@@ -191,6 +191,11 @@ class LegSection(Section):
     """One leg of a script: exactly one of the keys `kinds`, and further ones."""
 
     kinds: ClassVar[tuple[str, ...]]
+
+
+def lasting(meaning: str, default: Any = None) -> Any:
+    """A key of a leg: a time, at most that of the longest drive."""
+    return key(default, meaning, "s", gt=0, le=MAX_DURATION_S)
 
 
 AnyLeg = TypeVar("AnyLeg", bound=LegSection)

@@ -36,6 +36,7 @@ from insenv.vehicles.section import (
     VehicleTraits,
     fastest,
     in_legs,
+    lasting,
     legs_of,
 )
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
@@ -311,8 +312,8 @@ class ShipLeg(LegSection):
 
     speed_mps: Number | None = key(None, "go straight on and change to this speed in duration_s", "m/s", ge=0, le=60)
     turn_deg: Number | None = key(None, "turn by this angle in duration_s, right positive", "deg", ge=-3600, le=3600)
-    hold_s: Number | None = key(None, "go straight on for this time", "s", gt=0, le=86400)
-    duration_s: Number | None = key(None, "duration of the leg", "s", gt=0, le=86400)
+    hold_s: Number | None = lasting("go straight on for this time")
+    duration_s: Number | None = lasting("duration of the leg")
 
 
 def ship_course(legs: Legs, start_speed_mps: float = 0.0) -> Array:
@@ -344,7 +345,7 @@ class ShipSection(VehicleSection):
     steered_sea: bool = key(
         False, "whether commands change the size of a moored ship's motion and send a wave past it; pages use it", strict=True
     )
-    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", row="start_speed", ge=0, le=60)
+    start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", row=_UNDER_WAY_PARAMETERS["start_speed"])
     legs: tuple[ShipLeg, ...] = key((), "the course, leg by leg", max_length=MAX_LEGS)
     repeat_legs: bool = key(False, "repeat the legs", row="segments_repeat", strict=True)
 

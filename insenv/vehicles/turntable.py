@@ -22,7 +22,7 @@ from insenv.core.elementary import clamp
 from insenv.core.model import Values
 from insenv.core.tables import Array, Row, Table
 from insenv.vehicles.script import Script, Tracker, along_all, derivative_all
-from insenv.vehicles.section import MAX_LEGS, Actions, StartSection, VehicleSection, VehicleTraits, action, in_legs
+from insenv.vehicles.section import MAX_LEGS, Actions, StartSection, VehicleSection, VehicleTraits, action, in_legs, lasting
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 
 BANDWIDTH = 3.0
@@ -164,7 +164,7 @@ def three_axis_table() -> Vehicle:
 class TurntableLeg(Section):
     """One orientation, from that of [start]: an angle that is absent stays; the table turns there and then stands."""
 
-    duration_s: Number = key(..., "duration of the turn and the standing", "s", gt=0, le=86400)
+    duration_s: Number = lasting("duration of the turn and the standing", ...)
     roll_deg: Number | None = key(None, "angle of the roll axis", "deg", ge=-36000, le=36000)
     pitch_deg: Number | None = key(None, "angle of the pitch axis", "deg", ge=-36000, le=36000)
     heading_deg: Number | None = key(None, "angle of the heading axis", "deg", ge=-36000, le=36000)

@@ -23,6 +23,7 @@ from insenv.logs.units import ANGLE_UNITS
 from insenv.scenario.tracks.points import Points, checked
 from insenv.scenario.tracks.section import RecordedFile, knot_interval, spacing
 from insenv.scenario.tracks.shape import Shape, check_velocity, motion, shaped
+from insenv.vehicles.section import MAX_DURATION_S
 
 
 def _names(count: str, number: int) -> BeforeValidator:
@@ -77,7 +78,7 @@ class FmuSection(RecordedFile):
     file: str = key(..., "the FMU, relative to this TOML file; its code runs with your rights", min_length=1)
     outputs: Outputs = key(..., "the FMU's variables by meaning")
     parameters: dict[str, Number | bool | str] = key({}, "start values of the FMU's variables by name")
-    run_s: Positive = key(..., "time over which the FMU is run", "s", le=86400)
+    run_s: Positive = key(..., "time over which the FMU is run", "s", le=MAX_DURATION_S)
     step_s: Positive = key(0.1, "time between outputs", "s", le=60)
     max_contradiction_mps: Positive = key(
         0.05, "a larger difference between the velocities and the derivative of the positions is an error", "m/s", le=100

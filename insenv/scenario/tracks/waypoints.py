@@ -42,7 +42,7 @@ class Waypoint(PlaceSection):
     """A place of the plan."""
 
     speed_mps: Number = key(..., "speed over ground from here on; that of the last place does not count", "m/s", gt=0, le=1e3)
-    stop_s: Number = key(0.0, "time to stand here", "s", ge=0, le=86400)
+    stop_s: Number = key(0.0, "time to stand here", "s", ge=0, le=MAX_DURATION_S)
 
 
 _PASSES = declared(
