@@ -230,7 +230,7 @@ def _log(plant: Plant, columns: Mapping[str, Array]) -> RecordedLog:
         description=description_class().model_validate(_description(plant, gnss, readings, reference)),
         unit=scenario.imu.rows(scenario.rate_hz),
         instruments=tuple(each for each in readings if len(each.time)),
-        told=plant.knowledge.instruments,
+        stated_errors=plant.knowledge.instruments,
     )
 
 

@@ -216,7 +216,7 @@ def rows_table(table: Table) -> str:
 
 
 def instrument_tables(part: Literal["measurement", "stated_errors"]) -> str:
-    """The measurement rows of every instrument, or what an estimator is told of each."""
+    """The measurement rows of every instrument, or its stated errors."""
     tables = [(f"{each.title} (`{id}`)", getattr(each, part)) for id, each in instruments().items()]
     tables += [("GNSS receiver (`gnss`)", GNSS_STATED)] if part == "stated_errors" else []
     return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
@@ -372,7 +372,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     **estimator_pages.pages(markdown),
     "docs/instruments.md": {
         "measurements": lambda: instrument_tables("measurement"),
-        "told": lambda: instrument_tables("stated_errors"),
+        "stated": lambda: instrument_tables("stated_errors"),
         "parameters": instrument_parameters,
         "grades": instrument_grades,
     },

@@ -57,13 +57,13 @@ def architecture() -> str:
     missing = [name for row in rows for name in row if name not in group]
     if missing:
         raise ValueError(f"tools/pictures.py: GROUPS must name {', '.join(missing)}")
-    parts, told = [], ""
+    parts, last_title = [], ""
     for k, row in enumerate(rows):
         y = k * (BAND + GAP) + 4
         title, colour = group[row[0]]
-        if title != told:
+        if title != last_title:
             parts.append(_text(LEFT - 16, y + 29, title, 15, colour, "end", "font-weight='bold'"))
-            told = title
+            last_title = title
         each = (WIDTH - LEFT - 50 - GAP * (len(row) - 1)) / len(row)
         for i, name in enumerate(row):
             x = LEFT + i * (each + GAP)

@@ -48,12 +48,12 @@ def write_pages(folder: Path, code: str) -> None:
     target.mkdir(parents=True, exist_ok=True)
     for name, (scenario, estimators) in wanted.items():
         path, stamp = target / name, folder.parent / "gallery-stamps" / name
-        told = f"{code} {scenario} {' '.join(estimators)}"
-        if path.is_file() and stamp.is_file() and stamp.read_text(encoding="utf-8") == told:
+        drawn = f"{code} {scenario} {' '.join(estimators)}"
+        if path.is_file() and stamp.is_file() and stamp.read_text(encoding="utf-8") == drawn:
             continue
         page(scenario, path, estimators)
         stamp.parent.mkdir(parents=True, exist_ok=True)
-        stamp.write_text(told, encoding="utf-8")
+        stamp.write_text(drawn, encoding="utf-8")
     for path in target.glob("*.html"):
         if path.name not in wanted:
             path.unlink()

@@ -8,7 +8,7 @@ import { given, rangesOf, stillUsed } from "./words.js";
 const GROUPS = {
   imu: "Inertial unit",
   gnss: "GNSS",
-  knowledge: "What estimators are told",
+  knowledge: "Stated to estimators",
   vehicle: "Vehicle",
   start: "Start",
 };
@@ -152,7 +152,7 @@ function amount(control, take) {
     inputmode: "decimal",
     autocomplete: "off",
     placeholder: "drawn",
-    "aria-describedby": `${id}-told`,
+    "aria-describedby": `${id}-bounds`,
     title: bounds,
   });
   const slider = h("input", {
@@ -187,7 +187,7 @@ function amount(control, take) {
     h("label", { for: id, title: meaning }, label),
     h("div", { class: "pair" }, input, h("span", { class: "unit" }, unit)),
     slider,
-    h("span", { class: "hidden", id: `${id}-told` }, bounds),
+    h("span", { class: "hidden", id: `${id}-bounds` }, bounds),
     wrong,
   );
   return {

@@ -65,8 +65,8 @@ export function driver(live, command, cut, undo) {
   const place = () => {
     knob.style.left = `${50 + 50 * state.across}%`;
     knob.style.top = `${(100 * (1 - Math.max(least, state.along ?? inForce()))) / (1 - least)}%`;
-    const told = [along && state.along !== null && said(along, state.along), across && said(across, state.across)];
-    telling.textContent = told.filter(Boolean).join(", ");
+    const rates = [along && state.along !== null && said(along, state.along), across && said(across, state.across)];
+    telling.textContent = rates.filter(Boolean).join(", ");
   };
   const begin = () => {
     state.along ??= inForce();

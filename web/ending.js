@@ -16,14 +16,14 @@ export function showEnd(section, live, at, history, changes) {
     endTable(live, one, group, at, history, changes),
   );
   const columns = new Set(tables.flatMap((/** @type {any} */ one) => one.columns));
-  const told = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
-  if (live.estimators.some((/** @type {any} */ one) => one.channels.includes("vn_mps"))) told.push(live.explained.vn);
-  if (columns.has("limit")) told.push(live.explained.within);
+  const meanings = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
+  if (live.estimators.some((/** @type {any} */ one) => one.channels.includes("vn_mps"))) meanings.push(live.explained.vn);
+  if (columns.has("limit")) meanings.push(live.explained.within);
   fill(
     section,
     h("h2", {}, "At the end, with the figures of ", h("code", {}, "insenv run")),
     h("div", { class: "tables several" }, tables.map(summaryTable)),
-    h("p", { class: "quiet" }, told.join(" ")),
+    h("p", { class: "quiet" }, meanings.join(" ")),
   );
   section.hidden = false;
 }

@@ -98,15 +98,15 @@ export function unjudged(live, estimator, at, history) {
  * @returns {string[]} */
 function foundOf({ prefix, findings }, at, history) {
   const last = history.count() - 1;
-  const told = new Map();
+  const byRow = new Map();
   for (const { row, elements, limit, sentence } of findings) {
     const ratios = elements.map(
       (/** @type {number[]} */ [k, about, scale]) => Math.abs(history.value(at(prefix + row).at + k, last) - about) / scale,
     );
     const ratio = Math.max(0, ...ratios);
-    if (ratio >= limit && !told.has(row)) told.set(row, filled(sentence, { ratio: significant(ratio, 3) }));
+    if (ratio >= limit && !byRow.has(row)) byRow.set(row, filled(sentence, { ratio: significant(ratio, 3) }));
   }
-  return [...told.values()];
+  return [...byRow.values()];
 }
 
 /** The largest magnitude of an output from a time on.

@@ -38,7 +38,7 @@ export function livePage(live) {
   const notes = notesPanel(live);
   const story = storyStrip(live.values.story ?? []);
   const end = h("section", { class: "end", "aria-live": "polite", hidden: true });
-  const wrong = h("p", { class: "wrong told", role: "alert", id: "wrong" });
+  const wrong = h("p", { class: "wrong message", role: "alert", id: "wrong" });
   let state = preparedState(live);
   let clouded = conditions(live, state);
   let due = false; // whether the settings are to be shown again

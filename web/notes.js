@@ -4,7 +4,7 @@ import { fill, h } from "./dom.js";
 
 /** @param {any} live */
 export function notesPanel(live) {
-  const told = h("p", { class: "quiet", id: "changed" });
+  const changed = h("p", { class: "quiet", id: "changed" });
   const list = h("ul", { class: "notes" });
   let shown = "";
   /** @type {string[] | null} */
@@ -17,7 +17,7 @@ export function notesPanel(live) {
   };
   show(live.notes);
   return {
-    element: h("div", { "aria-live": "polite" }, told, list),
+    element: h("div", { "aria-live": "polite" }, changed, list),
     /** @param {{settings: boolean, commands: boolean}} changes
      * @param {string[] | null} renewed  the notes on the settings as they are; null: not known */
     show: (changes, renewed) => {
@@ -30,7 +30,7 @@ export function notesPanel(live) {
       if (`${text} ${lacking}` === shown) return; // a screen reader tells it once
       shown = `${text} ${lacking}`;
       const ask = [" The notes on these settings come with ", h("code", {}, "insenv run"), " of the downloaded scenario."];
-      fill(told, text, ...(lacking ? ask : []));
+      fill(changed, text, ...(lacking ? ask : []));
     },
   };
 }

@@ -148,8 +148,8 @@ function track(panel, array, span, names) {
     ]);
     return { lines, places, refused: refused.filter((/** @type {any} */ fix) => fix.at >= places[0] && fix.at < places[1]) };
   };
-  const told = lines.map((/** @type {any} */ line) => (line.group < 0 ? "the truth" : names[line.group])).join(", ");
-  const plot = trackPlot(panel.title, within(), `Tracks of ${told}; ${refused.length} places of refused fixes.`);
+  const labels = lines.map((/** @type {any} */ line) => (line.group < 0 ? "the truth" : names[line.group])).join(", ");
+  const plot = trackPlot(panel.title, within(), `Tracks of ${labels}; ${refused.length} places of refused fixes.`);
   span.onChange(() => plot.update(within()));
   return plot;
 }

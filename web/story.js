@@ -23,21 +23,21 @@ export function captionAt(story, outages, time) {
 /** The strip that tells them; a screen reader says each once.
  * @param {any[]} story */
 export function storyStrip(story) {
-  const told = h("p", { "aria-live": "polite", id: "caption" });
-  const skip = button("Hide", () => show(told.hidden), { class: "quiet", id: "story", "aria-controls": "caption" });
+  const spoken = h("p", { "aria-live": "polite", id: "caption" });
+  const skip = button("Hide", () => show(spoken.hidden), { class: "quiet", id: "story", "aria-controls": "caption" });
   const show = (/** @type {boolean} */ shown) => {
-    told.hidden = !shown;
+    spoken.hidden = !shown;
     skip.textContent = shown ? "Hide" : "Show captions";
     skip.setAttribute("aria-expanded", String(shown));
   };
   show(true);
   return {
-    element: story.length > 0 && h("section", { class: "story", "aria-label": "What happens" }, told, skip),
+    element: story.length > 0 && h("section", { class: "story", "aria-label": "What happens" }, spoken, skip),
     /** @param {number} time  s
      * @param {[number, number][]} outages  of GNSS, s */
     at: (time, outages) => {
       const text = captionAt(story, outages, time);
-      if (text !== told.textContent) told.textContent = text;
+      if (text !== spoken.textContent) spoken.textContent = text;
     },
   };
 }

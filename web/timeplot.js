@@ -45,7 +45,7 @@ const HEIGHT = 184;
 export function timePlot(panel, span, names, axis = TIME) {
   let curves = panel.curves;
   const readout = h("output", { class: "readout" });
-  const area = h("div", { class: "plot", tabindex: "0", role: "img", "aria-label": told(panel, names, axis), onkeydown: keys(span) });
+  const area = h("div", { class: "plot", tabindex: "0", role: "img", "aria-label": describe(panel, names, axis), onkeydown: keys(span) });
   const title = h("h3", {}, panel.title, panel.unit !== "1" && h("span", { class: "unit" }, ` ${panel.unit}`));
   const element = h("div", { class: "panel" }, h("div", { class: "head" }, title, readout), area);
   /** @type {Set<number>} */
@@ -110,7 +110,7 @@ export function timePlot(panel, span, names, axis = TIME) {
  * @param {Panel} panel
  * @param {string[]} names
  * @param {import("./span.js").Axis} axis */
-function told(panel, names, axis) {
+function describe(panel, names, axis) {
   const unit = panel.unit === "1" ? "" : ` ${panel.unit}`;
   const ends = panel.curves
     .filter((curve) => curve.kind === "line" && curve.y?.length)

@@ -54,9 +54,9 @@ def recorded_log(
         unit=unit,
         settings=settings or {},
         instruments=tuple(readings),
-        told=stated,
+        stated_errors=stated,
     )
-    return replace(log, told=stated | _assumed_delay(log))
+    return replace(log, stated_errors=stated | _assumed_delay(log))
 
 
 LATE = 0.1

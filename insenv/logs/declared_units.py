@@ -384,7 +384,7 @@ def _reading(log: RecordedLog, readings: Readings, column: Column) -> None:
         ca.horzcat(ca.cos(course), -ca.sin(course), 0), ca.horzcat(ca.sin(course), ca.cos(course), 0), ca.SX([[0, 0, 1]])
     )
     height = 0.0 if log.gnss is None else float(np.median(log.gnss.height))
-    value, errors, variances = equation_at(instrument, Level(C_nb, height, v), log.told, 1)
+    value, errors, variances = equation_at(instrument, Level(C_nb, height, v), log.stated_errors, 1)
     outputs = [value, ca.jacobian(value, errors)]
     at = ca.Function("at", [v], [ca.densify(each) for each in ca.substitute(outputs, [errors], [ca.SX.zeros(errors.shape)])])
     read = np.linalg.norm(readings.columns()[column.row][chosen].reshape(len(chosen), -1), axis=1)

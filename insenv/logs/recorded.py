@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -139,7 +140,7 @@ class RecordedLog(InertialSamples):
 
     gnss, reference: None where the log has none; lever_arm_b (3,) m FRD: from IMU to antenna; sources: the files read;
     notes: remarks for the user; description: of the log, from its TOML file or made for a flight log; unit: parameter rows
-    (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; told: stated errors of
+    (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; stated_errors: of
     these, by row (`sensors.registry.stated_rows`); settings: parameter rows (SI) by estimator id that the log states, which
     those of the description replace.
     """
@@ -153,7 +154,13 @@ class RecordedLog(InertialSamples):
     unit: Mapping[str, Any] | None = None
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     instruments: tuple[Readings, ...] = ()
-    told: Mapping[str, Any] = field(default_factory=dict)
+    stated_errors: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def told(self) -> Mapping[str, Any]:
+        """The former name of `stated_errors`."""
+        warnings.warn("RecordedLog.told is now stated_errors", FutureWarning, stacklevel=2)
+        return self.stated_errors
 
     @property
     def rate_hz(self) -> float:

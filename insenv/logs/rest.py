@@ -165,7 +165,7 @@ def _over_ground(log: RecordedLog, readings: Readings) -> Array | None:
     """Velocity over the ground (m, 2) m/s, b, that an odometer or a Doppler log shows; None of other instruments."""
     if readings.id == "odometer":
         return np.column_stack([readings.values[:, 0], np.zeros(len(readings.time))])
-    tracks_ground = readings.id == "dvl" and not np.any(log.told.get("dvl_current_sigma", 0.0))
+    tracks_ground = readings.id == "dvl" and not np.any(log.stated_errors.get("dvl_current_sigma", 0.0))
     return readings.values[:, :2] if tracks_ground else None
 
 

@@ -1,4 +1,4 @@
-"""What a recorded log contradicts, or cannot show, of what is told of it: its latitude, its place, a standstill that was "
+"""What a recorded log contradicts, or cannot show, of what is stated of it: its latitude, its place, a standstill that was "
 "missed."""
 
 from __future__ import annotations

@@ -133,7 +133,7 @@ def _known(log: RecordedLog, in_place: bool, **state: Any) -> Knowledge:
         **log.motion_errors(),
         **log.fix_wander(),
         antenna_lever_arm=log.lever_arm_b,
-        instruments=log.told,
+        instruments=log.stated_errors,
         sensors=log.sensors(in_place=in_place),
     )
 

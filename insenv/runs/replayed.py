@@ -325,7 +325,7 @@ def _outages(ready: Prepared, times: Array, outputs: Mapping[str, Array]) -> Out
     if lost is None:
         return None
     fixes = Fixes(*(getattr(lost.fixes, name) for name in ("time", "latitude", "longitude", "height", "position_sigma")))
-    stated_errors = ready.log.told
+    stated_errors = ready.log.stated_errors
     arm_sigma, delay_sigma = (stated_errors.get(name, 0.0) for name in ("antenna_lever_arm_sigma", "gnss_delay_sigma"))
     antenna = Antenna(ready.log.lever_arm_b, arm_sigma, delay_sigma, LEVER_ARM.name, DELAY.name)
     return outages_of(times, outputs, fixes, lost.windows, lost.resumed, antenna)

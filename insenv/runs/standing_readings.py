@@ -61,7 +61,7 @@ def heading_at_rest(log: RecordedLog, level: tuple[float, float], tilt_sigma: fl
             if instrument.sigma in each.rows:
                 reported = float(np.mean(each.columns()[instrument.sigma][still] ** 2))
             read = _rows(instrument, each, still)
-            shown.append(_heading(instrument, read, reported, level, tilt_sigma, height, log.told))
+            shown.append(_heading(instrument, read, reported, level, tilt_sigma, height, log.stated_errors))
     return min((each for each in shown if each is not None), key=lambda each: each.sigma, default=None)
 
 
@@ -122,7 +122,7 @@ _DATUM = declared(
 
 def with_datum(log: RecordedLog) -> tuple[RecordedLog, tuple[Remark, ...]]:
     """The log with the standard deviation of the constant error of instruments whose heights are not those of the fixes."""
-    stated, remarks = dict(log.told), []
+    stated, remarks = dict(log.stated_errors), []
     for each in log.instruments:
         instrument = registry.instruments()[each.id]
         if instrument.holds == ("vertical",) and log.gnss is not None:
@@ -131,7 +131,7 @@ def with_datum(log: RecordedLog) -> tuple[RecordedLog, tuple[Remark, ...]]:
                 row, remark = datum
                 stated |= row
                 remarks.append(remark)
-    return (replace(log, told=stated) if remarks else log), tuple(remarks)
+    return (replace(log, stated_errors=stated) if remarks else log), tuple(remarks)
 
 
 def _datum(instrument: Instrument, readings: Readings, log: RecordedLog) -> tuple[dict[str, float], Remark] | None:
@@ -142,7 +142,7 @@ def _datum(instrument: Instrument, readings: Readings, log: RecordedLog) -> tupl
     if not use.any():
         return None
     at = np.interp(readings.time[use], gnss.time, gnss.height)
-    value, errors, variances = equation_at(instrument, Level(ca.SX.eye(3), 0.0), log.told, 1)
+    value, errors, variances = equation_at(instrument, Level(ca.SX.eye(3), 0.0), log.stated_errors, 1)
     constants = [term for term in instrument.terms if term.kind == "constant" and term.states and not term.shape]
     if value.numel() != 1 or not constants:
         return None

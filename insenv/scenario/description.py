@@ -53,7 +53,7 @@ class CaptionSection(Section):
     """A sentence that a page tells while it runs."""
 
     after: Literal["start", "cut", "return"] = key(
-        "start", "what its time counts from: the start, or each time GNSS is cut, or returns (told until that changes)"
+        "start", "what its time counts from: the start, or each time GNSS is cut, or returns (shown until that changes)"
     )
     at_s: Number = key(0.0, "time from there on", "s", ge=0, le=MAX_DURATION_S)
     text: str = key(..., "the sentence", min_length=1, max_length=160)

@@ -60,9 +60,10 @@ def with_sources(source: str, figures: Mapping[str, Any]) -> tuple[dict[str, Any
     """The values and the sources by name of figures, each a value, or a value with the source of its own: ``(0.1, "its data
     sheet")``.  source: of all others.
     """
-    own = {name: value for name, value in figures.items() if isinstance(value, tuple) and isinstance(value[-1], str)}
+    sourced = {name: value for name, value in figures.items() if isinstance(value, tuple) and isinstance(value[-1], str)}
     sources = {"": source} if source else {}
-    return {**figures, **{name: pair[0] for name, pair in own.items()}}, sources | {name: pair[1] for name, pair in own.items()}
+    sources |= {name: source for name, (_, source) in sourced.items()}
+    return {**figures, **{name: value for name, (value, _) in sourced.items()}}, sources
 
 
 @dataclass(frozen=True)

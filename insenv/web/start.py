@@ -28,16 +28,16 @@ FIELDS = ("roll", "pitch", "heading", "latitude", "longitude", "height", "veloci
 KNOWN = 9
 
 _BEGIN = """
-/* Fill in what the estimators are told, and the state at time 0.  known: {normals, sigmas, errors, whether an error is
+/* Fill in what is stated to the estimators, and the state at time 0.  known: {normals, sigmas, errors, whether an error is
  * given}, nine of each.  Returns 1 if a reported angle is beyond a full turn: the functions that wrap it in Python are not
  * exactly rounded. */
 EXPORTED(begin) int begin(const double *known, double *p, double *x) {
-  double r[N_UNIFORMS + 1], e[9], told[9];
+  double r[N_UNIFORMS + 1], e[9], stated[9];
   if (START_UNIFORMS) uniforms(p[SEED_PLACE], 0.0, 0xFFFFFFFFu, START_UNIFORMS, r);
   plant_start(p, r, x);
   for (int i = 0; i < 9; ++i) e[i] = known[27 + i] != 0 ? known[18 + i] : known[9 + i] * known[i];
-  reported(x, e, told);
-  for (int i = 0; i < 3; ++i) if (fabs(told[i]) > %s) return 1;
+  reported(x, e, stated);
+  for (int i = 0; i < 3; ++i) if (fabs(stated[i]) > %s) return 1;
 %s
   others_start(p, x + %d);
   return 0;
@@ -47,7 +47,7 @@ EXPORTED(begin) int begin(const double *known, double *p, double *x) {
 
 def start_source(page: PageModel, plant: Plant) -> str:
     """C source of the export ``begin(known, p, x)``.  Raises `InputError` for an estimator that cannot be started so."""
-    copies = "\n".join(f"  p[{at}] = told[{source}];" for at, source in reported_places(page, plant))
+    copies = "\n".join(f"  p[{at}] = stated[{source}];" for at, source in reported_places(page, plant))
     return "\n".join(
         [
             function_source("plant_start", page.plant.kernels["start"].function, "pr"),

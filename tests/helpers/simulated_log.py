@@ -28,5 +28,5 @@ def simulated_log(
     return replace(
         log, imu_time=time, temperature=None, gnss=gnss, reference=replace(log.reference, time=time),
         description=LogDescription.model_validate({"title": "simulated", "imu": {**IMU, "grade": grade}, **sections}),
-        unit=None, settings={}, instruments=(), told={},
+        unit=None, settings={}, instruments=(), stated_errors={},
     )  # fmt: skip

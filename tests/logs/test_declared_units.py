@@ -88,7 +88,7 @@ def simulated(scenario):
     values |= {id: {} for id in sections if id != "gnss"}
     values.pop("estimator", None)
     of = insenv.record(values, seed=3, duration_s=60.0)
-    log = replace(simulated_log(values, 3, 60.0), instruments=of.instruments, told=of.told, reference=None)
+    log = replace(simulated_log(values, 3, 60.0), instruments=of.instruments, stated_errors=of.stated_errors, reference=None)
     return declared(log, grade, **sections)
 
 

@@ -56,7 +56,6 @@ _COMPONENT = {
 }
 _UP = re.compile(r"(^|[^a-z]|v|vel)(u|up|climb)([^a-z]|$)|climb", re.IGNORECASE)
 _DOWN = re.compile(r"(^|[^a-z]|v|vel)(d|down)([^a-z]|$)", re.IGNORECASE)
-_VELOCITY_UNITS = {"m/s": 1.0, "km/h": 1 / 3.6, "kn": 1852 / 3600, "cm/s": 0.01, "mm/s": 0.001}
 
 
 @dataclass(frozen=True)
@@ -369,11 +368,11 @@ def _sigmas(
             [c for c in named if not _SPEED_SIGMA.search(table.spoken(c))],
             [c for c in named if _SPEED_SIGMA.search(table.spoken(c))],
         )
-        found = []
+        sigmas = []
         for part in parts:
             picked = [next((c for c in part if _COMPONENT[axis].search(table.spoken(c))), None) for axis in range(3)]
-            found.append(None if any(each is None for each in picked) else tuple(picked))
-        return found[0], found[1] if velocity is not None else None  # type: ignore[return-value]
+            sigmas.append(None if any(each is None for each in picked) else tuple(picked))
+        return sigmas[0], sigmas[1] if velocity is not None else None  # type: ignore[return-value]
     after = [height + 1, (max(velocity) + 1) if velocity else -1]
     blocks = [tuple(range(begin, begin + 3)) for begin in after if begin > 0]
     blocks = [block for block in blocks if all(c in positive and not np.all(data[:, c] == np.rint(data[:, c])) for c in block)]

@@ -44,8 +44,10 @@ def test_instruments_and_the_lever_arm(tmp_path):
     np.testing.assert_allclose(found["barometer"].values[:, 0], 478.0 + 0.01 * np.arange(0, 1000, 10), atol=1e-4)
     assert found["barometer"].time[0] == pytest.approx(0.006, abs=1e-9)
     np.testing.assert_allclose(found["heading"].values, np.tile([1.25, 0.02], (25, 1)), rtol=1e-6)
-    assert log.told["magnetometer_hard_iron_sigma"] == pytest.approx(500e-9), "the default grade, calibrated"
-    assert 2.0e-5 < np.hypot(*log.told["magnetic_field_n"][:2]) < 2.3e-5, "of the place of the fixes"
+    with pytest.warns(FutureWarning, match="stated_errors"):
+        assert log.told is log.stated_errors
+    assert log.stated_errors["magnetometer_hard_iron_sigma"] == pytest.approx(500e-9), "the default grade, calibrated"
+    assert 2.0e-5 < np.hypot(*log.stated_errors["magnetic_field_n"][:2]) < 2.3e-5, "of the place of the fixes"
     assert log.lever_arm_b == pytest.approx([0.25, -0.5, -1.0])
     assert load(described(tmp_path / "a.ulg", "lever_arm_m = [0.0, 0.0, 0.5]")).lever_arm_b.tolist() == [0.0, 0.0, 0.5]
 
