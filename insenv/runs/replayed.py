@@ -216,7 +216,9 @@ def prepared(
         except InputError as error:
             if len(families) == 1:
                 raise
-            refused.append(_REFUSED.filled(id=family.id, why=str(error)))
+            why = str(error)
+            name = f"estimator {family.id!r} "
+            refused.append(_REFUSED.filled(id=family.id, why=f"it {why.removeprefix(name)}" if why.startswith(name) else why))
     if not taken:
         raise InputError("\n".join(refused))
     parameter_rows = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for _, e, _ in taken}

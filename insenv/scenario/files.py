@@ -17,7 +17,7 @@ from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
 from insenv.sensors import imu_grade
 from insenv.sensors.figures import FiguresSection
-from insenv.sensors.grade_file import beside
+from insenv.sensors.grade_file import beside, refuse_grade
 from insenv.sensors.registry import registered as registered_sensors
 
 ScenarioLike = str | Path | Scenario | Mapping[str, Any]
@@ -57,6 +57,7 @@ def load(scenario: ScenarioLike) -> Scenario:
         raise InputError(
             f"{path}: describes a recorded log and is no scenario: `insenv replay {path} -e ID` runs estimators on it"
         )
+    refuse_grade(data, path, "a scenario")
     return parse(beside(beside(data, path.parent, "imu"), path.parent, "vehicle", key="file"), str(path), path.stem)
 
 
