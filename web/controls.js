@@ -8,7 +8,7 @@ import { given, rangesOf, stillUsed } from "./words.js";
 const GROUPS = {
   imu: "Inertial unit",
   gnss: "GNSS",
-  knowledge: "What estimators are told",
+  knowledge: "What estimators assume",
   vehicle: "Vehicle",
   start: "Start",
 };

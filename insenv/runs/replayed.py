@@ -204,7 +204,9 @@ def prepared(
         estimator = family.adapted(begun.knowledge, drive, choices_in(family, estimator_settings))
         estimator.check(drive, tunings.get(estimator.id))
         if lost is not None and not estimator.navigates:
-            raise InputError(f"estimator {estimator.id!r} has no position, which outages are about: leave them out for it")
+            raise InputError(
+                f"estimator {estimator.id!r} has no position to compare with withheld fixes: allowed without outages"
+            )
         if begun.refusal and not estimator.finds_attitude:
             raise InputError(begun.refusal)
         return estimator, begun

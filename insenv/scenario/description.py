@@ -50,10 +50,10 @@ class GravitySection(Section):
 
 
 class CaptionSection(Section):
-    """A sentence that a page tells while it runs."""
+    """A sentence that a page shows while it runs."""
 
     after: Literal["start", "cut", "return"] = key(
-        "start", "what its time counts from: the start, or each time GNSS is cut, or returns (told until that changes)"
+        "start", "what its time counts from: the start, or each time GNSS is cut, or returns (shown until that changes)"
     )
     at_s: Number = key(0.0, "time from there on", "s", ge=0, le=MAX_DURATION_S)
     text: str = key(..., "the sentence", min_length=1, max_length=160)
@@ -121,7 +121,7 @@ class Scenario(Section):
     estimator: dict[str, dict[str, Parameter]] = key(
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'
     )
-    story: tuple[CaptionSection, ...] = key((), "what a page tells while it runs", max_length=MAX_CAPTIONS)
+    story: tuple[CaptionSection, ...] = key((), "sentences that a page shows while it runs", max_length=MAX_CAPTIONS)
     _name: str = PrivateAttr("")
     _changes: tuple[Remark, ...] = PrivateAttr(())
 

@@ -194,7 +194,7 @@ def test_a_low_pass_filter_is_recognised_and_left_out():
     generator = np.random.default_rng(2)
     noise = lfilter([0.2], [1.0, -0.8], white(generator, 100000, 1e-4, 100.0))
     found = sensor_noise("gyro x", noise, 0.01)
-    assert "filtered" in found.warnings[0]
+    assert "a low-pass filter" in found.warnings[0]
     assert found.terms.figures[WHITE].value == pytest.approx(1e-4, rel=0.05)
 
 
@@ -241,7 +241,7 @@ def test_the_command(tmp_path, monkeypatch):
     np.savetxt("rest.csv", rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="", fmt="%.9g")
     status, out, _ = call("allan", "rest.toml", "--grade-out", "unit.toml", "--out", "out")
     assert status == 0 and "only the noise is measured; all else is assumed" in out
-    refused(call("allan", "rest.toml", "--grade-out", "rest.toml"), "'rest.toml' exists and is no grade file")
+    refused(call("allan", "rest.toml", "--grade-out", "rest.toml"), "'rest.toml' exists and is not a grade file")
     assert Path("rest.toml").read_text("utf-8") == log
     assert {path.name for path in Path("out").iterdir()} == {"allan.json", "unit.toml", "allan.html", "allan.png", "allan.svg"}
     found = strict(Path("out/allan.json").read_text("utf-8"))
