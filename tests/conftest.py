@@ -6,6 +6,7 @@ import sys
 
 import casadi as ca
 import pytest
+from _pytest.mark.expression import Expression
 from hypothesis import settings
 
 from insenv.core.cache import usable_folder
@@ -39,6 +40,12 @@ def pytest_configure(config: pytest.Config) -> None:
     for path in (argument.partition("::")[0] for argument in config.args):  # workers of pytest-xdist would not say it
         if not (config.invocation_params.dir / path).exists():
             raise pytest.UsageError(f"{path}: no such file or folder")
+    for flag, name in (("-k", "keyword"), ("-m", "markexpr")):
+        try:
+            Expression.compile(config.getoption(name) or "a")
+        except Exception as error:  # ParseError, since pytest 9 SyntaxError
+            said = str(error).partition(" (<")[0]
+            raise pytest.UsageError(f"{flag} {config.getoption(name)!r}: {said}; allowed is such as 'A and not B'") from None
 
 
 def pytest_terminal_summary(

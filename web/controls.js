@@ -8,7 +8,7 @@ import { given, rangesOf, stillUsed } from "./words.js";
 const GROUPS = {
   imu: "Inertial unit",
   gnss: "GNSS",
-  knowledge: "Stated to estimators",
+  knowledge: "What estimators assume",
   vehicle: "Vehicle",
   start: "Start",
 };

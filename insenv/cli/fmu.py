@@ -280,7 +280,7 @@ def _value(text: str, value: str) -> object:
         except ValueError:
             items = None
         if not isinstance(items, list):
-            raise InputError(f'--set {text!r}: {value!r} is no list: allowed is [1, 2, 3] or ["NAME", "NAME"]')
+            raise InputError(f'--set {text!r}: {value!r} is not a list: allowed is [1, 2, 3] or ["NAME", "NAME"]')
         return items
     if value.lower() in BOOLEANS:
         return BOOLEANS[value.lower()]

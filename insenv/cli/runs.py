@@ -160,6 +160,8 @@ def replay(
     from insenv.runs.replayed import replay as follow
 
     if not estimators:
+        if not log.exists():
+            load(log)  # says what is there instead
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
     chosen, names = get_all(each_once(estimators)), formats.names(output.out)
     with output.working(log.name) as progress:

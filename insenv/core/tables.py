@@ -74,6 +74,8 @@ class Row:
             raise InputError(f"row {self.name!r}: start = {self.start!r}: allowed is a finite number")
         if not self.lower <= self.upper:
             raise InputError(f"row {self.name!r}: lower = {self.lower!r} exceeds upper = {self.upper!r}")
+        if (start < self.lower).any() or (start > self.upper).any():
+            raise InputError(f"row {self.name!r}: start = {self.start!r}: allowed is {self.lower:g} to {self.upper:g}")
 
     @property
     def size(self) -> int:

@@ -94,7 +94,7 @@ class Interface:
         allowed = [name for name in RANGES if hasattr(self, name)]
         for name in ranges:
             if name not in allowed:
-                raise InputError(f"set_ranges: {name!r} is no argument that varies{nearest(name, allowed)}")
+                raise InputError(f"set_ranges: {name!r} is not an argument that can vary{nearest(name, allowed)}")
         before = {name: getattr(self, name) for name in ranges}
         vars(self).update(ranges)
         try:

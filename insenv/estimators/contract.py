@@ -320,7 +320,7 @@ class Estimator:
         return ""
 
     def check(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> None:
-        """Raise `InputError` if it cannot run on `drive` with the parameters `rows`, or if an input is not what feeds it."""
+        """Raise `InputError` if it cannot run on `drive` with the parameters `rows`, or for a sentence of `misfed`."""
         refusal = self.refusal(drive, rows) or misfed(self.model)
         if refusal:
             raise InputError(refusal)

@@ -374,9 +374,9 @@ MODEL = Model(
 
 _SLOW = declared(
     "slow-motion",
-    "behind the low-passes the specific force still moves to and fro, as on a base that moves with periods above 15 s: this "
-    "makes the heading {ratio} times as uncertain as the gyro biases do, which its stated sigma counts; fusion models such "
-    "motion",
+    "after the low-pass filters the specific force still oscillates, as on a base that moves with periods above "
+    "15 s: this makes the heading {ratio} times as uncertain as the gyro biases do, which its stated sigma "
+    "counts; fusion models such motion",
 )
 
 

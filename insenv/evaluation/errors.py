@@ -99,7 +99,7 @@ BEYOND_SHARE = 0.05
 time: of true ones it is for 0.27 %, and an error that changes slowly may be for some per cent of one run."""
 STEEP_LIMIT = declared(
     "steep-no-limit",
-    "no limit of roll and heading: the pitch comes near 90 deg, where their errors are large without an error of the attitude",
+    "no limit for roll and heading: the pitch comes near 90 deg, where their errors are large even if the attitude is right",
 )
 
 
@@ -205,8 +205,8 @@ class Result:
 
     @remark(
         "steep-pitch",
-        "the pitch comes to {pitch:.3g} deg: errors of roll and heading are differences of Euler angles, which near 90 deg are "
-        "large without an error of the attitude, and are not judged here",
+        "the pitch comes to {pitch:.3g} deg: errors of roll and heading are differences of Euler angles, which near "
+        "90 deg are large even if the attitude is right, and are not judged here",
     )
     def steep(self) -> dict[str, Any] | None:
         """The pitch comes near 90 deg, where a small turn changes roll and heading by any angle."""

@@ -268,8 +268,9 @@ LARGER = 1.2
 
 @remark(
     "fixes-count-less",
-    "the stated sigma of the position, {stated:.2g} m in the median, is larger than that of one fix, {fix:.2g} m: this filter "
-    "lets fixes with a slow error count less the more often they come; `fusion` estimates that error",
+    "the stated sigma of the position, {stated:.2g} m in the median, is larger than that of one fix, {fix:.2g} "
+    "m: this filter gives fixes with a slow error less weight the more often they come; `fusion` estimates that "
+    "error",
 )
 def fixes_count_less(parameters: Mapping[str, Any], outputs: Mapping[str, Array], fix_sigma: Array) -> dict[str, float] | None:
     """A filter that models slow errors of the fixes and does not estimate them is worse than one fix.

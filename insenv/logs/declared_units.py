@@ -314,7 +314,7 @@ def _moves(log: RecordedLog, name: str) -> None:
     }
     best, text = min((each(), text) for text, each in others.items())
     if best <= AGREE:
-        raise InputError(f"{text}, by the way between positions {STEP_S:g} s apart and the velocities over it")
+        raise InputError(f"{text}, by the distance between positions {STEP_S:g} s apart and the velocities over it")
 
 
 NEAR, FAR = 2e4, 2e5

@@ -66,7 +66,7 @@ _REFERENCE_ESTIMATE = declared(
     "reference-estimate", "reference: {name}, the vehicle's own estimate: errors against it are differences"
 )
 _ATTITUDE_ALONE = declared("reference-attitude", "{name}: attitude without {lacking}")
-_SORTED = declared("samples-sorted", "{count} samples twice or out of order: sorted, each time once")
+_SORTED = declared("samples-sorted", "{count} samples are repeated or out of order: they are sorted, and each time counts once")
 _LONGEST = declared(
     "segment-longest",
     "{count} segments between restarts and gaps longer than {gap:g} s: the longest is used, {begin:.3f} to {end:.3f} s "

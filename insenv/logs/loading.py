@@ -21,7 +21,7 @@ from insenv.logs.instruments import description_class
 from insenv.logs.recorded import RecordedLog
 from insenv.logs.section_files import completed
 from insenv.logs.text import build
-from insenv.sensors.grade_file import beside
+from insenv.sensors.grade_file import beside, refuse_grade
 
 _TRACK = (
     'a track has no inertial samples to replay; a scenario whose [vehicle] has kind = "recorded" simulates them along it '
@@ -62,6 +62,7 @@ def load(path: str | Path, changes: Changes | None = None) -> RecordedLog:
     data: dict[str, Any] = {"flight": path.name} if is_flight_log(path) else read_toml(path, _HINTS)
     if is_scenario(data) and not is_log(data):
         raise InputError(f"{path}: a scenario, not the description of a recorded log: `insenv run {path}` simulates it")
+    refuse_grade(data, path, "the description of a recorded log")
     label = f"{path} with --set" if changes else str(path)
     data = changed(data, changes or {})
     log = load_data(beside(data, path.parent, *(() if "flight" in data else ("imu",))), folder, label)

@@ -81,7 +81,7 @@ _MERGED = declared(
     "imu: {count} increments are those of several samples by their size: each covers the time since the one before",
 )
 _COMPENSATED = declared(
-    "thermal-errors-off", "imu: the calibrated thermal errors are taken off, at {coldest:.3g} to {hottest:.3g} deg C"
+    "thermal-errors-off", "imu: the calibrated thermal errors are subtracted, at {coldest:.3g} to {hottest:.3g} deg C"
 )
 _REPEATED = declared(
     "fixes-repeated",

@@ -313,8 +313,10 @@ def _between(before: Vector, after: Vector, share: float) -> Vector:
 
 _NO_ESTIMATE = declared("no-estimate", "no estimate was received")
 _REFUSED = declared("estimates-refused", "refused {count} times: {sentence}")
-_CHANGED = declared("no-limit-changed", "no limit: the scenario was changed at {time:g} s, from where on it is another one")
-_LONGER = declared("no-limit-longer", "no limit of estimates that last longer than the scenario, {time:g} s")
+_CHANGED = declared(
+    "no-limit-changed", "no limit: a command changed the scenario at {time:g} s, and its limit does not hold after that"
+)
+_LONGER = declared("no-limit-longer", "no limit: the estimates last longer than the scenario, {time:g} s")
 _RECEIVED = declared(
     "estimates-received",
     "{count} estimates by MAVLink; they arrived {median:.3g} ms after their time stamp in the median, at most {largest:.3g} ms",

@@ -65,8 +65,8 @@ LEAST_SIGMA = float(np.radians(1.0))
 """Smallest standard deviation that is stated of a heading (rad): scale factors turn what is carried back."""
 BY_BANK = declared(
     "heading-by-bank",
-    "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of the one of twelve filters, started "
-    "with headings 30 deg apart, that fits the fixes after {time:.3g} s",
+    "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of a filter that fits the "
+    "fixes after {time:.3g} s: twelve were started with headings 30 deg apart",
 )
 
 
@@ -154,9 +154,9 @@ def heading_of(
     if "heading" not in stated:
         if answer is None and shown is None:
             raise InputError(
-                "heading at the start: no instrument shows it, nor fixes of a motion that does, or with none do they agree as "
-                "grade and sigmas say; give [initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large "
-                "misalignment (aqe-sukf), or use --start reference"
+                "heading at the start: no instrument measures it, and the vehicle does not move, or no heading fits its fixes "
+                "within the grade of the unit and their sigmas; give [initial] heading_deg, or heading_sigma_deg = 180 for an "
+                "estimator of large misalignment (aqe-sukf), or use --start reference"
             )
         return _shown(answer, shown)
     heading = stated["heading"]

@@ -85,8 +85,8 @@ def _check_time_of_state(log: RecordedLog, first: float) -> None:
     state = f"the state in [initial] ({', '.join(keys)})"
     if initial.start_s is None and cut is not None and cut > first - EARLY:
         raise InputError(
-            f"start_s = {clock(cut)} s leaves out what was recorded before, and nothing tells of which time {state} is: "
-            "[initial] start_s says it, and navigation starts then; without these keys the log itself gives the start"
+            f"start_s = {clock(cut)} s leaves out the samples before it, and the time of {state} is not stated: allowed is "
+            "[initial] start_s, from which navigation starts with this state, or a start from the log, without these keys"
         )
     if initial.start_s is not None and initial.start_s < first - EARLY:
         raise InputError(

@@ -204,7 +204,9 @@ def prepared(
         estimator = family.adapted(begun.knowledge, drive, choices_in(family, estimator_settings))
         estimator.check(drive, tunings.get(estimator.id))
         if lost is not None and not estimator.navigates:
-            raise InputError(f"estimator {estimator.id!r} has no position, which outages are about: leave them out for it")
+            raise InputError(
+                f"estimator {estimator.id!r} has no position to compare with withheld fixes: allowed without outages"
+            )
         if begun.refusal and not estimator.finds_attitude:
             raise InputError(begun.refusal)
         return estimator, begun
@@ -216,7 +218,9 @@ def prepared(
         except InputError as error:
             if len(families) == 1:
                 raise
-            refused.append(_REFUSED.filled(id=family.id, why=str(error)))
+            why = str(error)
+            name = f"estimator {family.id!r} "
+            refused.append(_REFUSED.filled(id=family.id, why=f"it {why.removeprefix(name)}" if why.startswith(name) else why))
     if not taken:
         raise InputError("\n".join(refused))
     parameter_rows = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for _, e, _ in taken}

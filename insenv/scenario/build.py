@@ -99,7 +99,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         try:
             rows |= _checked(f"sensor {id!r}", partial(section.rows_at, scenario.rate_hz, place), model.parameters)
         except InputError as error:
-            raise InputError(f"{error}{_fitting_rate(scenario)}") from None
+            raise InputError(f"{error}{_fitting_rate(scenario, rows)}") from None
     for row in vehicle.parameters:
         if row.name not in rows and not row.flat_start().any():
             raise InputError(
@@ -118,11 +118,15 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
 SEARCHED_HZ = 1000
 
 
-def _fitting_rate(scenario: Scenario) -> str:
-    """What a message adds: the nearest rate, in whole Hz, that the times of all sensors fit; empty if none is near."""
+def _fitting_rate(scenario: Scenario, rows: Mapping[str, Any]) -> str:
+    """What a message adds: the nearest rate, in whole Hz, that the times of all sensors and the vehicle's vibrations fit; empty
+    if none is near.
+    """
 
     def fits(rate: int) -> bool:
         try:
+            check_speed_of_sinusoids(rows, 1.0 / rate)
+            scenario.vehicle.check_interval(1.0 / rate)
             for section in scenario.sensors.values():
                 section.rows(rate)
         except InputError:
@@ -133,7 +137,7 @@ def _fitting_rate(scenario: Scenario) -> str:
     for apart in range(1, SEARCHED_HZ):
         for rate in (asked + apart, asked - apart):
             if rate >= 1 and fits(rate):
-                return f"; the nearest rate_hz that the times of all sensors fit is {rate}"
+                return f"; the nearest rate_hz that the times of all sensors and the vibrations fit is {rate}"
     return ""
 
 

@@ -50,7 +50,7 @@ class GravitySection(Section):
 
 
 class CaptionSection(Section):
-    """A sentence that a page tells while it runs."""
+    """A sentence that a page shows while it runs."""
 
     after: Literal["start", "cut", "return"] = key(
         "start", "what its time counts from: the start, or each time GNSS is cut, or returns (shown until that changes)"
@@ -121,7 +121,7 @@ class Scenario(Section):
     estimator: dict[str, dict[str, Parameter]] = key(
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'
     )
-    story: tuple[CaptionSection, ...] = key((), "what a page tells while it runs", max_length=MAX_CAPTIONS)
+    story: tuple[CaptionSection, ...] = key((), "sentences that a page shows while it runs", max_length=MAX_CAPTIONS)
     _name: str = PrivateAttr("")
     _changes: tuple[Remark, ...] = PrivateAttr(())
 

@@ -17,7 +17,7 @@ from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
 from insenv.sensors import imu_grade
 from insenv.sensors.figures import FiguresSection
-from insenv.sensors.grade_file import beside
+from insenv.sensors.grade_file import beside, refuse_grade
 from insenv.sensors.registry import registered as registered_sensors
 
 ScenarioLike = str | Path | Scenario | Mapping[str, Any]
@@ -45,7 +45,7 @@ def load(scenario: ScenarioLike) -> Scenario:
             )
         if text not in known and Path(text).exists():
             raise InputError(
-                f"scenario {text!r} is no .toml file: allowed is the path of one, or a name that `insenv list` shows"
+                f"scenario {text!r} is not a .toml file: allowed is the path of one, or a name that `insenv list` shows"
             )
         if text not in known:
             raise InputError(f"no scenario {text!r}{nearest(text, known, LISTED)}; or give the path of a .toml file")
@@ -55,8 +55,9 @@ def load(scenario: ScenarioLike) -> Scenario:
     data = read_toml(path)
     if is_log(data) and not is_scenario(data):
         raise InputError(
-            f"{path}: describes a recorded log and is no scenario: `insenv replay {path} -e ID` runs estimators on it"
+            f"{path}: the description of a recorded log, not a scenario: `insenv replay {path} -e ID` runs estimators on it"
         )
+    refuse_grade(data, path, "a scenario")
     return parse(beside(beside(data, path.parent, "imu"), path.parent, "vehicle", key="file"), str(path), path.stem)
 
 

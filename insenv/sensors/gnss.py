@@ -340,8 +340,8 @@ ROUNDING_S = 1e-9
 """Rounding of a delay at the end of its range."""
 _DELAYS_CUT = declared(
     "delays-cut",
-    "gnss.delay_sigma_s = {sigma:g} s: drawn delays are cut to {least:g} to {most:g} s, because no fix is from the future and "
-    "only one at a time is pending",
+    "gnss.delay_sigma_s = {sigma:g} s: drawn delays are limited to {least:g} to {most:g} s: a fix cannot come "
+    "from the future, and only one at a time can be under way",
 )
 
 

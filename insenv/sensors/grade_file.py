@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema, create_model, model_validator
 
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, Section, key, read_toml, validated
+from insenv.base.toml import Number, Section, is_log, is_scenario, key, read_toml, validated
 from insenv.sensors.catalogue import IMU_GRADES, imu_grade
 from insenv.sensors.grades import FIGURES, WAYS, WHITE, ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS
@@ -55,9 +55,28 @@ else:
     )
 
 
+def is_grade(data: Mapping[str, Any]) -> bool:
+    """Whether the values of a TOML file are those of a grade file: a figure at the top, and nothing of a log or a scenario."""
+    return bool(set(data) & set(FIGURES)) and not is_log(data) and not is_scenario(data)
+
+
+def refuse_grade(data: Mapping[str, Any], path: Path, wanted: str) -> None:
+    """Raise `InputError` if the values in the file at `path` are those of a grade file, where a `wanted` is."""
+    if is_grade(data):
+        raise InputError(
+            f'{path}: the grade of an inertial unit, not {wanted}: `grade = "{path.name}"` in [imu] of a scenario or a log '
+            "uses it"
+        )
+
+
 def read_grade(path: str | Path) -> GradeTable:
     """The grade file at `path`.  Raises `InputError` for a missing file, a wrong key or value."""
     data = read_toml(path)
+    if is_log(data) or is_scenario(data):
+        kind = "a scenario" if is_scenario(data) else "the description of a recorded log"
+        raise InputError(
+            f"{path}: {kind}, not the grade of an inertial unit: `insenv allan` writes one of a log (docs/allan.md)"
+        )
     table = validated(GradeTable, data, str(path))
     return table if table.name else table.model_copy(update={"name": Path(path).stem})
 
@@ -105,14 +124,11 @@ def beside(values: dict[str, Any], folder: Path, *section: str, key: str = "grad
 
 
 def in_folder(folder: Path) -> tuple[dict[str, ImuGrade], tuple[str, ...]]:
-    """The grades in the grade files of a folder, by file name, and what is wrong in others; other TOML files are passed over.
-
-    A file that has a figure at its top is a grade file.
-    """
+    """The grades in the grade files of a folder, by file name, and what is wrong in others of them."""
     grades, faults = {}, []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         try:
-            if not set(read_toml(path)) & set(FIGURES):
+            if not is_grade(read_toml(path)):
                 continue
         except InputError:
             continue

@@ -15,11 +15,11 @@ from typing import Any
 import casadi as ca
 
 from insenv.attitude import rotate, rotate_inverse
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, naming
 from insenv.core.compose import Part
 from insenv.core.elementary import exp, normals, select
 from insenv.core.model import Step, Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Row, Table, check_rows
 from insenv.geodesy.magnetic import displacement_n
 from insenv.sensors.contract import HUGE, ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.instrument import Instrument, Term, errors_of
@@ -208,7 +208,8 @@ class Sampled:
         this, id, dt = self.instrument, self.instrument.id, p.sample_interval
         values = self._at_epoch(p, x, r)
         errors = errors_of(this, values, p)
-        rows = this.measure(motion, errors, p)
+        with naming(f"sensor {id!r}, measure"):
+            rows = check_rows(this.measure(motion, errors, p), this.measurement)
         if this.quantum is not None:
             rows = {name: rounded(value, getattr(p, this.quantum.name)) for name, value in rows.items()}
         lost: Any = 0.0 if this.lost is None else this.lost(p, rows)

@@ -125,7 +125,7 @@ def _unfiltered(measured: Curve) -> NDArray[np.bool_]:
     return use
 
 
-@remark("noise-filtered", "filtered: noise at averaging times below {time:.3g} s is too low and is left out")
+@remark("noise-filtered", "a low-pass filter reduces the noise at averaging times below {time:.3g} s, which are left out")
 def _filtered(measured: Curve, use: NDArray[np.bool_]) -> dict[str, float] | None:
     """Some averaging times are not in `use`."""
     return None if use.all() else {"time": measured.tau[use][0]}

@@ -436,7 +436,7 @@ def check_grade(path: Path | None) -> None:
         try:
             read_grade(path)
         except InputError:
-            raise InputError(f"{str(path)!r} exists and is no grade file: it is not overwritten") from None
+            raise InputError(f"{str(path)!r} exists and is not a grade file: it is not overwritten") from None
 
 
 def write_grade(unit: UnitNoise, path: Path) -> Path:

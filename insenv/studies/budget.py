@@ -276,7 +276,7 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: tuple[
     counted = finite[:, usable].all(axis=1) if usable[0] else finite[:, 0]
     if not counted.any():
         raise InputError(
-            f"estimator {case.estimator.id!r} diverges in every run of {case.plant.scenario.name!r}: nothing to share out"
+            f"estimator {case.estimator.id!r} diverges in every run of {case.plant.scenario.name!r}: no errors to compare"
         )
     nothing = np.full(whole.shape[1:], np.nan)
     squares = np.stack(

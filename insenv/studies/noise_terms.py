@@ -15,7 +15,8 @@ Gauss-Markov        2 s^2 / x (1 - (3 - 4 e^-x + e^-2x)     standard deviation s
 
 The fit is by least squares of the logarithm of the variance, weighted with the covariance of the estimates. Which slow term
 there is, if any, the data decide: a term is taken if it improves the fit by more than `WORTH`. The bounds of a figure are where
-the best fit with that figure is worse by 3.84 (95 %), all other figures being adjusted; an upper bound may be infinite.
+the best fit with that figure is worse by 3.84 (95 %), all other figures being adjusted; an upper bound may be infinite.  That
+of a walk counts a Gauss-Markov bias that begins as the walk, which may fit better, by less than `TIME_WORTH`.
 """
 
 from __future__ import annotations
@@ -408,7 +409,9 @@ class _Problem:
         def excess(log: float) -> float:
             fixed = float(np.exp(log))
             cost = self.best(best, {name: fixed})[0]
-            return min(cost, self._as_markov(best, fixed) if alone else np.inf) - least - CHI_SQUARE
+            if alone and fixed > value:  # the walk was taken although such a bias may fit better, by less than its price
+                cost = min(cost, self._as_markov(best, fixed) - TIME_WORTH)
+            return cost - least - CHI_SQUARE
 
         low, high = (self._crossing(excess, np.log(value), sign) for sign in (-1.0, 1.0))
         if high is not None and self.best(best, {name: float(np.exp(high))})[1].get(TIME, 0.0) > 0.99 * self.longest:

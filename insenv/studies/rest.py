@@ -18,7 +18,7 @@ from insenv.logs.rest import REST_WINDOW_S, rest_until
 LEAST_S, LEAST_SAMPLES = 10.0, 1000
 """The shortest part that tells something of a unit."""
 _PART = declared("longest-rest", "only {begin} to {end} s is used: the longest time without motion in a log of {whole:.6g} s")
-_MOVES = declared("moves-in-part", "the vehicle moves in this part: below its motion the noise of the unit cannot be seen")
+_MOVES = declared("moves-in-part", "the vehicle moves in this part, and its motion hides the noise of the unit")
 _MISSING = declared(
     "samples-missing",
     "{share:.2g} % of the samples are missing and interpolated, which hides noise at averaging times up to {time:.2g} s",

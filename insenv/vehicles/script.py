@@ -129,7 +129,7 @@ class Script:
         """
         if len(segments) > N_SEGMENTS:
             raise InputError(f"{len(segments)} segments: allowed are at most {N_SEGMENTS}")
-        rows = {"duration": Row("duration", "duration of a segment", "s", lower=1e-3, upper=1e9)}
+        rows = {"duration": Row("duration", "duration of a segment", "s", start=1.0, lower=1e-3, upper=1e9)}
         rows |= {row.name: row for row in self.commands}
         now = {row.name: float(row.start) for row in self.commands}
         table = np.zeros((N_SEGMENTS, 1 + len(self.commands)))

@@ -29,10 +29,11 @@ WRONG = read_toml(Path(__file__).with_name("wrong_calls.toml"))
 def test_a_wrong_call_is_one_sentence_with_the_value_and_what_is_allowed(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("insenv.mavlink.Vehicle", lambda *_, **__: pytest.fail("the work was begun"))
-    for name, text in (("file", ""), ("doubled.toml", "seed = 1\nrate_hz = 1.0\nseed = 2\n")):
+    files = {"file": "", "doubled.toml": "seed = 1\nrate_hz = 1.0\nseed = 2\n", "grade.toml": "gyro_arw_deg_sqrt_h = 0.1\n"}
+    for name, text in files.items():
         (tmp_path / name).write_text(text)
     refused(call(*line.replace("PLAIN", str(PLAIN)).split()), *WRONG[line])
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len(list(tmp_path.iterdir())) == len(files)
 
 
 FULL = {f"{RUN} -o out": "'out'", "examples new": "'new'", "fmu export q-method -o x.fmu": "x.fmu"}

@@ -63,7 +63,7 @@ def test_wrong_scenarios_and_logs_are_named(tmp_path):
 
 
 def test_files_of_another_command_and_folders_are_named(tmp_path):
-    refused(run(PLAIN), "describes a recorded log", f"insenv replay {PLAIN} -e ID")
+    refused(run(PLAIN), "the description of a recorded log, not a scenario", f"insenv replay {PLAIN} -e ID")
     refused(replay(SCENARIO), "a scenario, not the description of a recorded log", f"insenv run {SCENARIO}")
     refused(run(PLAIN.parent / "px4-takeoff.ulg.gz"), "not a scenario", "insenv replay")
     refused(replay(tmp_path), "a folder, not a TOML file; allowed is a .toml file that describes a log, or a flight log")

@@ -38,7 +38,7 @@ def test_a_wrong_value_is_named_with_what_is_allowed(values, said):
     ({"shape": (4,), "start": (1, 0)}, r"row 'a': start = \(1, 0\): .* of shape \(4,\)"),
     ({"start": float("inf")}, "row 'a': start = inf"),
     ({"lower": 2, "upper": 1}, "row 'a': lower = 2 exceeds upper = 1"),
-    ({"name": "a b"}, "row 'a b'"),
+    ({"name": "a b"}, "row 'a b'"), ({"start": 3, "upper": 2}, "row 'a': start = 3: allowed is -inf to 2"),
 ])  # fmt: skip
 def test_a_fault_of_a_row_is_named(fields, said):
     with pytest.raises(InputError, match=said):

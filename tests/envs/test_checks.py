@@ -114,7 +114,7 @@ def test_what_methods_refuse():
     for env in envs:
         for message, given in options.items():
             refuses(lambda env=env, given=given: env.reset(options=given), message)
-        refuses(lambda env=env: env.set_ranges(dtype="float32"), "set_ranges: 'dtype' is no argument that varies")
+        refuses(lambda env=env: env.set_ranges(dtype="float32"), "set_ranges: 'dtype' is not an argument that can vary")
         refuses(lambda env=env: env.set_ranges(imu="gold"), "gold")
         assert env.imu is None
         refuses(lambda env=env: env.restore("x"), "snapshot = 'x': allowed is a Snapshot")

@@ -40,4 +40,4 @@ def test_states_and_aids_of_an_fmu_are_chosen_as_in_a_run():
     assert "estimator_odometer_count" not in outputs and "estimator_fix_count" in outputs
     with pytest.raises(InputError, match="unknown name 'sonar'"):
         subject("fusion", _settings(['aids=["sonar"]']))
-    refused(call("fmu", "export", "fusion", "--set", 'aids=["gnss"', "-o", "x.fmu"), "is no list: allowed is")
+    refused(call("fmu", "export", "fusion", "--set", 'aids=["gnss"', "-o", "x.fmu"), "is not a list: allowed is")

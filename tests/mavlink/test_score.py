@@ -166,7 +166,7 @@ def test_what_changes_the_drive_ends_the_limit_and_so_does_the_end_of_the_scenar
     assert report_of(score).results[0].limit
     score.take(estimate("ODOMETRY", time_usec=1_500_000))
     report = report_of(score)
-    assert not report.results[0].limit and "no limit of estimates that last longer than the scenario, 1 s" in report.notes
+    assert not report.results[0].limit and "no limit: the estimates last longer than the scenario, 1 s" in report.notes
     score.limit = limit_of(build(load("car-city-drive"), duration_s=5.0))
     assert "heading_deg" in score.limit_at(2.0)
     vehicle.set_gnss(False)

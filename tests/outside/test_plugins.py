@@ -112,6 +112,9 @@ def test_a_fault_of_a_sensor_names_it(rail):
     ):
         with said(message):
             plant_model(rail["trolley"].trolley(), tuple(wrong))
+    misspelt = replace(rail["compass"].COMPASS, measure=lambda motion, e, p: {"compass_headin": e.noise})
+    with said("sensor 'compass', measure: no row named 'compass_headin'; did you mean 'compass_heading'"):
+        plant_model(rail["trolley"].trolley(), (section_of(misspelt).sensor,)).kernels  # noqa: B018
 
 
 @pytest.fixture

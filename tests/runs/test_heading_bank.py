@@ -80,7 +80,7 @@ def test_the_bank_decides_by_a_margin_over_every_other_heading():
 def test_what_stays_has_no_heading():
     """Half a minute at rest: every heading fits the fixes alike, and a given one is kept."""
     log = car_log("tactical", 30.0, wait_s=40.0)
-    with pytest.raises(InputError, match="heading at the start: no instrument shows it"):
+    with pytest.raises(InputError, match="heading at the start: no instrument measures it"):
         replay(started(log, static_until_s=28.0), ["loosely-coupled"])
     kept = replay(started(log, static_until_s=28.0, heading_deg=HEADING + 40.0), ["loosely-coupled"]).results[0]
     assert kept.errors["heading_deg"][0] == pytest.approx(40.0, abs=1.0)

@@ -120,7 +120,7 @@ def test_under_way_the_motion_gives_the_attitude(rest, said, ids):
     """A rest that ended 15 s before is no start at rest."""
     log = started(car_log("tactical", 80.0, seed=4, wait_s=3.0), start_s=20.0, static_until_s=rest)
     for result in replay(log, ids).results:
-        assert "the one of twelve filters" in result.notes[0] and said in result.notes[1]
+        assert "twelve were started" in result.notes[0] and said in result.notes[1]
         for name in ("roll_deg", "pitch_deg", "heading_deg", "vn_mps", "ve_mps", "vd_mps"):
             assert abs(result.errors[name][-1]) < 3 * result.sigma[name][-1], name
             assert beyond(result, name, result.time > 0) < 0.01, name

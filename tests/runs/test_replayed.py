@@ -56,7 +56,7 @@ def test_an_alignment_runs_on_a_log_without_a_reference():
 @pytest.mark.parametrize(
     ("changes", "id", "start", "message"),
     [
-        ({}, "loosely-coupled", "coarse", "heading at the start: no instrument shows it"),
+        ({}, "loosely-coupled", "coarse", "heading at the start: no instrument measures it"),
         ({}, "loosely-coupled", "reference", "must give position, velocity and attitude"),
         ({"gnss": False}, "loosely-coupled", "coarse", "needs GNSS"),
         ({"gnss": False}, "q-method", "coarse", "needs the place"),

@@ -54,7 +54,7 @@ def test_a_log_that_does_not_move_starts_with_that_heading(id):
 def test_a_field_that_is_not_that_of_the_earth_shows_no_heading():
     log = standing("autopilot", 200)
     wrong = replace(log, instruments=tuple(replace(each, values=1e3 * each.values) for each in log.instruments))
-    with pytest.raises(InputError, match="no instrument shows it"):
+    with pytest.raises(InputError, match="no instrument measures it"):
         replay(wrong, "fusion")
 
 

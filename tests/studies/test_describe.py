@@ -207,7 +207,7 @@ def test_whole_numbers_of_a_receiver_and_heights_that_are_not_in_metres(tmp_path
 
 REFUSED = (
     ("slow.csv", "nothing shows whether the gyros are in rad/s or deg/s"), ("comma.csv", "decimal commas"),
-    ("plain-imu.csv later.csv", "do not share a clock"), ("plain.toml", "a TOML file, which `insenv replay` reads"),
+    ("plain-imu.csv later.csv", "do not share a clock"), ("plain.toml", "a TOML file: allowed"),
     ("none.csv", "file not found"), ("empty.csv", "the file is empty"),
     ("nothing", "no log in this folder: looked for flight logs, .csv"), ("one.csv", "one column"),
     ("few.csv", "2 rows of numbers: a log has 10 or more"),

@@ -74,7 +74,10 @@ def in_degrees(p, x, u):
         ({"parameters": MODEL.parameters + Table((Row("gain", "Gain."),))}, "row 'gain': meaning = 'Gain.'"),
         ({"parameters": MODEL.parameters + Table((Row("gain", "Gain", "furlong"),))}, "row 'gain': unit = 'furlong'"),
         ({"parameters": MODEL.parameters + Table((Row("arm_b", "Arm", "m", (3,), "n"),))}, "row 'arm_b': frame = 'n'"),
-        ({"parameters": MODEL.parameters + Table((Row("gain", "Gain", lower=1.0),))}, "row 'gain': start = 0.0"),
+        (
+            {"parameters": Table((replace(MODEL.parameters["latitude"], unit="deg"), *list(MODEL.parameters)[1:]))},
+            "parameter 'latitude': unit = 'deg': allowed is 'rad', as the start gives it",
+        ),
         ({"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.SX([2, 0, 0, 0])}}, "q_nb is not of unit norm"),
         (
             {"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.sqrt(-(x.first[2] ** 2)) * ca.SX.ones(4)}},
@@ -92,7 +95,7 @@ def test_an_estimator_that_breaks_a_promise_is_found(changes, promise):
     broken = replace(whole, model=replace(whole.model, id="broken", **changes))
     with pytest.raises(AssertionError, match=f"'broken'.*{re.escape(promise)}"):
         testing.check_estimator(broken, "static-ecef", compiled=False)
-    if "inputs" in changes:
+    if "inputs" in changes or promise.startswith("parameter"):
         with pytest.raises(InputError, match=f"'broken'.*{re.escape(promise)}"):
             run("static-ecef", broken, duration_s=2.0)
 

@@ -71,7 +71,7 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
     for state in chosen:
         owners = [aid for aid, shown in states_by_aid().items() if state in shown]
         if owners and not ids & set(owners):
-            raise InputError(f"fusion {id!r}: nothing shows the state {state.name!r} without the aid {' or '.join(owners)}")
+            raise InputError(f"fusion {id!r}: the state {state.name!r} is not observable without {' or '.join(owners)}")
     biases = tuple(known[name] for name in ALWAYS if name not in names)
     used = tuple(gnss.WANDER_ESTIMATED if aid is gnss.WHITE and gnss.WANDER.name in names else aid for aid in used)
     every = (*biases, *chosen)

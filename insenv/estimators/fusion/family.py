@@ -313,8 +313,8 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
 
 
 UNKNOWN_START = (
-    "fusion first finds an attitude that is unknown by what is stated of the start ([knowledge] in a scenario, [initial] in a "
-    "log), with velocities of GNSS or of a Doppler log, and without the aids magnetometer and heading"
+    "fusion first finds an attitude that the stated start ([knowledge] in a scenario, [initial] in a log) leaves unknown, "
+    "with velocities of GNSS or of a Doppler log, and without the aids magnetometer and heading"
 )
 IN_PLACE = "in_place"
 NO_HEADING = declared(

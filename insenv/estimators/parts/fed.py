@@ -1,7 +1,7 @@
-"""What feeds the inputs of estimators, and what is wrong with an input that does not fit it.
+"""What feeds the inputs and the parameters of estimators, and what is wrong with one that does not fit it.
 
-Inputs are bound by name: one whose name is misspelt would keep its start value, and one in another unit or frame would be taken
-as it comes, both without an error.  `Estimator.check` asks here before a run, and so does the conformance suite.
+They are bound by name: an input whose name is misspelt would keep its start value, and what is in another unit or frame would
+be taken as it comes, both without an error.  `Estimator.check` asks here before a run, and so does the conformance suite.
 """
 
 from __future__ import annotations
@@ -9,7 +9,17 @@ from __future__ import annotations
 from insenv.base.errors import nearest
 from insenv.core.model import Model
 from insenv.core.tables import Table
-from insenv.estimators.parts.rows import SAMPLE_INPUTS, SMOOTHED_INPUT, STANDING_INPUT
+from insenv.estimators.parts.rows import (
+    LEVER_ARM,
+    PLACE,
+    SAMPLE_INPUTS,
+    SENSORS,
+    SMOOTHED_INPUT,
+    STANDING_INPUT,
+    START,
+    START_BIASES,
+    START_SIGMAS,
+)
 from insenv.sensors import IMU
 from insenv.sensors import registry as sensor_registry
 
@@ -29,9 +39,19 @@ def feeds() -> dict[str, Table]:
     }
 
 
+def known() -> dict[str, Table]:
+    """By what gives them, rows of parameters that have the value of their name in `Knowledge`, if nobody sets them."""
+    return {
+        "the start": PLACE + START + START_SIGMAS + START_BIASES,
+        "the data sheet of the unit": SENSORS,
+        "the receiver": LEVER_ARM,
+        "the data sheet of an instrument": sensor_registry.stated_rows(),
+    }
+
+
 def misfed(model: Model) -> str:
     """The sentence about an input of an estimator's model that nothing feeds, or whose unit, frame or shape differs from those
-    of the row that feeds it; empty if there is none.
+    of the row that feeds it, or about a parameter in another unit than what is known; empty if there is none.
     """
     fed = {row.name: (source, row) for source, table in feeds().items() for row in table}
     for row in model.inputs:
@@ -43,4 +63,11 @@ def misfed(model: Model) -> str:
             declared, allowed = getattr(row, what), getattr(feeding, what)
             if declared != allowed:
                 return f"{where}: {what} = {declared!r}: allowed is {allowed!r}, as {source} gives it"
+    for source, table in known().items():
+        for row in table:
+            if row.name in model.parameters and (declared := model.parameters[row.name].unit) != row.unit:
+                return (
+                    f"estimator {model.id!r}, parameter {row.name!r}: unit = {declared!r}: allowed is {row.unit!r}, "
+                    f"as {source} gives it"
+                )
     return ""

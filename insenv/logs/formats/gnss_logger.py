@@ -31,7 +31,7 @@ _NO_VERTICAL = declared(
     "vertical-accuracy-assumed",
     "{label}: {count} fixes state no vertical accuracy: {factor:g} times that of north and east is assumed",
 )
-_NO_SPEED = declared("speed-accuracy-missing", "{label}: fixes without an accuracy of their speed: it is not used")
+_NO_SPEED = declared("speed-accuracy-missing", "{label}: the fixes state no accuracy of their speed, which is not used")
 _KINDS = {"imu": ("UncalGyro", "UncalAccel"), "magnetometer": ("UncalMag",), "gnss": ("Fix",), "reference": ("Fix",)}
 _GPS = ("gps",)
 _NS = 1e-9

@@ -17,13 +17,13 @@ def read(label: str, data: bytes) -> list[NamedTrack]:
     try:
         document = gpxpy.parse(data.decode("utf-8-sig"))
     except (gpxpy.gpx.GPXException, UnicodeDecodeError) as error:
-        raise InputError(f"{label}: no GPX file: {error}") from None
+        raise InputError(f"{label}: not a GPX file: {error}") from None
     tracks = []
     for track in document.tracks:
         points = []
         for number, (point, _, _) in enumerate(track.walk(), 1):
             if point.time is None:
-                raise InputError(f"{label}: point {number} has no time: a planned route is no recorded track")
+                raise InputError(f"{label}: point {number} has no time: a planned route is not a recorded track")
             height = float("nan") if point.elevation is None else float(point.elevation)
             points.append((point.time.timestamp(), point.latitude, point.longitude, height))
         if points:

@@ -31,7 +31,7 @@ def read(label: str, data: bytes) -> list[NamedTrack]:
     try:
         root = fromstring(data)
     except ParseError as error:
-        raise InputError(f"{label}: no KML file: {error}") from None
+        raise InputError(f"{label}: not a KML file: {error}") from None
     tracks = []
     for mark in [each for each in root.iter() if each.tag.endswith("}Placemark")]:
         name = next((each.text for each in mark if each.tag.endswith("}name")), None)

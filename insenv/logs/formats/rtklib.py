@@ -53,12 +53,12 @@ def read_columns(label: str, raw: bytes, section: str) -> FileColumns:
             lines.append(line.replace(",", " ").split())
             numbers.append(number)
     if not lines:
-        raise InputError(f"{label}: no rows, only its heading")
+        raise InputError(f"{label}: no rows, only a header")
     kind = _PLACES[names[0]]
     width = 2 + len(names) + (4 if angle_unit == _MINUTES else 0)
     wrong = next((row for row, fields in enumerate(lines) if len(fields) != width), None)
     if wrong is not None:
-        raise InputError(f"{label}: line {numbers[wrong]} has {len(lines[wrong])} fields, expected {width} by the heading")
+        raise InputError(f"{label}: line {numbers[wrong]} has {len(lines[wrong])} fields, expected {width} by the header")
     unix = _times(label, lines, numbers, clock)
     values = _numbers(label, lines, numbers)
     if angle_unit == _MINUTES:
@@ -93,7 +93,7 @@ def _heading(label: str, text: str) -> tuple[list[str], str, str]:
                 raise InputError(f"{label}: the first column after the time is {words[1]!r}: allowed are {', '.join(_PLACES)}")
             lacking = [name for name in ("Q", *_SIGMAS[_PLACES[names[0]]]) if name not in names]
             if lacking:
-                raise InputError(f"{label}: its heading lacks the columns {', '.join(lacking)} of a solution of RTKLIB")
+                raise InputError(f"{label}: its header lacks the columns {', '.join(lacking)} of a solution of RTKLIB")
             return names, _MINUTES if words[1].endswith(_MINUTES) else _DEGREES, words[0]
     raise InputError(
         f"{label}: no line '% GPST ...' or '% UTC ...' with the names of the columns: allowed are solutions of RTKLIB with "

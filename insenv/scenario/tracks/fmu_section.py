@@ -134,7 +134,7 @@ def _run(section: FmuSection) -> Points:
     try:
         description = fmpy.read_model_description(str(path), validate=False)
     except Exception as error:  # of whatever kind: the file is anybody's
-        raise InputError(f"{path}: no FMU: {error}") from None
+        raise InputError(f"{path}: not an FMU: {error}") from None
     known = [variable.name for variable in description.modelVariables]
     said: list[str] = []
     outputs = (*place, *velocity, *angles, *elements)

@@ -166,7 +166,7 @@ def _run(path: Path, columns: Columns) -> Points:
         with np.load(path, allow_pickle=False) as arrays:
             time, latitude, longitude, height, q_nb = (arrays[f"truth/{name}"] for name in names)
     except (KeyError, ValueError) as error:
-        raise InputError(f"{path}: no result of a run with its truth: {error}") from None
+        raise InputError(f"{path}: not the result of a run with its truth: {error}") from None
     unknown = np.flatnonzero(~np.all(np.isfinite(np.column_stack([latitude, longitude, height, q_nb])), axis=1))
     if unknown.size:
         raise InputError(

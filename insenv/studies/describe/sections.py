@@ -182,7 +182,7 @@ def _inertial_findings(imu: LogTable, agreed: Agreed, mount: Mounting) -> list[F
         gyro += "no other unit is plausible"
     gyro += _contradicted(imu, names.gyro, GYRO_NAMES, choice.gyro_unit)
     sample = f"{1e3 * imu.interval:.3g} ms"
-    stamp = f"a shift of up to one sample ({sample}) is not told from the delay of the fixes, which is found with it"
+    stamp = f"a shift of up to one sample ({sample}) is part of the delay of the fixes, which is found with it"
     gaps = np.diff(imu.seconds)
     gaps = gaps[gaps > 1.5 * imu.interval]
     rate = f"{1 / imu.interval:.5g} Hz by the median step; "

@@ -39,7 +39,7 @@ def files_of(paths: Sequence[Path]) -> list[tuple[Path, bool]]:
     files: list[tuple[Path, bool]] = []
     for path in paths:
         if path.suffix == ".toml":
-            raise InputError(f"{path}: a TOML file, which `insenv replay` reads: allowed are the files of a log")
+            raise InputError(f"{path}: a TOML file: allowed are the files of a log")
         if not path.is_dir() or is_flight_log(path):
             files.append((path, False))
             continue

@@ -68,6 +68,6 @@ def test_gaps_twice_out_of_order_and_restarts(tmp_path):
     assert (found.imu_time[0], found.imu_time[-1]) == (pytest.approx(0.01), pytest.approx(9.99))
     assert found.gaps.count == 1 and found.gaps.samples == 19
     assert (np.diff(found.imu_time) > 0).all()
-    assert any("2 samples twice or out of order" in note for note in found.notes)
+    assert any("2 samples are repeated or out of order" in note for note in found.notes)
     assert any(note.startswith("3 segments between restarts and gaps longer than 1 s: the longest") for note in found.notes)
     assert load(described(path, "start_s = 12.0")).imu_time[-1] == pytest.approx(18.99)

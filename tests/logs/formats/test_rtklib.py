@@ -46,7 +46,7 @@ def test_each_notation_means_the_same(folder, form):
     folder.line("rover.pos", 4, f"2025-07-08 1 {text[3].split(maxsplit=2)[2]}")
     folder.error("rover.pos: line 4: time '2025-07-08 1': allowed is", ", as in the first row")
     folder.line("rover.pos", 4, text[3].rpartition(" ")[0])
-    folder.error("rover.pos: line 4 has 2", " by the heading")
+    folder.error("rover.pos: line 4 has 2", " by the header")
     folder.line("rover.pos", 2, "")
     folder.error("rover.pos: no line '% GPST")
 
