@@ -29,6 +29,8 @@ def read(data, at=0):
         header = next(h for h in PACKETS if data[at + 1 :].startswith(bytes.fromhex(h)))
         begin, form = at + 1 + len(header) // 2, PACKETS[header]
         end = begin + struct.calcsize(form) + 2
+        if end > len(data):  # cut off at the end
+            break
         assert crc(data[at + 1 : end]) == 0
         v = struct.unpack_from(form, data, begin)
         if header == "31010006011306":

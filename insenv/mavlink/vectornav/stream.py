@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from insenv.base.errors import InputError
 from insenv.mavlink.stream import Stream
-from insenv.mavlink.vectornav.unit import Unit
+from insenv.mavlink.vectornav.unit import MODELS, Unit
 from insenv.mavlink.vehicle import Vehicle
 from insenv.mavlink.wire import Link, TlogWriter
 
@@ -19,12 +20,18 @@ class UnitStream(Stream):
     """A vehicle as a unit on `port`, and as a MAVLink vehicle on `links`, which may be none.
 
     sent, received: number of frames and commands too, by the name of the output (``OUTPUT_75``) and of the command (``VNWRG``).
+    Raises `InputError` for an alignment in place where the unit has position and velocity.
     """
 
     def __init__(
         self, vehicle: Vehicle, unit: Unit, port: Link, links: Sequence[Link] = (), recorder: TlogWriter | None = None
     ) -> None:
         super().__init__(vehicle, links, recorder)
+        if unit.model.navigates and not vehicle.simulation.estimator.navigates:
+            raise InputError(
+                f"estimator {vehicle.simulation.estimator.id!r} aligns in place, and a {unit.model.title} has position and"
+                f" velocity: allowed is an estimator that navigates, or a {MODELS['vn100'].title} (vn100)"
+            )
         self.unit, self.port = unit, port
 
     @property

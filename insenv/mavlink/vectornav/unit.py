@@ -201,7 +201,7 @@ class Unit:
         outputs = {**self._outputs, **{register: output_of(text, self.model) for register, text in texts.items()}}
         needed = sum(each.size * min(each.hz, self._sample_hz) for each in outputs.values() if each.on) * BITS_A_BYTE
         if self._baud is not None and needed > self._baud:
-            raise CommandError(BAUD_TOO_LOW, f"{self._baud} baud: the outputs of a {self.model.title} need {needed:.0f}")
+            raise CommandError(BAUD_TOO_LOW, f"{self._baud} baud: the outputs of the {self.model.title} need {needed:.0f}")
         self._outputs = outputs
         self.registers.update(texts)
         for register in texts:

@@ -146,17 +146,20 @@ def _form(kind: str) -> str:
     return "serial:DEVICE:BAUD" if kind == "serial" else f"{kind}:HOST:PORT"
 
 
-def parse_address(text: str) -> Address:
-    """Parse an address; an empty host is the loopback address 127.0.0.1.  Raises `InputError`."""
+def parse_address(text: str, baud: int = BAUD) -> Address:
+    """Parse an address; an empty host is the loopback address 127.0.0.1, and a serial line without a baud rate has `baud`.
+
+    Raises `InputError`.
+    """
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
         raise InputError(f"address {text!r}: must be {', '.join(map(_form, KINDS))}")
     host, colon, port = rest.rpartition(":")
     if kind == "serial":
-        device, baud = (host, port) if colon and port.isdigit() else (rest, str(BAUD))
-        if not device or not 0 < int(baud) <= 100_000_000:
-            raise InputError(f"address {text!r}: must be {_form(kind)}, such as serial:/dev/ttyUSB0:{BAUD}")
-        return Address(kind, device, int(baud))
+        device, rate = (host, port) if colon and port.isdigit() else (rest, str(baud))
+        if not device or not 0 < int(rate) <= 100_000_000:
+            raise InputError(f"address {text!r}: must be {_form(kind)}, such as serial:/dev/ttyUSB0:{baud}")
+        return Address(kind, device, int(rate))
     lowest = 1 if kind.endswith("out") else 0
     if not port.isascii() or not port.isdigit() or not lowest <= int(port) <= MAX_PORT:
         raise InputError(f"address {text!r}: must be {_form(kind)} with a port from {lowest} to {MAX_PORT}")
