@@ -19,8 +19,8 @@ from insenv.cli.signals import DONE, FAILED
 
 if TYPE_CHECKING:
     from insenv.evaluation.limits import Limit
-    from insenv.mavlink import Stream, Vehicle
-    from insenv.mavlink.wire import Address, Link, TlogWriter
+    from insenv.mavlink.vectornav import Unit
+    from insenv.mavlink.wire import Address
     from insenv.report import Report
     from insenv.scenario import Scenario
 
@@ -128,9 +128,10 @@ def stream(
     """Stream the simulated vehicle and its estimate live over MAVLink to ground stations and other clients."""
     from insenv.cli.output import print_json, print_line
     from insenv.cli.signals import ending, written
-    from insenv.mavlink import Vehicle
+    from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import DEFAULT_HZ, parse_rates
     from insenv.mavlink.score import Score, report_of
+    from insenv.mavlink.vectornav import UnitStream
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
     from insenv.report import OutputFolder, run_document, write_files
     from insenv.scenario import with_settings
@@ -178,6 +179,7 @@ def stream(
         )  # fmt: skip
         return DONE
     chosen = parse_rates(rates, loaded.rate_hz) if addresses else dict.fromkeys(DEFAULT_HZ, 0.0)
+    made = _unit_at(port, unit, loaded.rate_hz)
     pace = 1.0 if speed is None else speed
     if duration is None and pace == 0.0:
         duration = loaded.duration_s
@@ -196,7 +198,10 @@ def stream(
                 for number, address in enumerate(addresses)
             ]
             recorder = None if tlog is None else stack.enter_context(TlogWriter(tlog))
-            running = _running(stack, vehicle, links, recorder, port, unit)
+            if made is None:
+                running = Stream(vehicle, links, recorder)
+            else:
+                running = UnitStream(vehicle, made, stack.enter_context(open_link(str(port))), links, recorder)
             watch = stack.enter_context(dashboard(running, request))
             request.orderly = True
             running.run(duration, watch, request)
@@ -227,19 +232,13 @@ def _unit_address(addresses: Sequence[str], unit: str) -> tuple[Address, list[st
     return parse_address(ports[0], UNIT_BAUD), [address for address in addresses if address not in ports]
 
 
-def _running(
-    stack: ExitStack, vehicle: Vehicle, links: Sequence[Link], recorder: TlogWriter | None, port: Address | None,
-    unit: UnitKind | None,
-) -> Stream:  # fmt: skip
-    """The stream over MAVLink, and that of a unit at `port`."""
-    from insenv.mavlink import Stream
-    from insenv.mavlink.vectornav import MODELS, Unit, UnitStream
-    from insenv.mavlink.wire import open_link
+def _unit_at(port: Address | None, kind: UnitKind | None, sample_hz: float) -> Unit | None:
+    """The unit at `port`, if one is asked for.  Raises `InputError` if its outputs do not fit into a serial line."""
+    from insenv.mavlink.vectornav import MODELS, Unit
 
-    if port is None or unit is None:
-        return Stream(vehicle, links, recorder)
-    made = Unit(MODELS[unit.value], 1.0 / vehicle.simulation.interval, port.port if port.kind == "serial" else None)
-    return UnitStream(vehicle, made, stack.enter_context(open_link(str(port))), links, recorder)
+    if port is None or kind is None:
+        return None
+    return Unit(MODELS[kind.value], sample_hz, port.port if port.kind == "serial" else None)
 
 
 def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Limit | None:
