@@ -20,7 +20,7 @@ DRIVER = [
 
 @pytest.fixture
 def host():
-    """A TCP server that plays the driver: its address, the answers, and the bytes after the last of them."""
+    """A TCP server that plays the driver in a thread: its address, the thread, the answers, and the bytes after them."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(60)
         answers, after = [], bytearray()
@@ -41,15 +41,15 @@ def host():
 
         thread = threading.Thread(target=play, daemon=True)
         thread.start()
-        yield f"tcpout:127.0.0.1:{server.getsockname()[1]}", answers, after
-        thread.join()
+        yield f"tcpout:127.0.0.1:{server.getsockname()[1]}", thread, answers, after
 
 
 def test_the_driver_of_ardupilot_configures_the_unit_and_reads_it(host):
-    address, answers, after = host
+    address, thread, answers, after = host
     status, out, err = call(
         "stream", "car-city-drive", "--as", "vn300", "--to", address, "--duration", 12, "--speed", 4, "--json"
     )
+    thread.join(60)
     found = strict(out)
     assert (status, err) == (0, "") and found["address"] == address and found["unit"] == "VN-300"
     assert found["commands_refused"] == {} and found["received"] == {"VNASY": 2, "VNRRG": 1, "VNWRG": 5}
