@@ -129,7 +129,7 @@ def stream(
     from insenv.cli.output import print_json, print_line
     from insenv.cli.signals import ending, written
     from insenv.mavlink import Stream, Vehicle
-    from insenv.mavlink.messages import DEFAULT_HZ, parse_rates
+    from insenv.mavlink.messages import SILENT, parse_rates
     from insenv.mavlink.score import Score, report_of
     from insenv.mavlink.vectornav import UnitStream
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
@@ -178,7 +178,7 @@ def stream(
             duration_s=duration, tlog=tlog, rates=rates, parameters=write_parameters, as_json=as_json,
         )  # fmt: skip
         return DONE
-    chosen = parse_rates(rates, loaded.rate_hz) if addresses else dict.fromkeys(DEFAULT_HZ, 0.0)
+    chosen = parse_rates(rates, loaded.rate_hz) if addresses else SILENT
     made = _unit_at(port, unit, loaded.rate_hz)
     pace = 1.0 if speed is None else speed
     if duration is None and pace == 0.0:

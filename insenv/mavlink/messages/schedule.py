@@ -62,6 +62,8 @@ STREAMED: dict[str, Streamed] = {
 """By name, in the order in which they are sent.  HIL_GPS is looked for at each sample and sent once per fix."""
 
 DEFAULT_HZ = {name: message.hz for name, message in STREAMED.items()}
+SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
+"""Rates of a vehicle that sends no messages by itself."""
 
 MESSAGES: dict[str, Content] = {
     **{name: message.values for name, message in STREAMED.items()},

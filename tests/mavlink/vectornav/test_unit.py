@@ -158,6 +158,22 @@ def test_the_status_knows_lost_inertial_samples_and_a_heading_of_two_antennas():
     assert 5 in status(vehicle)[1] and 9 not in status(quiet(hz=20))[1]
 
 
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"gnss": {"outages_s": ((50.0, 90.0),)}}, (3, set())),
+        ({"knowledge": {"heading_error_deg": 60.0, "heading_sigma_deg": 5.0}}, (1, {2})),
+        ({"imu": {"gyro_range_deg_s": 0.001}}, (1, {2})),
+    ],
+)
+def test_failures_of_a_scenario_reach_the_bytes(changes, expected):
+    vehicle = quiet(changed("car-city-drive", **changes), hz=20)
+    steps(vehicle, 60.0)
+    assert status(vehicle) == expected
+    gyros = np.degrees(np.abs(frames(unit_of(vehicle), vehicle, 2.0)["012107"][-1][10:13]))
+    assert np.all(gyros < 0.0011) == ("imu" in changes)
+
+
 # --- commands -----------------------------------------------------------------------------------------
 
 
