@@ -174,6 +174,14 @@ def test_failures_of_a_scenario_reach_the_bytes(changes, expected):
     assert np.all(gyros < 0.0011) == ("imu" in changes)
 
 
+def test_a_frozen_axis_reaches_the_bytes():
+    vehicle = quiet(hz=20)
+    steps(vehicle, 1.0)
+    vehicle.fail_imu(0, 2, 3)
+    spread = np.ptp(np.array(frames(unit_of(vehicle), vehicle, 2.0)["012107"])[1:, 10:13], axis=0)
+    assert spread[2] < 1e-9 < 1e-6 < spread[:2].min()
+
+
 # --- commands -----------------------------------------------------------------------------------------
 
 
