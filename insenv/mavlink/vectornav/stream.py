@@ -11,7 +11,7 @@ from typing import Any
 
 from insenv.base.errors import InputError
 from insenv.mavlink.stream import Stream
-from insenv.mavlink.vectornav.unit import MODELS, Unit
+from insenv.mavlink.vectornav.unit import COMMANDS, MODELS, Unit
 from insenv.mavlink.vehicle import Vehicle
 from insenv.mavlink.wire import Link, TlogWriter
 
@@ -51,8 +51,9 @@ class UnitStream(Stream):
     def serve(self) -> None:
         """Answer the commands to the unit, and serve the MAVLink links.  Does not block."""
         for peer, piece in self.port.receive_bytes():
-            for kind, answer in self.unit.take(peer, piece):
-                self.received[kind] += 1
+            answers, peer.rest = self.unit.take(peer.rest + piece)
+            for kind, answer in answers:
+                self.received[kind if kind in COMMANDS else "unknown command"] += 1
                 self.port.statistics.received_messages += 1
                 self.port.send_bytes(answer, peer)
         if self.links:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import xor
@@ -32,8 +32,10 @@ MODEL, ASCII_OUTPUT, OUTPUTS = 1, 6, (75, 76, 77)
 """Registers: the model, the ASCII output, of which there is none, and the three binary outputs."""
 BAD_CHECKSUM, BAD_COMMAND, TOO_FEW, BAD_VALUE, BAD_REGISTER, BAUD_TOO_LOW = 3, 4, 5, 7, 8, 12
 """Codes of VNERR."""
-MAX_LINE = 256
-"""Bytes of an unfinished command that are kept."""
+COMMANDS = ("VNASY", "VNRRG", "VNWRG")
+MAX_LINE, MAX_COMMANDS, MAX_REFUSED = 256, 16, 64
+"""Bytes of an unfinished command that are kept, commands that are followed at once (more are dropped), and refused ones that
+are counted apart: a host may send anything."""
 BITS_A_BYTE = 10
 """Of a serial line: a start and a stop bit with each byte."""
 
@@ -117,7 +119,7 @@ def line(body: str) -> bytes:
     return f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n".encode("ascii")
 
 
-_LINE = re.compile(r"[^$]*\$*(VN[A-Z]{3}[^$*]*)\*([0-9A-F]{4}|[0-9A-F]{2}|XX)", re.IGNORECASE)
+_LINE = re.compile(r"[^$]*\$*(VN[A-Z]{3}[^$*]*)\*([0-9A-Fa-f]{4}|[0-9A-Fa-f]{2}|[Xx]{2})")
 
 
 class Unit:
@@ -136,7 +138,6 @@ class Unit:
         self._outputs: dict[int, Output] = {}
         self._due: dict[int, float] = {}
         self._sample = 0
-        self._unfinished: dict[Hashable, bytes] = {}
         self._configure(model.outputs)
 
     # --- out ----------------------------------------------------------------------------------------
@@ -156,14 +157,15 @@ class Unit:
 
     # --- in -----------------------------------------------------------------------------------------
 
-    def take(self, sender: Hashable, piece: bytes) -> Iterator[tuple[str, bytes]]:
-        """Follow the commands in bytes that a peer has sent: the kind of each, such as ``VNWRG``, and its answer."""
-        *lines, rest = re.split(rb"[\r\n]+", self._unfinished.get(sender, b"") + piece)
-        self._unfinished[sender] = rest[-MAX_LINE:]
-        for text in lines:
-            found = _LINE.fullmatch(text.decode("ascii", "replace"))
-            if found is not None:
-                yield found[1][:5].upper(), self._answer(*found.groups())
+    def take(self, data: bytes) -> tuple[list[tuple[str, bytes]], bytes]:
+        """Follow the commands in bytes that a host has sent: for each its kind, such as ``VNWRG``, and the answer.
+
+        Also the end of the bytes, an unfinished command, which belongs before those that the host sends next.
+        """
+        *lines, rest = re.split(rb"[\r\n]+", data)
+        found = [_LINE.fullmatch(text.decode("ascii", "replace")) for text in lines]
+        followed = [(each[1], each[2]) for each in found if each is not None][:MAX_COMMANDS]
+        return [(body[:5], self._answer(body, checksum)) for body, checksum in followed], rest[-MAX_LINE:]
 
     def _answer(self, body: str, checksum: str) -> bytes:
         try:
@@ -173,7 +175,8 @@ class Unit:
                 raise CommandError(BAD_CHECKSUM, f"checksum {checksum} is not {right}")
             return line(self._follow(body))
         except CommandError as error:
-            self.refused[f"{body}: {error}"] += 1
+            text = f"{body}: {error}"
+            self.refused[text if text in self.refused or len(self.refused) < MAX_REFUSED else "others"] += 1
             return line(f"VNERR,{error.code:02X}")
 
     def _follow(self, body: str) -> str:
@@ -183,7 +186,7 @@ class Unit:
             self.on = values[0] == "1"
             return body
         if kind not in ("VNWRG", "VNRRG"):
-            raise CommandError(BAD_COMMAND, "a unit knows VNASY, VNRRG and VNWRG")
+            raise CommandError(BAD_COMMAND, f"a unit knows {', '.join(COMMANDS)}")
         if not values or not values[0].isdecimal():
             raise CommandError(TOO_FEW, "there is no register")
         register = int(values[0])

@@ -19,7 +19,7 @@ def unit_of(vehicle, model="vn300", **options):
 
 
 def answers(unit, data):
-    return b"".join(answer for _, answer in unit.take("peer", data)).decode()
+    return b"".join(answer for _, answer in unit.take(data)[0]).decode()
 
 
 def sent(unit, vehicle, seconds):
@@ -190,9 +190,12 @@ def test_the_commands_of_the_driver_are_answered_in_any_pieces():
     unit = unit_of(vehicle)
     sent = ["VNASY,0", "VNWRG,06,0,1", "VNWRG,06,1", "VNRRG,01", "VNWRG,75,3,16,01,0721", "VNRRG,75"]
     data = commands(*sent)
-    pieces = [data[i : i + 7] for i in range(0, len(data), 7)]
+    rest, found = b"", ""
+    for begin in range(0, len(data), 7):
+        got, rest = unit.take(rest + data[begin : begin + 7])
+        found += "".join(answer.decode() for _, answer in got)
     expected = [*sent[:3], "VNRRG,01,VN-300", sent[4], "VNRRG,75,3,16,01,0721"]
-    assert "".join(answers(unit, piece) for piece in pieces) == commands(*expected).decode()
+    assert found == commands(*expected).decode() and rest == b""
     assert frames(unit, vehicle, 1.0) == {}
     # a checksum of 16 bits (that in the comments of ArduPilot's driver), none, and what came before $
     answers(unit, b"\x00\xff$$VNWRG,75,3,16,01,0721*D415\r\n$VNASY,1*xx\n")
@@ -233,9 +236,13 @@ def test_outputs_must_fit_into_the_line():
     assert answers(unit, commands("VNWRG,76,3,2,31,0001,0106,0613")) == commands("VNERR,0C").decode()
 
 
-def test_noise_is_no_command_and_is_not_kept():
+def test_noise_is_no_command_and_a_flood_is_bounded():
     unit = Unit(MODELS["vn300"], 200.0)
     noise = np.random.default_rng(5).integers(0, 256, 100_000, dtype=np.uint8).tobytes()
     assert answers(unit, noise.replace(b"$", b"")) == "" and answers(unit, b"$" * 100_000) == ""
-    assert max(map(len, unit._unfinished.values())) <= 256
-    assert answers(unit, b"\n" + commands("VNRRG,1")) == commands("VNRRG,1,VN-300").decode()
+    assert len(unit.take(b"$" * 1000)[1]) == 256
+    assert answers(unit, noise[:999] + b"\n" + commands("VNRRG,1")) == commands("VNRRG,1,VN-300").decode()
+    assert answers(unit, commands(*["VNRRG,1"] * 99)).count("VN-300") == 16
+    for number in range(1000):
+        answers(unit, commands(f"VNRRG,{number + 100}"))
+    assert len(unit.refused) == 65 and unit.refused["others"] == 1000 - 64
