@@ -99,7 +99,8 @@ def output_of(text: str, model: Model) -> Output:
     except ValueError:
         raise CommandError(TOO_FEW, f"{text!r} is not port, divisor, groups and masks") from None
     numbers = [bit + 1 for bit in range(8) if groups >> bit & 1]
-    if not 0 <= port <= 3 or not 1 <= divisor <= 0xFFFF or not 1 <= groups <= 0xFF or max(masks, default=0) > 0xFFFF:
+    in_range = 0 <= port <= 3 and 1 <= divisor <= 0xFFFF and 1 <= groups <= 0xFF
+    if not in_range or not all(0 <= mask <= 0xFFFF for mask in masks):
         raise CommandError(BAD_VALUE, f"{text!r}: allowed is a port from 0 to 3 and a divisor from 1, with masks of 16 bits")
     if len(masks) != len(numbers):
         raise CommandError(TOO_FEW, f"{text!r} has {len(masks)} masks for {len(numbers)} groups")
@@ -119,7 +120,7 @@ def line(body: str) -> bytes:
     return f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n".encode("ascii")
 
 
-_LINE = re.compile(r"[^$]*\$*(VN[A-Z]{3}[^$*]*)\*([0-9A-Fa-f]{4}|[0-9A-Fa-f]{2}|[Xx]{2})")
+_LINE = re.compile(r".*\$(VN[A-Z]{3}[ -#%-)+-~]*)\*([0-9A-Fa-f]{4}|[0-9A-Fa-f]{2}|[Xx]{2})")
 
 
 class Unit:

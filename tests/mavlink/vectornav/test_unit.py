@@ -210,6 +210,7 @@ def test_the_commands_of_the_driver_are_answered_in_any_pieces():
         ("vn100", "VNWRG,75,3,8,20,0001", 7, "VN-100 has no field for bit 0 of group 6"),
         ("vn300", "VNWRG,75,3,0,01,0001", 7, "divisor from 1"),
         ("vn300", "VNWRG,75,3,8,01,10001", 7, "16 bits"),
+        ("vn300", "VNWRG,75,3,8,01,-FFFF", 7, "16 bits"),
         ("vn300", "VNWRG,75,3,8,31,0001", 5, "1 masks for 3 groups"),
         ("vn300", "VNWRG,75,3", 5, "is not port, divisor, groups and masks"),
         ("vn300", "VNWRG", 5, "no register"),
@@ -241,6 +242,10 @@ def test_noise_is_no_command_and_a_flood_is_bounded():
     noise = np.random.default_rng(5).integers(0, 256, 100_000, dtype=np.uint8).tobytes()
     assert answers(unit, noise.replace(b"$", b"")) == "" and answers(unit, b"$" * 100_000) == ""
     assert len(unit.take(b"$" * 1000)[1]) == 256
+    for begin in (b"VNASY,0,", b"VNWRG,06,", b"VNWRG,75,3,8,", b"VNRRG,1"):
+        for at in range(0, 3000, 6):
+            assert answers(unit, b"$" + begin + noise[at : at + 6] + b"*XX\n").isascii()
+    unit = Unit(MODELS["vn300"], 200.0)
     assert answers(unit, noise[:999] + b"\n" + commands("VNRRG,1")) == commands("VNRRG,1,VN-300").decode()
     assert answers(unit, commands(*["VNRRG,1"] * 99)).count("VN-300") == 16
     for number in range(1000):
