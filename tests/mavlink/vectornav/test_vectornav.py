@@ -18,44 +18,34 @@ DRIVER = [
 """What ArduPilot's driver sends to a VN-300 at EAHRS_RATE 50, each after the answer to the one before."""
 
 
-@pytest.fixture
-def host():
-    """A TCP server that plays the driver in a thread: its address, the thread, the answers, and the bytes after them."""
+def play(server, answers, after):
+    """Send each command after the answer to the one before, and read what follows the last: the driver on a TCP server."""
+    with server.accept()[0] as line:
+        line.settimeout(60)
+        data = b""
+        for command in DRIVER:
+            line.sendall(commands(command))
+            while (begin := data.find(f"${command}".encode())) < 0 or (end := data.find(b"\r\n", begin)) < 0:
+                data += line.recv(4096)
+            answers.append(data[begin + 1 : end - 3].decode())
+            data = data[end + 2 :]
+        while piece := line.recv(4096):
+            data += piece
+        after.extend(data)
+
+
+def test_the_driver_of_ardupilot_configures_the_unit_and_reads_it():
+    answers, after = [], bytearray()
     with socket.create_server(("127.0.0.1", 0)) as server:
-        server.settimeout(60)
-        answers, after = [], bytearray()
-
-        def play():
-            with server.accept()[0] as line:
-                line.settimeout(60)
-                data = b""
-                for command in DRIVER:
-                    line.sendall(commands(command))
-                    while f"${command}".encode() not in data or not (end := data.find(b"\r\n", data.find(b"$VN"))) > 0:
-                        data += line.recv(4096)
-                    answers.append(data[data.find(b"$VN") : end].decode())
-                    data = data[end + 2 :]
-                while piece := line.recv(4096):
-                    after.extend(piece)
-                after[:0] = data
-
-        thread = threading.Thread(target=play, daemon=True)
+        thread = threading.Thread(target=play, args=(server, answers, after), daemon=True)
         thread.start()
-        yield f"tcpout:127.0.0.1:{server.getsockname()[1]}", thread, answers, after
-
-
-def test_the_driver_of_ardupilot_configures_the_unit_and_reads_it(host):
-    address, thread, answers, after = host
-    status, out, err = call(
-        "stream", "car-city-drive", "--as", "vn300", "--to", address, "--duration", 12, "--speed", 4, "--json"
-    )
-    thread.join(60)
-    found = strict(out)
-    assert (status, err) == (0, "") and found["address"] == address and found["unit"] == "VN-300"
-    assert found["commands_refused"] == {} and found["received"] == {"VNASY": 2, "VNRRG": 1, "VNWRG": 5}
-    model = DRIVER.index("VNRRG,01")
-    assert [text.partition("*")[0] for text in answers] == [f"${text}{',VN-300' * (text == DRIVER[model])}" for text in DRIVER]
-    frames = read(bytes(after))
+        to = ("--to", f"tcpout:127.0.0.1:{server.getsockname()[1]}", "--duration", 12, "--speed", 4, "--json")
+        status, out, err = call("stream", "car-city-drive", "--as", "vn300", *to)
+        thread.join(60)
+    found, frames = strict(out), read(bytes(after))
+    assert (status, err, found["unit"], found["commands_refused"]) == (0, "", "VN-300", {})
+    assert found["received"] == {"VNASY": 2, "VNRRG": 1, "VNWRG": 5}
+    assert answers == [f"{text},VN-300" if text == "VNRRG,01" else text for text in DRIVER]
     times = np.array([[frame[0] for frame in frames[header]] for header in ("012107", "31010006011306")])
     assert np.all(np.diff(times) == 20_000_000) and times[0, -1] == 12_000_000_000 and len(frames["490300b8261800"]) > 5
     assert dict(zip(INS, frames["31010006011306"][-1], strict=True))["status"] == 1 | 1 << 2  # aligning, with a fix
