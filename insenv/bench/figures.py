@@ -131,6 +131,8 @@ def _measurements() -> dict[str, tuple[str, Callable[[], Figure]]]:
         "step.fusion-21": ("us", lambda: estimators.composed_step(21)),
         **{name: ("us", partial(estimators.update, name)) for name in estimators.UPDATES},
     }
+    if os.name == "posix" and is_installed("serial"):
+        table |= {"mavlink.unit": ("ms", mavlink.unit)}
     if all(map(is_installed, ("wasmtime", "ziglang"))):
         table |= {"web.samples": ("ns", page_machine.samples), "web.size": ("kB", page_machine.size)}
     return table

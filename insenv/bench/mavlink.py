@@ -1,7 +1,8 @@
-"""MAVLink: cost of a message, and timing of the stream on the wall clock."""
+"""MAVLink: cost of a message, and timing of the stream on the wall clock, that of a VectorNav unit too."""
 
 from __future__ import annotations
 
+import os
 import socket
 import statistics
 import time
@@ -19,11 +20,12 @@ REPETITIONS = 5
 def message() -> Figure:
     """Cost to make, convert, pack and send a message of the default mix; the floor is sending the same number of bytes."""
     from insenv.mavlink import Vehicle
+    from insenv.mavlink.messages import SILENT
     from insenv.mavlink.wire import open_link
     from insenv.scenario import load
 
     vehicle = Vehicle(load(SCENARIO), rates={}, speed=0.0)
-    silent = Vehicle(load(SCENARIO), rates=dict.fromkeys(vehicle.schedule.rates, 0.0), speed=0.0)
+    silent = Vehicle(load(SCENARIO), rates=SILENT, speed=0.0)
     steps = round(SIMULATED_S / REPETITIONS / vehicle.simulation.interval)
     costs, floors, total = [], [], 0
     with closing(_sink()) as sink, open_link(f"udpout:127.0.0.1:{sink.getsockname()[1]}") as link:
@@ -109,3 +111,31 @@ def lateness() -> Figure:
 def cpu() -> Figure:
     """Processor share of the default stream in real time."""
     return _of_stream(3, f"share of a core of the default stream of {SCENARIO} in real time")
+
+
+def unit() -> Figure:
+    """99th percentile of the lateness with which frames of a VN-300 arrive at the other end of a pseudo-terminal."""
+    from insenv.mavlink import Vehicle
+    from insenv.mavlink.messages import SILENT
+    from insenv.mavlink.vectornav import MODELS, Unit, UnitStream
+    from insenv.mavlink.wire import open_link
+    from insenv.scenario import load
+
+    scenario = load(SCENARIO)
+    vehicle = Vehicle(scenario, rates=SILENT)
+    master, slave = os.openpty()
+    late, interval = [], vehicle.simulation.interval
+    try:
+        with open_link(f"serial:{os.ttyname(slave)}:921600") as port:
+            stream = UnitStream(vehicle, Unit(MODELS["vn300"], scenario.rate_hz), port)
+            begun = time.monotonic()
+            stream.pacer.restart(1.0)
+            for number in range(1, round(STREAMED_S / interval) + 1):
+                stream.tick()
+                os.read(master, 4096)  # each sample has a frame
+                late.append(time.monotonic() - begun - number * interval)
+    finally:
+        os.close(master)
+        os.close(slave)
+    p50, p99 = (statistics.quantiles(late, n=100)[place] * 1e3 for place in (49, 98))
+    return Figure(p99, _empty()[2], len(late), f"99 % of samples have arrived on a serial line by then; median {p50:.2g} ms")

@@ -19,6 +19,8 @@ from insenv.cli.signals import DONE, FAILED
 
 if TYPE_CHECKING:
     from insenv.evaluation.limits import Limit
+    from insenv.mavlink.vectornav import Unit
+    from insenv.mavlink.wire import Address
     from insenv.report import Report
     from insenv.scenario import Scenario
 
@@ -31,6 +33,17 @@ class Lockstep(str, Enum):
 
     px4 = "px4"
     ardupilot_json = "ardupilot-json"
+
+
+class UnitKind(str, Enum):
+    """The inertial navigation unit that `insenv stream --as` makes of the vehicle."""
+
+    vn300 = "vn300"
+    vn100 = "vn100"
+
+
+UNIT_BAUD = 921600
+"""Of a serial line to a unit if the address has none."""
 
 
 @command
@@ -82,6 +95,13 @@ def stream(
     undulation: Annotated[
         float, typer.Option(metavar="M", help="Height of the geoid above the ellipsoid, taken as constant.")
     ] = 0.0,
+    unit: Annotated[
+        Optional[UnitKind],  # noqa: UP045
+        typer.Option(
+            "--as",
+            help="Send the binary outputs of this VectorNav unit to the address that is TCP or serial (docs/vectornav.md).",
+        ),
+    ] = None,
     lockstep: Annotated[
         Optional[Lockstep],  # noqa: UP045
         typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
@@ -110,8 +130,9 @@ def stream(
     from insenv.cli.signals import ending, written
     from insenv.logs.formats.tlog import TlogWriter
     from insenv.mavlink import Stream, Vehicle
-    from insenv.mavlink.messages import parse_rates
+    from insenv.mavlink.messages import SILENT, parse_rates
     from insenv.mavlink.score import Score, report_of
+    from insenv.mavlink.vectornav import UnitStream
     from insenv.mavlink.wire import Signing, open_link
     from insenv.report import OutputFolder, run_document, write_files
     from insenv.scenario import with_settings
@@ -124,6 +145,7 @@ def stream(
         if signing_key_file is not None:
             raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
         options = {"--errors": errors, "--system": system != 1, "--undulation": undulation != 0.0, "--score": score}
+        options["--as"] = unit is not None
         for option, is_set in options.items():
             if is_set:
                 raise InputError(f"{option}: not allowed with --lockstep")
@@ -133,6 +155,19 @@ def stream(
         raise InputError("--out: allowed with --score, whose results it takes")
     elif not addresses:
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
+    port = None
+    if unit is not None:
+        port, addresses = _unit_address(addresses, unit.value)
+        of_mavlink = {
+            "--rate": rates,
+            "--tlog": tlog,
+            "--signing-key-file": signing_key_file,
+            "--errors": errors,
+            "--score": score,
+        }
+        if not addresses and any(of_mavlink.values()):
+            first = next(name for name, value in of_mavlink.items() if value)
+            raise InputError(f"{first}: needs MAVLink beside --as {unit.value}, such as a second --to udpout:127.0.0.1:14550")
     id, (loaded, values) = one(estimator), changed_scenario(scenario, settings)
     if values:
         loaded = with_settings(loaded, values, [id] if id else loaded.estimators[:1])
@@ -144,7 +179,8 @@ def stream(
             duration_s=duration, tlog=tlog, rates=rates, parameters=write_parameters, as_json=as_json,
         )  # fmt: skip
         return DONE
-    chosen = parse_rates(rates, loaded.rate_hz)
+    chosen = parse_rates(rates, loaded.rate_hz) if addresses else SILENT
+    made = _unit_at(port, unit, loaded.rate_hz)
     pace = 1.0 if speed is None else speed
     if duration is None and pace == 0.0:
         duration = loaded.duration_s
@@ -162,12 +198,16 @@ def stream(
                 stack.enter_context(open_link(address, signing=signing, system=system, number=number))
                 for number, address in enumerate(addresses)
             ]
-            running = Stream(vehicle, links, None if tlog is None else stack.enter_context(TlogWriter(tlog)))
+            recorder = None if tlog is None else stack.enter_context(TlogWriter(tlog))
+            if made is None:
+                running = Stream(vehicle, links, recorder)
+            else:
+                running = UnitStream(vehicle, made, stack.enter_context(open_link(str(port))), links, recorder)
             watch = stack.enter_context(dashboard(running, request))
             request.orderly = True
             running.run(duration, watch, request)
             summary = running.summary()
-            summary["address"] = ", ".join(str(link.address) for link in links)
+            summary["address"] = ", ".join(str(link.address) for link in running.all_links)
             summary["tlog"] = None if tlog is None else str(tlog)
             if vehicle.score is not None:
                 report = report_of(vehicle.score)
@@ -178,6 +218,28 @@ def stream(
     if unheard:
         print_line(f"insenv: nobody accepted a connection at {', '.join(unheard)}", stderr=True)
     return FAILED if unheard and not summary["interrupted"] else DONE
+
+
+def _unit_address(addresses: Sequence[str], unit: str) -> tuple[Address, list[str]]:
+    """The address of the unit, and those of the MAVLink beside it, which are UDP.  Raises `InputError`."""
+    from insenv.mavlink.wire import parse_address
+
+    ports = [address for address in addresses if not address.startswith("udp")]
+    if len(ports) != 1:
+        raise InputError(
+            f"--as {unit}: takes one --to tcpin:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD, {len(ports)} given;"
+            " addresses of UDP carry MAVLink beside it"
+        )
+    return parse_address(ports[0], UNIT_BAUD), [address for address in addresses if address not in ports]
+
+
+def _unit_at(port: Address | None, kind: UnitKind | None, sample_hz: float) -> Unit | None:
+    """The unit at `port`, if one is asked for.  Raises `InputError` if its outputs do not fit into a serial line."""
+    from insenv.mavlink.vectornav import MODELS, Unit
+
+    if port is None or kind is None:
+        return None
+    return Unit(MODELS[kind.value], sample_hz, port.port if port.kind == "serial" else None)
 
 
 def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Limit | None:
@@ -221,6 +283,8 @@ def _print_summary(summary: dict[str, Any], report: Report | None = None) -> Non
     for what, key in (("values out of range", "saturated"), ("messages not sent because of an unknown value", "refused")):
         if summary[key]:
             print_line(f"{what}: " + ", ".join(f"{name} {count}" for name, count in summary[key].items()))
+    for refused, count in summary.get("commands_refused", {}).items():
+        print_line(f"refused {count} times: {refused}")
     if summary["tlog"]:
         print_line(f"written: {summary['tlog']}")
     if report is not None:

@@ -44,7 +44,8 @@ class LiveHealth:
     """Health of a filter that reports it (`insenv.estimators.Estimator.reports_health`), updated at each fix.
 
     rows: its outputs that tell its health (`insenv.estimators.Estimator.health_rows`).
-    verdict: of the health over all fixes so far, at most `SHORTEST_S` old.
+    verdict: of the health over all fixes so far, at most `SHORTEST_S` old.  refused_in_a_row: fixes up to the latest of which
+    the gate refused a component.
     """
 
     def __init__(self, rows: Table = FIX_HEALTH) -> None:
@@ -59,6 +60,7 @@ class LiveHealth:
         self._unwell_at = self._restarted_at = float("-inf")
         self._restarts, self._time = 0.0, 0.0
         self.verdict = "untested"
+        self._refused, self.refused_in_a_row = 0.0, 0
 
     def take(self, time: float, outputs: Mapping[str, Any], fix_velocity_sigma: Vector | None) -> None:
         """Take the filter's outputs after a fix at `time` (s); those of a filter that has diverged to NaN are ignored.
@@ -79,6 +81,9 @@ class LiveHealth:
                 del self._records[1::2]
                 self._every *= 2
         self._count += 1
+        refused = float(outputs.get("fix_refused_count", 0.0))
+        self.refused_in_a_row = self.refused_in_a_row + 1 if refused > self._refused else 0
+        self._refused = refused
         if "test_ratio" in outputs:
             self._ratios.append((time, np.array(outputs["test_ratio"])))
             while len(self._ratios) > FIXES and self._ratios[1][0] <= time - SHORTEST_S:

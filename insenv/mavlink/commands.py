@@ -334,6 +334,7 @@ ACTIONS: dict[int, Callable[[Vehicle, Sequence[float]], Result | None]] = {
     31013: lambda vehicle, p: vehicle.set_speed(p[0]),  # MAV_CMD_USER_4
     31014: lambda vehicle, p: vehicle.disturb_gnss(p[0], p[1:4]),  # MAV_CMD_USER_5
     176: lambda vehicle, p: (set_mode(vehicle, p[1]), []),  # DO_SET_MODE: param2 the custom mode
+    420: lambda vehicle, p: vehicle.fail_imu(*p[:3]),  # INJECT_FAILURE: gyros or accelerometers, type, axis
     400: _arm,  # COMPONENT_ARM_DISARM
     510: _get_interval,  # GET_MESSAGE_INTERVAL
     511: _set_interval,  # SET_MESSAGE_INTERVAL: param2 in us; 0 the default, -1 never

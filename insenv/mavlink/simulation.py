@@ -63,7 +63,8 @@ class Simulation:
     by the next `advance`).  samples: number simulated.  alignments: number started.  fix: the latest fix received;
     fixes: their number.  readings: number of measurements of magnetometer and barometer, by id.  gnss_on: whether the
     receiver is on.  interference: what disturbs it, or None.  increments (6): sums of the delta angles (rad) and delta
-    velocities (m/s) that the estimator received; last_increment (6): the latest of them.  bridged: number of lost samples;
+    velocities (m/s) that the estimator received; last_increment (6): the latest of them.  stuck (6): whether an element of them
+    repeats its latest value, as of an axis that is frozen.  bridged: number of lost samples;
     lost_in_a_row: consecutive ones up to the latest.  health: of the estimator since the alignment began, or None if it does
     not report it.  reported_heading_sigma: standard deviation (rad) of the heading from which the alignment began, 0 if the
     estimator takes none.  plant_parameters, estimator_parameters: the values in force, in the order of the models' tables;
@@ -103,6 +104,7 @@ class Simulation:
         self.alignments = 1
         self._aligning_since = 0
         self.increments, self.last_increment = np.zeros(6), np.zeros(6)
+        self.stuck = np.zeros(6, dtype=bool)
         self.health = self._new_health()
 
         inputs, outputs, known = self.estimator.model.inputs, self.plant.model.outputs, plant.model.outputs
@@ -150,7 +152,8 @@ class Simulation:
         self.lost_in_a_row += 1
         if truth["imu_valid"]:
             self.lost_in_a_row = 0
-            self.last_increment[:] = np.concatenate([truth[name] for name in _INCREMENTS])
+            measured = np.concatenate([truth[name] for name in _INCREMENTS])
+            self.last_increment[:] = np.where(self.stuck, self.last_increment, measured)
         else:
             self.bridged += 1
         self.increments += self.last_increment

@@ -218,12 +218,17 @@ class Stream:
             pacer.change(vehicle.speed)
         if not pacer.wait(self._serve_while_waiting):
             return
-        messages = vehicle.step()
-        for message in messages:
-            self.send(message)
+        sent = self.advance()
         if vehicle.speed > 0.0 or vehicle.simulation.samples % SERVE_EVERY == 0:
             self.serve()
-        pacer.sent(len(messages))
+        pacer.sent(sent)
+
+    def advance(self) -> int:
+        """Advance by one sample, send what is due, and return the number of messages."""
+        messages = self.vehicle.step()
+        for message in messages:
+            self.send(message)
+        return len(messages)
 
     def _serve_while_waiting(self) -> bool:
         """Serve, and return whether the deadline still holds."""
@@ -263,14 +268,19 @@ class Stream:
         self.log.sent(message)
 
     @property
+    def all_links(self) -> tuple[Link, ...]:
+        """The links, those that do not carry MAVLink included."""
+        return self.links
+
+    @property
     def peers(self) -> tuple[Peer, ...]:
         """The live peers of all links."""
-        return tuple(peer for link in self.links for peer in link.peers)
+        return tuple(peer for link in self.all_links for peer in link.peers)
 
     @property
     def statistics(self) -> Statistics:
         """Counts of all links together; a message sent over several of them counts once."""
-        return replace(Statistics.total(link.statistics for link in self.links), sent_messages=sum(self.sent.values()))
+        return replace(Statistics.total(link.statistics for link in self.all_links), sent_messages=sum(self.sent.values()))
 
     @property
     def wall_s(self) -> float:
@@ -298,7 +308,7 @@ class Stream:
             "link": asdict(self.statistics),
             "links": [
                 {"address": str(link.address), "clients": [peer.name for peer in link.peers], **asdict(link.statistics)}
-                for link in self.links
+                for link in self.all_links
             ],
             "clients": [peer.name for peer in self.peers],
             "lateness_ms": {"p50": self.pacer.lateness(0.5) * 1e3, "p99": self.pacer.lateness(0.99) * 1e3},

@@ -68,6 +68,9 @@ MIN_SPEED, MAX_SPEED = 0.01, 100.0
 """Range of the speed of the simulation, in simulated seconds per second; 0 is as fast as possible."""
 HIL_ACCELERATIONS = {"mG": MILLI_G, "mm/s^2": MM_S2}
 SEVERITY = {"error": 3, "warning": 4, "notice": 5, "info": 6}
+TRIADS = ("gyros", "accelerometers")
+FAILURE_OK, FAILURE_STUCK = 0, 2
+"""Of MAVLink's FAILURE_TYPE."""
 MAX_UNDULATION = 120.0
 """Largest height of the geoid above or below the ellipsoid, m."""
 _TEXT_FIELD, _MAX_TEXT = 50, 250
@@ -202,6 +205,21 @@ class Vehicle:
         self._check_receiver()
         disturbed = self.simulation.interference = interference(kind, values, self.simulation.time)
         self.announce(f"GNSS: {disturbed.name if disturbed else 'undisturbed'}", "warning")
+
+    def fail_imu(self, triad: float, failure: float, axis: float) -> None:
+        """Freeze an axis of the inertial unit at its latest value, or free it.  Raises `InputError`.
+
+        triad: 0 gyros, 1 accelerometers.  failure: `FAILURE_OK` or `FAILURE_STUCK`.  axis: 1 to 3, or 0 for all.
+        """
+        allowed = {"param1": (triad, (0, 1)), "param2": (failure, (FAILURE_OK, FAILURE_STUCK)), "param3": (axis, (0, 1, 2, 3))}
+        for name, (value, values) in allowed.items():
+            if value not in values:
+                raise InputError(f"{name} = {value:g}: allowed is {', '.join(map(str, values))}")
+        first = 3 * int(triad)
+        self.simulation.stuck[first + int(axis) - 1 if axis else slice(first, first + 3)] = failure == FAILURE_STUCK
+        self.simulation.changed = True
+        which = f"axis {axis:g} of the {TRIADS[int(triad)]}" if axis else TRIADS[int(triad)]
+        self.announce(f"{which}: {'stuck' if failure else 'as before'}", "warning")
 
     def _check_receiver(self) -> None:
         if not self.simulation.has_gnss:

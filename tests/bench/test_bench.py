@@ -8,10 +8,12 @@ SHORT = {
     "speed.REPETITIONS": 1, "speed.SAMPLES": 20, "speed.STARTS": 1, "speed.NUMERIC_REPETITIONS": 1, "peers.SAMPLES": 20,
     "estimators.REPETITIONS": 1, "estimators.DURATION_S": 2.0, "estimators.SAMPLES": 10, "envs.REPETITIONS": 1,
     "envs.LONG": 60.0, "peers.feedback_filter": lambda *_, **__: None, "fmu.REPETITIONS": 1, "fmu.DURATION_S": 0.5,
+    "mavlink.STREAMED_S": 0.5,
 }  # fmt: skip
 FMU = ("fmu.c-host", "fmu.fmpy", "fmu.export")
 QUICK = (
     *FMU, "interpreter.propagate15", "import.insenv", "numeric.one", "numeric.many", "native.propagate15", "batch.propagate15",
+    "mavlink.unit",
 )  # fmt: skip
 LONG = ("fmu.loop", "fmu.ssp", "fmu.pythonfmu", "step.fusion-15", "batch.fusion-21", "vector.small", "vector.reset.manoeuvre")
 

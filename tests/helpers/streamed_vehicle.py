@@ -9,13 +9,12 @@ from pymavlink.dialects.v20 import common, development
 
 from insenv.mavlink import Vehicle
 from insenv.mavlink.commands import answers
-from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.messages import SILENT
 from insenv.mavlink.parameters import NEVER
 from insenv.scenario import load
 
 PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"
 """The command line in a process that hears SIGINT, also where the tests run in the background."""
-SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
 UNSUPPORTED, DENIED, ACCEPTED = 3, 2, 0
 
 

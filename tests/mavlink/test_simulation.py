@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from changed_scenario import changed
-from streamed_vehicle import ACCEPTED, command, quiet, steps
+from streamed_vehicle import ACCEPTED, DENIED, command, quiet, steps, texts
 
 from insenv import attitude, run
 from insenv.base.errors import InputError
@@ -39,6 +39,23 @@ def test_a_lost_sample_is_bridged_by_the_one_before():
         np.testing.assert_allclose(simulation.increments - before, shown, rtol=0, atol=1e-12)
         before = simulation.increments.copy()
     assert 40 < simulation.bridged < 130
+
+
+def test_a_stuck_axis_repeats_its_latest_value_until_it_is_freed():
+    vehicle, twin = quiet(hz=20), quiet(hz=20)
+    simulation = vehicle.simulation
+    steps(vehicle, 1.0)
+    held = simulation.last_increment.copy()
+    assert command(vehicle, 420, 0.0, 2.0, 3.0)[0] == ACCEPTED and command(vehicle, 420, 1.0, 2.0, 0.0)[0] == ACCEPTED
+    assert texts(vehicle)[-2:] == ["axis 3 of the gyros: stuck", "accelerometers: stuck"] and simulation.changed
+    steps(vehicle, 1.0)
+    steps(twin, 2.0)
+    np.testing.assert_array_equal(simulation.last_increment, [*twin.simulation.last_increment[:2], *held[2:]])
+    assert command(vehicle, 420, 0.0, 0.0, 0.0)[0] == command(vehicle, 420, 1.0, 0.0, 0.0)[0] == ACCEPTED
+    assert not simulation.stuck.any()
+    for wrong in ((4.0, 2.0, 0.0), (0.0, 1.0, 0.0), (0.0, 2.0, 4.0), (0.0, 2.0, 0.5), (float("nan"), 2.0, 0.0)):
+        assert command(vehicle, 420, *wrong)[0] == DENIED and "allowed is" in texts(vehicle)[-1]
+    assert not simulation.stuck.any()
 
 
 @pytest.mark.parametrize(("estimator", "message"), [("smoother", "loosely-coupled"), ("q-method", "in place")])

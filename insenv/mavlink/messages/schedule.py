@@ -62,6 +62,8 @@ STREAMED: dict[str, Streamed] = {
 """By name, in the order in which they are sent.  HIL_GPS is looked for at each sample and sent once per fix."""
 
 DEFAULT_HZ = {name: message.hz for name, message in STREAMED.items()}
+SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
+"""Rates of a vehicle that sends no messages by itself."""
 
 MESSAGES: dict[str, Content] = {
     **{name: message.values for name, message in STREAMED.items()},
@@ -112,11 +114,16 @@ class Schedule:
 
     def _next(self, name: str, sample: int) -> float:
         """The first sample after `sample` at which a message is due."""
-        if self.rates[name] == 0.0:
-            return inf
-        period, begun = self._sample_hz / self.rates[name], self._begun[name]
-        count = int((sample - begun) / period + 1e-9) + 1
-        return begun + ceil(count * period - 1e-9)
+        return next_due(self.rates[name], self._sample_hz, sample, self._begun[name])
+
+
+def next_due(hz: float, sample_hz: float, sample: int, begun: int = 0) -> float:
+    """The first sample after `sample` at which something of this rate is due that began at the sample `begun`."""
+    if hz == 0.0:
+        return inf
+    period = sample_hz / hz
+    count = int((sample - begun) / period + 1e-9) + 1
+    return begun + ceil(count * period - 1e-9)
 
 
 def check_rate(name: str, hz: float, highest: float = MAX_HZ) -> None:

@@ -17,14 +17,14 @@ from insenv.mavlink.simulation import Fix
 
 ACCELEROMETER, GYRO, MAGNETOMETER = 0b111, 0b111 << 3, 0b111 << 6
 STATIC, DYNAMIC = 0b1101 << 9, 1 << 10
-_GAUSS, _HPA, _KELVIN = 1e4, 1e-2, 273.15
+TESLA_TO_GAUSS, _HPA, KELVIN = 1e4, 1e-2, 273.15
 
 GPS_FIX_TYPE_NO_FIX, GPS_FIX_TYPE_3D_FIX = 1, 3
 
 
 def imu(view: View, name: str) -> Values:
     """HIGHRES_IMU and, for autopilots, HIL_SENSOR: as measured, without the estimated biases removed."""
-    rates, forces, updated = _means(view, name)
+    rates, forces, updated = means(view, name)
     air, readings = view.air, view.simulation.readings
     before = view.sent_readings.get(name, {})
     view.sent_readings[name] = dict(readings)
@@ -33,8 +33,8 @@ def imu(view: View, name: str) -> Values:
     if readings["barometer"] != before.get("barometer", 0):
         updated |= STATIC | (DYNAMIC if view.traits.airspeed else 0)
     return (
-        view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * _GAUSS).tolist(),
-        air.pressure * _HPA, air.dynamic_pressure * _HPA, air.pressure_height, air.temperature - _KELVIN, updated, 0,
+        view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * TESLA_TO_GAUSS).tolist(),
+        air.pressure * _HPA, air.dynamic_pressure * _HPA, air.pressure_height, air.temperature - KELVIN, updated, 0,
     )  # fmt: skip
 
 
@@ -49,17 +49,17 @@ def scaled_imu(view: View) -> Values:
 
 
 def _milli(view: View, name: str) -> list[float]:
-    rates, forces, _ = _means(view, name)
-    magnetic_mg = view.air.magnetic_b * _GAUSS * 1e3
+    rates, forces, _ = means(view, name)
+    magnetic_mg = view.air.magnetic_b * TESLA_TO_GAUSS * 1e3
     return [*(forces * MILLI_G).tolist(), *(rates * 1e3).tolist(), *magnetic_mg.tolist()]
 
 
 def _temperature(view: View) -> float:
     """In 0.01 degrees Celsius; 0 would mean "unknown"."""
-    return round((view.air.temperature - _KELVIN) * 100.0) or 1
+    return round((view.air.temperature - KELVIN) * 100.0) or 1
 
 
-def _means(view: View, name: str) -> tuple[Vector, Vector, int]:
+def means(view: View, name: str) -> tuple[Vector, Vector, int]:
     """Mean rates (rad/s) and specific forces (m/s^2) since the message was last sent, and the bits of new values."""
     simulation = view.simulation
     before, sums = view.sent_increments.get(name, (0, np.zeros(6)))
@@ -77,7 +77,7 @@ def scaled_pressure(view: View) -> Values | None:
     air = view.air
     if not view.simulation.readings["barometer"]:
         return None
-    celsius = (air.temperature - _KELVIN) * 100.0
+    celsius = (air.temperature - KELVIN) * 100.0
     return view.time_ms, air.pressure * _HPA, air.dynamic_pressure * _HPA, celsius, celsius
 
 

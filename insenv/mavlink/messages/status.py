@@ -14,7 +14,6 @@ _BOOT, _STANDBY, _ACTIVE, _CRITICAL = 1, 3, 4, 5  # MAV_STATE
 _CUSTOM_MODE, _ARMED = 1, 128
 _LANDED_ON_GROUND, _LANDED_IN_AIR = 1, 2
 _GYRO, _ACCEL, _MAG, _ABSOLUTE_PRESSURE, _DIFFERENTIAL_PRESSURE, _GPS, _PREARM = 1, 2, 4, 8, 16, 32, 1 << 28
-_IMU_LOST = 10  # consecutive lost samples after which the inertial unit counts as failed
 _PARAM_FLOAT, _MISSION_INT, _COMMAND_INT, _FTP, _MAVLINK2, _MISSION_FENCE, _MISSION_RALLY = 2, 4, 8, 32, 8192, 16384, 32768
 _NOT_SELECTABLE, _AUTO_MODE = 2, 4
 _ERRORS = {"tilt": "ERR_TILT", "heading": "ERR_HDG", "velocity": "ERR_VEL", "position": "ERR_POS"}
@@ -45,7 +44,7 @@ def sys_status(view: View) -> Values:
         health &= ~_GPS
     if not view.aligned:
         health &= ~_PREARM
-    if view.simulation.lost_in_a_row >= _IMU_LOST:
+    if view.imu_lost:
         health &= ~(_GYRO | _ACCEL)
     return present, present, health, view.load * 1000.0, nan, nan, nan, 0, 0, 0, 0, 0, 0
 

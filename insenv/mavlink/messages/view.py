@@ -104,6 +104,8 @@ TILT_LIMIT_DEG, HEADING_LIMIT_DEG, VELOCITY_LIMIT, POSITION_LIMIT = 1.0, 5.0, 1.
 """Stated 1-sigma below which an estimate counts as good: deg, deg, m/s, m."""
 SURE = 3.0
 """Number of standard deviations by which data must tell a wrong heading from the right one."""
+IMU_LOST = 10
+"""Consecutive lost samples after which the inertial unit counts as failed."""
 MILLI_G, MM_S2 = 1e3 / STANDARD_GRAVITY, 1e3
 """Units of accelerations in HIL_STATE_QUATERNION per m/s^2: of MAVLink's definition, and as PX4 reads them."""
 
@@ -237,6 +239,11 @@ class View:
             return False
         return simulation.time - fix.time < 2.5 * gnss.interval_s
 
+    @property
+    def imu_lost(self) -> bool:
+        """Whether the latest `IMU_LOST` inertial samples were lost: the unit counts as failed."""
+        return self.simulation.lost_in_a_row >= IMU_LOST
+
     # --- quality of the estimate --------------------------------------------------------------------
 
     @property
@@ -266,9 +273,14 @@ class View:
         """
         if self.simulation.diverged:
             return False
+        return self.states_alignment and ("attitude_sigma" not in self.estimate or not self.doubt)
+
+    @property
+    def states_alignment(self) -> bool:
+        """Whether the stated sigmas of tilt and heading are below their limits, or none are stated, whatever the `doubt`."""
         if "attitude_sigma" not in self.estimate:
             return True
-        return self.tilt_sigma_deg < TILT_LIMIT_DEG and self.heading_sigma_deg < HEADING_LIMIT_DEG and not self.doubt
+        return self.tilt_sigma_deg < TILT_LIMIT_DEG and self.heading_sigma_deg < HEADING_LIMIT_DEG
 
     @property
     def doubt(self) -> str:

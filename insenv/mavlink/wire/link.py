@@ -25,6 +25,8 @@ INBOX_BYTES = 65536
 """Largest number of unread bytes kept of one peer."""
 OUTBOX_BYTES = 262144
 """Largest number of unsent bytes kept for one peer: 30 s of telemetry at 9 kB/s, 5 s of all messages at 200 Hz."""
+FRESH_BYTES = 4096
+"""Number of unsent bytes of one peer beyond which no more are kept of a protocol other than MAVLink."""
 MESSAGES_PER_CALL = 64
 """Largest number of frames that one `receive` processes."""
 MESSAGES_PER_PEER = 8
@@ -95,6 +97,13 @@ class Peer:
                 statistics.skipped_bytes += len(piece) - used
         return self.frames.popleft() if self.frames else None
 
+    def drain(self) -> bytes:
+        """Remove and return the bytes that were read, of a peer that does not speak MAVLink."""
+        data = b"".join(self.pieces)
+        self.pieces.clear()
+        self.stored = 0
+        return data
+
     def has_input(self) -> bool:
         """Whether `next_frame` may return a frame."""
         return bool(self.frames or self.pieces)
@@ -138,17 +147,20 @@ def _form(kind: str) -> str:
     return "serial:DEVICE:BAUD" if kind == "serial" else f"{kind}:HOST:PORT"
 
 
-def parse_address(text: str) -> Address:
-    """Parse an address; an empty host is the loopback address 127.0.0.1.  Raises `InputError`."""
+def parse_address(text: str, baud: int = BAUD) -> Address:
+    """Parse an address; an empty host is the loopback address 127.0.0.1, and a serial line without a baud rate has `baud`.
+
+    Raises `InputError`.
+    """
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
         raise InputError(f"address {text!r}: must be {', '.join(map(_form, KINDS))}")
     host, colon, port = rest.rpartition(":")
     if kind == "serial":
-        device, baud = (host, port) if colon and port.isdigit() else (rest, str(BAUD))
-        if not device or not 0 < int(baud) <= 100_000_000:
-            raise InputError(f"address {text!r}: must be {_form(kind)}, such as serial:/dev/ttyUSB0:{BAUD}")
-        return Address(kind, device, int(baud))
+        device, rate = (host, port) if colon and port.isdigit() else (rest, str(baud))
+        if not device or not 0 < int(rate) <= 100_000_000:
+            raise InputError(f"address {text!r}: must be {_form(kind)}, such as serial:/dev/ttyUSB0:{baud}")
+        return Address(kind, device, int(rate))
     lowest = 1 if kind.endswith("out") else 0
     if not port.isascii() or not port.isdigit() or not lowest <= int(port) <= MAX_PORT:
         raise InputError(f"address {text!r}: must be {_form(kind)} with a port from {lowest} to {MAX_PORT}")
@@ -231,14 +243,26 @@ class Link(ABC):
         for peer in peers:
             frame = self._framed(plain, peer.sequence, by_sequence)
             peer.sequence = (peer.sequence + 1) % 256
-            if self._transmit(peer, frame):
-                peer.sent += 1
-                self.statistics.sent_frames += 1
-                self.statistics.sent_bytes += len(frame)
-            else:
-                peer.dropped += 1
-                self.statistics.dropped_frames += 1
+            self._pass(peer, frame)
         return logged
+
+    def send_bytes(self, frame: bytes, peer: Peer | None = None) -> None:
+        """Send a frame of another protocol to one peer, or to all live ones.
+
+        A frame is dropped for a peer that has not taken `FRESH_BYTES` yet: who begins to read late gets what is new.
+        """
+        self.statistics.sent_messages += 1
+        for each in self.peers if peer is None else (peer,):
+            self._pass(each, frame, keep=each.waiting <= FRESH_BYTES)
+
+    def _pass(self, peer: Peer, frame: bytes, *, keep: bool = True) -> None:
+        if keep and self._transmit(peer, frame):
+            peer.sent += 1
+            self.statistics.sent_frames += 1
+            self.statistics.sent_bytes += len(frame)
+        else:
+            peer.dropped += 1
+            self.statistics.dropped_frames += 1
 
     def _framed(self, plain: bytes, sequence: int, by_sequence: dict[int, bytes]) -> bytes:
         if sequence not in by_sequence:
@@ -276,6 +300,11 @@ class Link(ABC):
                 self._heard(peer, message)
                 messages.append((peer, message))
         return messages
+
+    def receive_bytes(self) -> list[tuple[Peer, bytes]]:
+        """The bytes received since the last call, each piece with its peer, of links for another protocol; does not block."""
+        self._pump()
+        return [(peer, peer.drain()) for peer in self._peers if peer.pieces]
 
     def _verified(self, frame: bytes) -> Message | None:
         if self.signing is not None:
