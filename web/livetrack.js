@@ -27,8 +27,9 @@ export function makeTrack(live, at) {
     }))
     .find((/** @type {any} */ one) => one.count);
   /** @type {any} */
-  const scene = { lines, refused: [], accepted: [], places: [0, 0] };
-  const plot = trackPlot("Track seen from above", scene, "The truth and the estimates; crosses are refused fixes.");
+  const scene = { lines, last: [], refused: [], accepted: [], places: [0, 0] };
+  const label = "The truth and the estimates; crosses are refused fixes.";
+  const plot = trackPlot("Track seen from above", scene, label, true);
   const mark = (/** @type {any} */ history, /** @type {number} */ place) => {
     if (!filter || place === 0 || !at("gnss_latitude")) return;
     const grown = (/** @type {any} */ row) => history.value(row.at, place) > history.value(row.at, place - 1);
@@ -37,7 +38,7 @@ export function makeTrack(live, at) {
     const north = EARTH * (history.value(at("gnss_latitude").at, place) - latitude);
     const east = EARTH * Math.cos(latitude) * (history.value(at("gnss_longitude").at, place) - longitude);
     if (!(Math.hypot(north, east) < FARTHEST)) return;
-    const fix = { group: filter.group, north: lines[0].north[place] + north, east: lines[0].east[place] + east };
+    const fix = { group: filter.group, place, north: lines[0].north[place] + north, east: lines[0].east[place] + east };
     (grown(filter.refused) ? scene.refused : scene.accepted).push(fix);
   };
   return {
@@ -52,13 +53,23 @@ export function makeTrack(live, at) {
         });
         mark(history, place);
       }
-      scene.places = [0, after];
+    },
+    /** Show the last run too. @param {import("./history.js").Recorded | null} history */
+    beside: (history) => {
+      const column = (/** @type {number} */ at) =>
+        history ? Array.from({ length: history.count() }, (_, place) => history.value(at, place)) : [];
+      scene.last = navigators.map((/** @type {any} */ { group, row }) => ({ group, north: column(row.at), east: column(row.at + 1) }));
+      plot.draw();
     },
     clear: () => {
       for (const line of lines) line.north.length = line.east.length = 0;
       scene.refused.length = scene.accepted.length = 0;
       scene.places = [0, 0];
     },
-    draw: plot.draw,
+    /** @param {number} count  records to show */
+    draw: (count) => {
+      scene.places = [0, count];
+      plot.draw();
+    },
   };
 }

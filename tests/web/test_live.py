@@ -189,3 +189,55 @@ def test_a_finger_on_the_field_commands_and_a_run_after_a_cloud_goes_on(browser)
     waves = [values["wave"] for _, values in read if "wave" in values]
     assert max(waves) == pytest.approx(0.5, abs=0.05) and waves[-1] == 0
     assert browser.console() == []
+
+
+@pytest.mark.slow
+def test_the_last_run_stays_beside_one_of_another_grade_until_it_is_forgotten(browser):
+    path, (name, estimators, duration) = page_file(*CAR), CAR
+    ready(browser, path)
+    fast(browser)
+    was, drawn = (
+        printed(insenv.run(name, estimators, duration_s=duration)),
+        "document.querySelector('.panel canvas').toDataURL()",
+    )
+    choose(browser, "control-imu.grade", "consumer")
+    assert browser.until("document.getElementById('last-run').textContent") == "last run: unit tactical"
+    fast(browser)
+    now = printed(insenv.run(changed(name, imu={"grade": "consumer"}), estimators, duration_s=duration), limit=False)
+    assert figures(browser) == [[*row[:2], old[1], *row[2:]] for row, old in zip(now, was, strict=True)]
+    assert browser.violations() == []
+    both = browser.value(drawn)
+    click(browser, "forget")
+    browser.until(f"document.querySelector('.last').hidden && {drawn} !== {both!r}")
+    choose(browser, "control-imu.grade", "tactical")
+    fast(browser)
+    choose(browser, "control-imu.grade", "consumer")
+    choose(browser, "control-imu.grade", "tactical")  # equal to the last run: nothing to show
+    browser.until("document.querySelector('.last').hidden")
+    assert browser.console() == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [LAPTOP, PHONE], ids=["laptop", "phone"])
+def test_going_back_shows_the_numbers_of_then_and_the_run_goes_on_from_its_end(browser, size):
+    path, (name, estimators, duration) = page_file(*CAR), CAR
+    ready(browser, path, size)
+    fast(browser)
+    browser.driver.execute_script(
+        "arguments[0].value = 30; arguments[0].dispatchEvent(new Event('input'))", browser.driver.find_element(By.ID, "time")
+    )
+    browser.until("document.getElementById('clock').textContent === '0:30.0'")
+    result = insenv.run(name, estimators, duration_s=duration).results[0]
+    place = np.argmin(abs(result.time - 30.0))
+    texts = "map((row) => row.cells[2].textContent.replace('\u2212', '-'))"
+    assert browser.value(f"[...document.querySelectorAll('.readings tbody tr')].{texts}") == [
+        number(values[place]) for values in result.errors.values()
+    ]
+    assert browser.value("document.querySelector('.plots .readout').textContent").startswith("30.0 s")
+    click(browser, "follow")
+    assert browser.value("document.getElementById('follow').ariaPressed") == "true"
+    browser.driver.find_element("css selector", "canvas.track").send_keys("0")
+    assert browser.value("document.getElementById('follow').ariaPressed") == "false"
+    click(browser, "reset")
+    browser.until("document.getElementById('clock').textContent === '0:00.0'")
+    assert browser.console() == []
