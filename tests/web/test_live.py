@@ -229,10 +229,10 @@ def test_going_back_shows_the_numbers_of_then_and_the_run_goes_on_from_its_end(b
     browser.until("document.getElementById('clock').textContent === '0:30.0'")
     result = insenv.run(name, estimators, duration_s=duration).results[0]
     place = np.argmin(abs(result.time - 30.0))
-    texts = "map((row) => row.cells[2].textContent.replace('\u2212', '-'))"
-    assert browser.value(f"[...document.querySelectorAll('.readings tbody tr')].{texts}") == [
-        number(values[place]) for values in result.errors.values()
-    ]
+    texts = "map((one) => one.rows[0].cells[3].textContent.replace('\u2212', '-'))"
+    shown = browser.value(f"[...document.querySelectorAll('.readings tbody')].{texts}")
+    assert shown == [number(values[place]) for values in result.errors.values()]
+    assert browser.value("[...document.querySelectorAll('.scroll')].every((one) => one.scrollWidth <= one.clientWidth)")
     assert browser.value("document.querySelector('.plots .readout').textContent").startswith("30.0 s")
     click(browser, "follow")
     assert browser.value("document.getElementById('follow').ariaPressed") == "true"
