@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import gzip
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +24,7 @@ from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import CHANNELS
 from insenv.report.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
-from insenv.report.page import assembled, check_size
+from insenv.report.page import assembled, check_size, compressed
 from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import start_normals, start_sigmas, stated_start_errors
@@ -307,11 +306,6 @@ def _notes_of_page(plant: Plant) -> list[Remark]:
     if plant.parameters["imu_drop_probability"] > 0.0:
         notes.append(_REPEATED)
     return notes
-
-
-def compressed(module: bytes) -> bytes:
-    """A module as a page holds it: gzip."""
-    return gzip.compress(module, 9, mtime=0)
 
 
 def _rows(table: Table) -> list[dict[str, Any]]:
