@@ -100,6 +100,7 @@ export function livePage(live) {
       speed = value;
       if (running) run();
     },
+    settings: () => openSettings(controls.element.hidden === true),
     back: (time) => {
       if (running) pause();
       const last = history.count() - 1;
@@ -118,7 +119,15 @@ export function livePage(live) {
     live,
     (seed, values) => begin({ ...state, seed: seed ?? state.seed, values: changed(live, state.values, values) }),
     () => begin(preparedState(live)),
+    () => openSettings(false),
   );
+  const openSettings = (/** @type {boolean} */ open) => {
+    controls.element.hidden = !open;
+    bar.settings.setAttribute("aria-expanded", String(open));
+    if (open) controls.element.querySelector("input")?.focus();
+    else bar.settings.focus();
+  };
+  controls.element.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => event.key === "Escape" && openSettings(false));
   const drive = driver(
     live,
     (values) => {
@@ -259,10 +268,10 @@ export function livePage(live) {
     requestAnimationFrame(paint);
     if (model === "ready" && frame) {
       const [y, until] = back === null ? [frame.outputs, history] : [history.row(back), history.first(back + 1)];
-      if (views.draw(y, running, until)) {
+      const time = back === null ? frame.time_s : y[at("time").at];
+      const cuts = cutNow(live, state.values, time);
+      if (views.draw(y, running, until, (cuts.gnss ?? null) !== null)) {
         const velocity = at("velocity_n").at;
-        const time = back === null ? frame.time_s : y[at("time").at];
-        const cuts = cutNow(live, state.values, time);
         bar.at(time, cuts);
         story.at(time, outagesOf(live, state.values));
         drive.show(Math.hypot(y[velocity], y[velocity + 1]), cuts);
@@ -310,10 +319,12 @@ export function livePage(live) {
     h(
       "div",
       { class: "columns" },
-      h("div", { class: "aside" }, views.numbers, notes.element, controls.element),
+      h("div", { class: "aside" }, views.numbers, notes.element),
       h("div", { class: "plots" }, panels.elements, cloud.element),
     ),
+    controls.element,
   );
+  if (panels.heading) besideVehicle(panels.heading, views.views);
   /** What acts on the model is there with it. */
   const become = (/** @type {import("./transport.js").Model} */ now) => {
     model = now;
@@ -344,6 +355,17 @@ export function livePage(live) {
       ),
     ),
   );
+}
+
+/** On a phone a plot stands in the first screen, beside the vehicle.
+ * @param {HTMLElement} plot
+ * @param {HTMLElement} views */
+function besideVehicle(plot, views) {
+  const [home, next] = [/** @type {HTMLElement} */ (plot.parentElement), plot.nextSibling];
+  const phone = matchMedia("(max-width: 640px)");
+  const place = () => (phone.matches ? views.append(plot) : home.insertBefore(plot, next));
+  phone.addEventListener("change", place);
+  place();
 }
 
 /** The head of the page.

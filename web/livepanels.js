@@ -107,6 +107,7 @@ export function livePanels(live, span) {
       ),
     ),
     panels: panels.map((one) => one.panel),
+    heading: panels.find((one) => one.panel.title.startsWith("Heading error"))?.plot.element,
     show: (/** @type {number} */ group, /** @type {boolean} */ shown) => panels.forEach((one) => one.plot.show(group, shown)),
     /** Take the records from one place to before another. */
     take: (/** @type {any} */ history, /** @type {number} */ first, /** @type {number} */ after) => {

@@ -11,7 +11,10 @@ const FARTHEST = 1000; // m: a fix farther away is none yet
  */
 export function makeTrack(live, at) {
   const navigators = live.estimators
-    .map((/** @type {any} */ one, /** @type {number} */ group) => ({ group, row: at(`${one.prefix}offset_n`) }))
+    .map((/** @type {any} */ one, /** @type {number} */ group) => {
+      const sigma = ["east_m", "north_m"].map((name) => one.stated.indexOf(name)).filter((place) => place >= 0);
+      return { group, row: at(`${one.prefix}offset_n`), sigma: sigma.map((place) => at(`${one.prefix}sigma`).at + place) };
+    })
     .filter((/** @type {any} */ one) => one.row);
   const sources = [{ group: -1, row: at("offset_n") }, ...navigators];
   const lines = sources.map(({ group }) => ({
@@ -27,8 +30,8 @@ export function makeTrack(live, at) {
     }))
     .find((/** @type {any} */ one) => one.count);
   /** @type {any} */
-  const scene = { lines, last: [], refused: [], accepted: [], places: [0, 0] };
-  const label = "The truth and the estimates; crosses are refused fixes.";
+  const scene = { lines, last: [], ellipses: [], refused: [], accepted: [], places: [0, 0] };
+  const label = "The truth and the estimates with three sigmas; crosses are refused fixes.";
   const plot = trackPlot("Track seen from above", scene, label, true);
   const mark = (/** @type {any} */ history, /** @type {number} */ place) => {
     if (!filter || place === 0 || !at("gnss_latitude")) return;
@@ -66,9 +69,19 @@ export function makeTrack(live, at) {
       scene.refused.length = scene.accepted.length = 0;
       scene.places = [0, 0];
     },
-    /** @param {number} count  records to show */
-    draw: (count) => {
+    /** @param {number} count  records to show
+     * @param {Float64Array} y  outputs
+     * @param {boolean} cut  whether there is no GNSS */
+    draw: (count, y, cut) => {
       scene.places = [0, count];
+      scene.cut = cut;
+      scene.ellipses = navigators
+        .filter((/** @type {any} */ one) => one.sigma.length === 2)
+        .map((/** @type {any} */ { group, row, sigma: [east, north] }) => ({
+          group,
+          centre: [y[row.at + 1], y[row.at]],
+          radii: [3 * y[east], 3 * y[north]],
+        }));
       plot.draw();
     },
   };

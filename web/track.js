@@ -16,12 +16,15 @@ import { colour, faint, groupColour, onTheme } from "./theme.js";
  * @typedef {object} Scene
  * @property {Line[]} lines
  * @property {Line[]} [last]  of the last run
+ * @property {{group: number, centre: number[], radii: number[]}[]} [ellipses]  what estimates state, east and north
+ * @property {boolean} [cut]  whether there is no GNSS now
  * @property {Fix[]} refused  fixes refused
  * @property {Fix[]} [accepted]  fixes used
  * @property {[number, number]} places  first place drawn, and the one after the last
  */
 
-const CLOSER = 4; // times larger than all of the first line, when the map begins to follow
+const CLOSER = 12; // times larger than all of the first line, when the map begins to follow
+const NEAREST = 20; // m: what it shows at least, also before the vehicle moves
 const KEYS = "Press plus and minus to zoom, arrow keys to move, 0 for the whole track.";
 
 /**
@@ -57,7 +60,7 @@ export function trackPlot(title, scene, label, moving = false) {
   const draw = onceAFrame(now);
   const setFollowing = (/** @type {boolean} */ on) => {
     const first = { ...scene, lines: scene.lines.slice(0, 1) };
-    if (on && !view) view = { ...endOf(scene), scale: CLOSER * fitted(first, size, new Set()).scale };
+    if (on && !view) view = { ...endOf(scene), scale: Math.min(CLOSER * fitted(first, size, new Set()).scale, size[0] / NEAREST) };
     following = on;
     follow.setAttribute("aria-pressed", String(on));
     if (on) draw();
@@ -161,7 +164,16 @@ function paint(context, size, scene, hidden, view) {
   const [width, height] = size;
   const x = (/** @type {number} */ east) => width / 2 + (east - view.east) * view.scale;
   const y = (/** @type {number} */ north) => height / 2 - (north - view.north) * view.scale;
+  if (scene.cut) {
+    context.fillStyle = colour("outage");
+    context.fillRect(0, 0, width, height);
+  }
   grid(context, size, view, x, y);
+  if (scene.cut) {
+    context.fillStyle = colour("bad");
+    context.font = "bold 14px system-ui, sans-serif";
+    context.fillText("no GNSS", 12, 22);
+  }
   context.lineJoin = "round";
   const [first, after] = scene.places;
   for (const line of scene.lines) {
@@ -188,6 +200,16 @@ function paint(context, size, scene, hidden, view) {
     context.lineWidth = 0.7;
     context.beginPath();
     for (let place = 0; place < east.length; place++) context.lineTo(x(east[place]), y(north[place]));
+    context.stroke();
+  }
+  for (const { group, centre, radii } of scene.ellipses ?? []) {
+    if (hidden.has(group) || !radii.every(Number.isFinite)) continue;
+    context.beginPath();
+    context.ellipse(x(centre[0]), y(centre[1]), radii[0] * view.scale, radii[1] * view.scale, 0, 0, 2 * Math.PI);
+    context.fillStyle = faint(groupColour(group), 0.16);
+    context.fill();
+    context.strokeStyle = groupColour(group);
+    context.lineWidth = 1;
     context.stroke();
   }
   const past = (/** @type {Fix} */ fix) => (fix.place ?? 0) < after;

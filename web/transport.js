@@ -18,8 +18,8 @@ export function firstSpeed(duration) {
 
 /**
  * @param {any} live
- * @param {{toggle: () => void, step: () => void, reset: () => void, pace: (speed: number | null) => void, back: (time: number) => void}} acts
- *   speed null: as fast as it goes; back: show a time that has passed
+ * @param {{toggle: () => void, step: () => void, reset: () => void, pace: (speed: number | null) => void, back: (time: number) => void, settings: () => void}} acts
+ *   speed null: as fast as it goes; back: show a time that has passed; settings: open or close them
  */
 export function transport(live, acts) {
   const play = button("Run", acts.toggle, { class: "main", id: "run" });
@@ -32,6 +32,7 @@ export function transport(live, acts) {
     h("option", { value: "" }, "as fast as it goes"),
   );
   pace.addEventListener("change", () => acts.pace(pace.value === "" ? null : Number(pace.value)));
+  const settings = button("Settings", acts.settings, { id: "open-settings", "aria-controls": "settings", "aria-expanded": "false" });
   const time = h("output", { class: "clock", id: "clock" });
   const badges = live.outages.map((/** @type {{sensor: string}} */ { sensor }) => {
     const name = sensor === "gnss" ? "GNSS" : sensor;
@@ -61,7 +62,8 @@ export function transport(live, acts) {
     if (pressed instanceof HTMLElement) pressed.blur();
   });
   return {
-    element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, sensors, done),
+    element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, settings, pace, time, sensors, done),
+    settings,
     /** @param {{model: Model, running: boolean, ended: boolean, speed: number | null}} now */
     show: ({ model, running, ended, speed }) => {
       play.textContent = model === "starting" ? "Starting ..." : running ? "Pause" : ended ? "Run again" : "Run";

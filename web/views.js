@@ -57,8 +57,9 @@ export function vehicleViews(live, at, history) {
      * @param {Float64Array} y  outputs
      * @param {boolean} running
      * @param {import("./history.js").Recorded} until  the records up to then
+     * @param {boolean} cut  whether there is no GNSS
      * @returns {boolean} */
-    draw: (y, running, until) => {
+    draw: (y, running, until, cut) => {
       const shown = estimates.filter((/** @type {any} */ one) => !hidden.has(one.group));
       hull.draw(
         y.subarray(truth.q, truth.q + 4),
@@ -79,7 +80,7 @@ export function vehicleViews(live, at, history) {
       if (!running || now - drawn > SLOW_MS) {
         drawn = now;
         numbers.draw(y, until);
-        track.draw(until.count());
+        track.draw(until.count(), y, cut);
       } else due = true;
       return true;
     },

@@ -37,6 +37,7 @@ def choose(browser, id, value):
 
 
 def typed(browser, id, text):
+    browser.driver.execute_script("document.getElementById('settings').hidden = false")
     field = browser.driver.find_element(By.ID, id)
     field.clear()
     field.send_keys(text, Keys.TAB)
@@ -118,8 +119,16 @@ def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
 @pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
 def test_the_page_is_accessible_and_fits(browser, size, dark):
     ready(browser, page_file(*SHIP), size, dark=dark)
+    lowest = "Math.max(...[...document.querySelectorAll('canvas.hull, canvas.track, .sensor')].map(bottom), bottom(heading))"
+    titled = "[...document.querySelectorAll('.panel')].find((one) => one.textContent.startsWith('Heading error'))"
+    of_box = "(one) => one.getBoundingClientRect().bottom"
+    assert browser.value(f"((bottom, heading) => {lowest})({of_box}, {titled}) <= innerHeight")  # the first screen
+    browser.driver.find_element(By.ID, "open-settings").send_keys(" ")
     browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true));")
+    assert browser.value("document.getElementById('settings').contains(document.activeElement)")
     assert browser.violations() == []
+    browser.driver.find_element(By.ID, "seed").send_keys(Keys.ESCAPE)
+    assert browser.value("document.getElementById('settings').hidden && document.activeElement.id") == "open-settings"
     assert browser.value("document.documentElement.scrollWidth <= innerWidth")
     assert browser.console() == []
 
