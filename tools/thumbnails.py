@@ -97,12 +97,13 @@ def track(report: Any) -> list[str]:
     scale = min(width, height) / extent
     centre = (np.min(east) + np.max(east)) / 2, (np.min(north) + np.max(north)) / 2
 
-    def drawn(east: Any, north: Any, kind: str) -> str:
+    def drawn(places: Any, kind: str) -> str:
+        east, north = places
         return curve(left + width / 2 + scale * (east - centre[0]), top + height / 2 - scale * (north - centre[1]), kind)
 
-    shown = [text(TRACK, f"track, {number(size)} {'km' if extent >= 1000 else 'm'} across"), drawn(east, north, "truth")]
+    shown = [text(TRACK, f"track, {number(size)} {'km' if extent >= 1000 else 'm'} across"), drawn((east, north), "truth")]
     if "latitude" in outputs:
-        shown.append(drawn(*ground(outputs["latitude"], outputs["longitude"], truth), "own"))
+        shown.append(drawn(ground(outputs["latitude"], outputs["longitude"], truth), "own"))
     return [
         shown[0],
         f'<svg x="0" y="{top}" width="170" height="{height}" viewBox="0 {top} 170 {height}">',

@@ -35,7 +35,7 @@ from insenv.scenario.files import named_estimators
 from insenv.web.controls import Control, Option, Trials, with_values
 from insenv.web.judging import findings, groups_of, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
-from insenv.web.start import known_vector, reported_places, start_source
+from insenv.web.start import known_vector, not_computed, reported_places, start_source
 
 SEEDS = 1024
 """Seeds that a page offers, from 0 on, beside that of the scenario."""
@@ -192,7 +192,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "start": {"p": _base64(live.parameters), "known": _base64(live.known), "u": _base64(model.inputs.start_vector())},
         "sizes": {"p": model.parameters.size, "x": model.state.size, "u": model.inputs.size, "y": model.outputs.size},
         "seed_place": model.parameters.slice("seed").start,
-        "seeds": {"numbers": _ranges(live.seeds), "normals": _base64(live.normals)},
+        "seeds": {"numbers": _ranges(live.seeds), "others": [_base64(each) for each in not_computed(live.normals, live.seeds)]},
         "tables": {"inputs": _rows(model.inputs), "outputs": _rows(model.outputs)},
         "estimators": [
             {

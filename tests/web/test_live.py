@@ -68,7 +68,7 @@ def test_run_to_the_end_shows_the_numbers_of_insenv_run_also_after_changes_and_b
     fast(browser)
     report = insenv.run(name, estimators, duration_s=duration)
     assert figures(browser) == printed(report)
-    assert path.stat().st_size < 300_000
+    assert path.stat().st_size < 250_000
     ready(browser, path)
     typed(browser, "seed", "7")
     choose(browser, "control-imu.grade", "navigation")
