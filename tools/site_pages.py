@@ -10,6 +10,7 @@ import inspect
 import re
 
 import gymnasium
+import thumbnails
 from pages import ROOT, markdown
 from site_sensors import grades, sensor_pages
 from site_tables import DOCS, Pages, estimator_pages, overview, rows_with_bounds, sentence
@@ -97,10 +98,21 @@ def tables_below(page: str, heading: str) -> list[list[list[str]]]:
 def scenarios() -> Pages:
     """A page per scenario: what it is, and its file."""
     pages = {f"scenarios/{entry['name']}.md": scenario(entry["name"]) for entry in summaries()}
-    rows = [[f"[`{s['name']}`]({s['name']}.md)", s["vehicle"], f"{s['duration_s']:g} s", s["title"]] for s in summaries()]
+    rows = [
+        [
+            thumbnails.shown(s["name"], "../.."),
+            f"[`{s['name']}`]({s['name']}.md)",
+            s["vehicle"],
+            f"{s['duration_s']:g} s",
+            s["title"],
+        ]
+        for s in summaries()
+    ]
     intro = "How to write your own: [scenarios](../../scenarios.md); [every key](../../scenario-keys.md)."
     names = [s["name"] for s in summaries()]
-    pages["scenarios/index.md"] = overview("All scenarios", intro, ("scenario", "vehicle", "duration", "title"), rows, names)
+    pages["scenarios/index.md"] = overview(
+        "All scenarios", intro, ("", "scenario", "vehicle", "duration", "title"), rows, names
+    )
     return pages
 
 
@@ -110,6 +122,7 @@ def scenario(name: str) -> str:
     text = (ROOT / "scenarios" / f"{name}.toml").read_text(encoding="utf-8").rstrip()
     pages = estimator_pages()
     chosen = ", ".join(f"[`{id}`](../../estimators/{pages[id]})" for id in found.estimators)
+    picture = thumbnails.shown(name, "../..")
     gnss = found.sensors.get("gnss")
     grade = getattr(gnss, "grade", "")
     rows = [
@@ -122,7 +135,7 @@ def scenario(name: str) -> str:
         ["estimators", chosen or "none"],
     ]
     return (
-        f"# `{name}`\n\n**{found.title}**\n\n{found.description.strip()}\n\n{markdown(('', ''), rows)}\n\n"
+        f"# `{name}`\n\n**{found.title}**\n\n{picture}\n\n{found.description.strip()}\n\n{markdown(('', ''), rows)}\n\n"
         f"```console\n$ insenv run {name}\n```\n\n## The file\n\n```toml\n{text}\n```\n"
     )
 

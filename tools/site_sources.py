@@ -1,8 +1,8 @@
 """What the site changes in a page of docs/ before it is read: the repository shows the same files without it.
 
-The tables of an estimator are appended to its page, the public names of docs/api.md become links, links whose text is the name
-of a file get the title of its page, and links to an anchor ``<a id="health"></a>`` become links to the heading below it, as
-Sphinx knows headings alone.  A page that no table of contents names stands below the reference.
+The page of an estimator gets its picture and its tables, the public names of docs/api.md become links, links whose text is the
+name of a file get the title of its page, and links to an anchor ``<a id="health"></a>`` become links to the heading below it,
+as Sphinx knows headings alone.  A page that no table of contents names stands below the reference.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from functools import lru_cache
 
 import site_gallery
 import site_tables
-from pages import ROOT
+import thumbnails
+from pages import ROOT, markdown
 
 import insenv
 
@@ -29,6 +30,14 @@ def extended(name: str, text: str) -> str:
     """The source of page `name` (its path in docs/ without suffix) as the site reads it."""
     if name.startswith("estimators/") and site_tables.estimators_on(text):
         text = f"{text.rstrip()}\n\n{site_tables.estimator_tables(text)}"
+        title, _, rest = text.partition("\n\n")
+        text = f"{title}\n\n{thumbnails.shown(thumbnails.ESTIMATOR + posixpath.basename(name), '..')}\n\n{rest}"
+    if name == "estimators/index":
+        rows = [
+            (thumbnails.shown(one, ".."), f"[]({one.removeprefix(thumbnails.ESTIMATOR)}.md)")
+            for one in thumbnails.of_estimators()
+        ]
+        text += f"\n## At a glance\n\nEach on the example of its page.\n\n{markdown(('', ''), rows)}\n"
     if name == "gallery":
         text = site_gallery.with_links(text)
     if name == "api":

@@ -24,9 +24,10 @@ const GROUPS = {
  * @param {(seed: number | null, values: Record<string, any>) => void} change  what differs now: the seed (null: as it is) and values
  *   by key; undefined for the scenario's own
  * @param {() => void} restore  the scenario as it was
+ * @param {() => void} close  what the drawer of the controls asks for
  * @returns {Controls}
  */
-export function controlPanel(live, change, restore) {
+export function controlPanel(live, change, restore, close) {
   /** @type {Map<string, (value: any) => void>} */
   const shown = new Map();
   const seed = seedRow(live, (value) => change(value, {}));
@@ -46,8 +47,8 @@ export function controlPanel(live, change, restore) {
     });
   const element = h(
     "section",
-    { class: "controls", "aria-label": "Settings" },
-    h("h2", {}, "Settings"),
+    { class: "controls", id: "settings", "aria-label": "Settings", hidden: true },
+    h("div", { class: "head" }, h("h2", {}, "Settings"), button("Close", close, { class: "quiet" })),
     h("p", { class: "quiet" }, "A change starts the run again."),
     seed.element,
     groups,

@@ -4,7 +4,7 @@ import { colour, faint, groupColour } from "./theme.js";
 
 /**
  * @typedef {object} Curve
- * @property {"line" | "thin" | "points" | "crosses" | "limit" | "band" | "between"} kind
+ * @property {"line" | "last" | "thin" | "points" | "crosses" | "limit" | "band" | "between"} kind
  * @property {number} group  place in the legend; -1: the truth
  * @property {(number | null)[]} [y]
  * @property {(number | null)[]} [low]  of a band
@@ -43,8 +43,10 @@ export function layout(curves, hidden, wraps = false) {
       };
       series.push({ ...line }, { ...line });
       owners.push(curve, curve);
-    } else if (curve.kind === "line") {
-      series.push({ stroke: paint, width: curve.group < 0 ? 4 : 1.3, points: { show: false }, ...(wraps ? { paths: wrapped } : {}) });
+    } else if (curve.kind === "line" || curve.kind === "last") {
+      const line =
+        curve.kind === "last" ? { stroke: () => faint(paint(), 0.75), width: 0.8 } : { stroke: paint, width: curve.group < 0 ? 4 : 1.3 };
+      series.push({ ...line, points: { show: false }, ...(wraps ? { paths: wrapped } : {}) });
       owners.push(curve);
     } else if (curve.kind === "thin") {
       series.push({ stroke: () => faint(paint(), 0.4), width: 0.8, points: { show: false } });

@@ -5,20 +5,24 @@ import { healthNow, notesAtEnd, statisticsOf, unjudged } from "./judge.js";
 import { number, significant } from "./numbers.js";
 import { summaryTable } from "./tables.js";
 
+const LAST = "last run";
+
 /** Fill the section at the end of a run.
  * @param {HTMLElement} section
  * @param {any} live
  * @param {(name: string) => any} at
  * @param {import("./history.js").Recorded} history
- * @param {{settings: boolean, commands: boolean}} changes  of the scenario as it stands: its limit is known, and all its notes */
-export function showEnd(section, live, at, history, changes) {
+ * @param {{settings: boolean, commands: boolean}} changes  of the scenario as it stands: its limit is known, and all its notes
+ * @param {{history: import("./history.js").Recorded, told: string} | null} last  the last run, if it ended */
+export function showEnd(section, live, at, history, changes, last) {
   const tables = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) =>
-    endTable(live, one, group, at, history, changes),
+    endTable(live, one, group, at, history, changes, last?.history ?? null),
   );
   const columns = new Set(tables.flatMap((/** @type {any} */ one) => one.columns));
   const meanings = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
   if (live.estimators.some((/** @type {any} */ one) => one.channels.includes("vn_mps"))) meanings.push(live.explained.vn);
   if (columns.has("limit")) meanings.push(live.explained.within);
+  if (last) meanings.push(`${LAST}: rms with ${last.told}.`);
   fill(
     section,
     h("h2", {}, "At the end, with the figures of ", h("code", {}, "insenv run")),
@@ -34,20 +38,23 @@ export function showEnd(section, live, at, history, changes) {
  * @param {number} group
  * @param {(name: string) => any} at
  * @param {import("./history.js").Recorded} history
- * @param {{settings: boolean, commands: boolean}} changes */
-function endTable(live, estimator, group, at, history, changes) {
+ * @param {{settings: boolean, commands: boolean}} changes
+ * @param {import("./history.js").Recorded | null} last */
+function endTable(live, estimator, group, at, history, changes, last) {
   const { settled } = estimator;
   const statistics = statisticsOf(estimator, at, history);
   const prepared = !changes.settings && !changes.commands;
   const limit = prepared ? estimator.limit : {};
   /** @type {string[]} */
-  const columns = estimator.columns[prepared ? "prepared" : "changed"];
+  const columns = [...estimator.columns[prepared ? "prepared" : "changed"]];
+  if (last) columns.splice(columns.indexOf("rms") + 1, 0, LAST);
+  const before = last && statisticsOf(estimator, at, last);
   const [ratio] = columns.filter((name) => name.startsWith("rms/"));
   const yardstick = ratio?.slice("rms/".length);
   const left = unjudged(live, estimator, at, history).channels;
-  const rows = statistics.map((one) => {
+  const rows = statistics.map((one, place) => {
     const judged = !left.includes(one.channel);
-    const kinds = { ...one, limit: judged ? (limit[one.channel] ?? null) : null };
+    const kinds = { ...one, limit: judged ? (limit[one.channel] ?? null) : null, [LAST]: before?.[place].rms };
     const cells = columns.slice(1).filter((name) => name !== ratio).map((kind) => /** @type {any} */ (kinds)[kind]);
     const own = yardstick && /** @type {any} */ (kinds)[yardstick];
     const known = own && settled && judged && !(yardstick === "limit" && own < live.limit.floor[one.channel]);

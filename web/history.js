@@ -4,25 +4,39 @@
  * @typedef {object} Recorded
  * @property {() => number} count
  * @property {(rows: Float64Array) => void} add  rows of outputs, one after the other
- * @property {() => void} clear
+ * @property {() => Recorded} retire  begin again; gives what there was
  * @property {(at: number, place: number) => number} value  of an output at a record
+ * @property {(place: number) => Float64Array} row  the outputs at a record
+ * @property {(count: number) => Recorded} first  only so many of the records
  */
 
 /** @param {number} width  outputs
  * @param {number} most  records
  * @returns {Recorded} */
 export function makeHistory(width, most) {
-  const kept = new Float64Array(width * most);
-  let count = 0;
+  return recorded(new Float64Array(width * most), width, 0);
+}
+
+/** @param {Float64Array} kept
+ * @param {number} width
+ * @param {number} count
+ * @returns {Recorded} */
+function recorded(kept, width, count) {
   return {
     count: () => count,
     add: (rows) => {
-      const some = Math.min(rows.length / width, most - count);
+      const some = Math.min(rows.length, kept.length - count * width) / width;
       kept.set(rows.subarray(0, some * width), count * width);
       count += some;
     },
-    clear: () => (count = 0),
+    retire: () => {
+      const before = recorded(kept, width, count);
+      [kept, count] = [new Float64Array(kept.length), 0];
+      return before;
+    },
     value: (at, place) => kept[place * width + at],
+    row: (place) => kept.subarray(place * width, (place + 1) * width),
+    first: (some) => recorded(kept, width, some),
   };
 }
 

@@ -9,6 +9,8 @@ import { colour, faint, groupColour } from "./theme.js";
 const DISTANCE = 7;
 const ELEVATION = 0.42;
 const QUARTER = 0.6;
+const RADIUS = 2.3; // of the compass rose
+const WATER = 0.14; // m below the origin: the water of a ship
 
 /** A vector in b, turned into n by a quaternion (w, x, y, z) of the attitude.
  * @param {ArrayLike<number>} q
@@ -56,12 +58,15 @@ export function hullView(shape) {
     azimuth += fresh ? behind : 0.06 * behind;
     fresh = false;
     const project = camera(azimuth + aside, elevation, size);
-    rose(context, project);
-    solid(
-      context,
-      project,
-      mesh.map((face) => face.map((corner) => turned(truth, corner))),
-    );
+    const faces = mesh.map((face) => face.map((corner) => turned(truth, corner)));
+    if (shape === "ship") {
+      solid(context, project, faces.map((face) => cut(face, 1)).filter((face) => face.length));
+      rose(context, project, heading, WATER);
+      solid(context, project, faces.map((face) => cut(face, -1)).filter((face) => face.length));
+    } else {
+      rose(context, project, heading, null);
+      solid(context, project, faces);
+    }
     context.lineWidth = 1.2;
     for (const { group, q } of estimates) {
       context.strokeStyle = groupColour(group);
@@ -77,6 +82,20 @@ export function hullView(shape) {
     }
   };
   return { element: canvas, draw, reset: () => (fresh = true) };
+}
+
+/** The part of a face below (1) or above (-1) the water.
+ * @param {Vector[]} face
+ * @param {1 | -1} side */
+function cut(face, side) {
+  const depth = (/** @type {Vector} */ corner) => side * (corner[2] - WATER);
+  return face.flatMap((corner, place) => {
+    const next = face[(place + 1) % face.length];
+    const [a, b] = [depth(corner), depth(next)];
+    const share = a / (a - b);
+    const edge = /** @type {Vector} */ (corner.map((value, k) => value + share * (next[k] - value)));
+    return [...(a >= 0 ? [corner] : []), ...(a * b < 0 ? [edge] : [])];
+  });
 }
 
 /** The projection of a camera that looks at the origin in the direction `azimuth`, from above by `elevation` (rad).
@@ -131,11 +150,13 @@ function lightOn([a, b, c]) {
   return Math.abs((0.35 * normal[0] - 0.2 * normal[1] - 0.9 * normal[2]) / length);
 }
 
-/** A compass rose below the vehicle.
+/** A compass rose below the vehicle, with an arrow where its front points, or on the water.
  * @param {CanvasRenderingContext2D} context
- * @param {(point: Vector) => Vector} project */
-function rose(context, project) {
-  const below = 0.75;
+ * @param {(point: Vector) => Vector} project
+ * @param {number} heading  deg
+ * @param {number | null} water  m below the origin */
+function rose(context, project, heading, water) {
+  const below = water ?? 0.75;
   const at = (/** @type {number} */ degrees, /** @type {number} */ radius) => {
     const angle = (degrees * Math.PI) / 180;
     return project([radius * Math.cos(angle), radius * Math.sin(angle), below]);
@@ -144,12 +165,19 @@ function rose(context, project) {
   context.lineWidth = 1;
   outline(
     context,
-    Array.from({ length: 72 }, (_, place) => at(5 * place, 2.3)),
+    Array.from({ length: 72 }, (_, place) => at(5 * place, RADIUS)),
   );
   context.stroke();
+  if (water !== null) {
+    context.fillStyle = faint(colour("c5"), 0.25);
+    context.fill();
+  }
+  outline(context, [at(heading, RADIUS - 0.05), at(heading + 6, RADIUS - 0.4), at(heading - 6, RADIUS - 0.4)]);
+  context.fillStyle = colour("muted");
+  context.fill();
   context.beginPath();
   for (let degrees = 0; degrees < 360; degrees += 30) {
-    const [[x, y], [a, b]] = [at(degrees, 2.3), at(degrees, degrees % 90 ? 2.18 : 2.05)];
+    const [[x, y], [a, b]] = [at(degrees, RADIUS), at(degrees, degrees % 90 ? 2.18 : 2.05)];
     context.moveTo(x, y);
     context.lineTo(a, b);
   }

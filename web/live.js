@@ -7,6 +7,7 @@ import { button, h } from "./dom.js";
 import { driver } from "./drive.js";
 import { showEnd } from "./ending.js";
 import { loadRule } from "./health.js";
+import { lastRun } from "./ghost.js";
 import { makeHistory } from "./history.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
@@ -35,6 +36,11 @@ export function livePage(live) {
   const span = makeSpan(0, SHORTEST);
   const panels = livePanels(live, span);
   const views = vehicleViews(live, at, history);
+  const ghost = lastRun(live, (run) => {
+    panels.beside(run?.history ?? null);
+    views.beside(run?.history ?? null);
+    lengthen();
+  });
   const notes = notesPanel(live);
   const story = storyStrip(live.values.story ?? []);
   const end = h("section", { class: "end", "aria-live": "polite", hidden: true });
@@ -48,6 +54,10 @@ export function livePage(live) {
   let speed = /** @type {number | null} */ (firstSpeed(live.duration_s));
   /** @type {any} */
   let frame = null;
+  let back = /** @type {number | null} */ (null); // the record that a reader has gone back to
+  let ran = state; // that of the records
+  /** @type {import("./ghost.js").LastRun | null} */
+  let retired = null;
 
   // --- what is asked of the simulation
 
@@ -58,6 +68,7 @@ export function livePage(live) {
       clouding = false;
     }
     if (ended) restart(false);
+    showTime(null);
     session.send({ do: "run", speed });
     running = true;
     show();
@@ -80,19 +91,43 @@ export function livePage(live) {
   };
   const bar = transport(live, {
     toggle: () => (running ? pause() : run()),
-    step: () => session.send({ do: "step", samples: live.every }),
+    step: () => {
+      showTime(null);
+      session.send({ do: "step", samples: live.every });
+    },
     reset: () => restart(false),
     pace: (value) => {
       speed = value;
       if (running) run();
     },
+    settings: () => openSettings(controls.element.hidden === true),
+    back: (time) => {
+      if (running) pause();
+      const last = history.count() - 1;
+      const place = Math.round((time * live.rate_hz) / live.every) - 1;
+      if (last >= 0) showTime(place < last ? Math.max(0, place) : null);
+    },
   });
+  /** Show a record, or null: what is now. */
+  const showTime = (/** @type {number | null} */ record) => {
+    back = record;
+    panels.point(record === null ? null : history.value(at("time").at, record));
+    views.ask();
+  };
   const show = () => bar.show({ model, running, ended, speed });
   const controls = controlPanel(
     live,
     (seed, values) => begin({ ...state, seed: seed ?? state.seed, values: changed(live, state.values, values) }),
     () => begin(preparedState(live)),
+    () => openSettings(false),
   );
+  const openSettings = (/** @type {boolean} */ open) => {
+    controls.element.hidden = !open;
+    bar.settings.setAttribute("aria-expanded", String(open));
+    if (open) controls.element.querySelector("input")?.focus();
+    else bar.settings.focus();
+  };
+  controls.element.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => event.key === "Escape" && openSettings(false));
   const drive = driver(
     live,
     (values) => {
@@ -125,9 +160,14 @@ export function livePage(live) {
       history.add(message.records);
       panels.take(history, before, history.count());
       views.take(before, history.count());
-      span.extend(0, Math.max(SHORTEST, message.time_s));
+      lengthen();
     }
     views.ask();
+  };
+  /** Show the time of this run and of the last one. */
+  const lengthen = () => {
+    const ends = [history, ghost.run()?.history].map((one) => (one?.count() ? one.value(at("time").at, one.count() - 1) : 0));
+    span.extend(0, Math.max(SHORTEST, ...ends));
   };
   /** Say what of the scenario has changed, and show the limit where it holds. */
   const compare = () => {
@@ -155,10 +195,11 @@ export function livePage(live) {
     }, refuse);
   });
   session.on("reset", (message) => {
-    history.clear();
+    retired = { state: ran, history: history.retire() };
     panels.clear();
     views.clear();
-    span.extend(0, SHORTEST);
+    showTime(null);
+    lengthen();
     span.reset();
     end.hidden = true;
     clouding = false;
@@ -175,7 +216,9 @@ export function livePage(live) {
     take(message);
     running = false;
     ended = true;
-    showEnd(end, live, at, history, compare());
+    const last = ghost.run();
+    const whole = last && last.history.count() === history.count();
+    showEnd(end, live, at, history, compare(), whole ? { history: last.history, told: ghost.told() } : null);
     show();
   });
   session.on("cloud", (message) => {
@@ -184,6 +227,9 @@ export function livePage(live) {
   });
   session.on("values", (message) => {
     state = { seed: message.seed, values: message.values, commands: message.commands };
+    ran = state;
+    if (retired) ghost.begin(retired, state);
+    retired = null;
     linked = false;
     if (model !== "ready") become("ready");
     if (due) controls.show(state.seed, state.values); // not with each command: a reader may be typing
@@ -220,17 +266,21 @@ export function livePage(live) {
 
   const paint = () => {
     requestAnimationFrame(paint);
-    if (model === "ready" && frame && views.draw(frame.outputs, running)) {
-      const velocity = at("velocity_n").at;
-      const cuts = cutNow(live, state.values, frame.time_s);
-      bar.at(frame.time_s, cuts);
-      story.at(frame.time_s, outagesOf(live, state.values));
-      drive.show(Math.hypot(frame.outputs[velocity], frame.outputs[velocity + 1]), cuts);
+    if (model === "ready" && frame) {
+      const [y, until] = back === null ? [frame.outputs, history] : [history.row(back), history.first(back + 1)];
+      const time = back === null ? frame.time_s : y[at("time").at];
+      const cuts = cutNow(live, state.values, time);
+      if (views.draw(y, running, until, (cuts.gnss ?? null) !== null)) {
+        const velocity = at("velocity_n").at;
+        bar.at(time, cuts);
+        story.at(time, outagesOf(live, state.values));
+        drive.show(Math.hypot(y[velocity], y[velocity + 1]), cuts);
+      }
     }
     panels.draw(running);
   };
   requestAnimationFrame(paint);
-  onTheme(() => frame && views.draw(frame.outputs, false));
+  onTheme(views.ask);
   controls.show(state.seed, state.values);
   Promise.allSettled([loadRule(live.rule), followed]).then(() => session.send({ do: "load", live }));
 
@@ -248,6 +298,7 @@ export function livePage(live) {
     "div",
     { class: "bar" },
     legend(names, others, hide),
+    ghost.element,
     spanControls(span),
   );
   const main = h(
@@ -268,10 +319,12 @@ export function livePage(live) {
     h(
       "div",
       { class: "columns" },
-      h("div", { class: "aside" }, views.numbers, notes.element, controls.element),
+      h("div", { class: "aside" }, views.numbers, notes.element),
       h("div", { class: "plots" }, panels.elements, cloud.element),
     ),
+    controls.element,
   );
+  if (panels.heading) besideVehicle(panels.heading, views.views);
   /** What acts on the model is there with it. */
   const become = (/** @type {import("./transport.js").Model} */ now) => {
     model = now;
@@ -302,6 +355,17 @@ export function livePage(live) {
       ),
     ),
   );
+}
+
+/** On a phone a plot stands in the first screen, beside the vehicle.
+ * @param {HTMLElement} plot
+ * @param {HTMLElement} views */
+function besideVehicle(plot, views) {
+  const [home, next] = [/** @type {HTMLElement} */ (plot.parentElement), plot.nextSibling];
+  const phone = matchMedia("(max-width: 640px)");
+  const place = () => (phone.matches ? views.append(plot) : home.insertBefore(plot, next));
+  phone.addEventListener("change", place);
+  place();
 }
 
 /** The head of the page.

@@ -27,7 +27,9 @@ export function livePanels(live, span) {
   const ids = live.estimators.map((/** @type {any} */ one) => one.id);
   /** @type {number[]} */
   const x = [];
-  /** @type {{panel: any, feeds: ((history: any, place: number, time: number) => void)[], plot: any, due: boolean, seen: boolean}[]} */
+  /** @type {number[]} */
+  let longer = []; // times of the last run
+  /** @type {{panel: any, feeds: ((history: any, place: number, time: number) => void)[], last: {curve: any, read: Read}[], plot: any, due: boolean, seen: boolean}[]} */
   const panels = [];
   let limited = true;
 
@@ -43,7 +45,7 @@ export function livePanels(live, span) {
       curves: /** @type {any[]} */ ([]),
       ...more,
     };
-    const made = { panel, feeds: /** @type {any[]} */ ([]), plot: null, due: false, seen: false };
+    const made = { panel, feeds: /** @type {any[]} */ ([]), last: /** @type {any[]} */ ([]), plot: null, due: false, seen: false };
     panels.push(made);
     return made;
   };
@@ -87,7 +89,7 @@ export function livePanels(live, span) {
   }
   let next = 0;
   const redraw = (/** @type {any} */ one) => {
-    one.plot.update(x, one.panel.curves);
+    one.plot.update(longer.length > x.length ? longer : x, one.panel.curves);
     one.due = false;
   };
   addEventListener("beforeprint", () => panels.filter((one) => one.due).forEach(redraw));
@@ -105,6 +107,7 @@ export function livePanels(live, span) {
       ),
     ),
     panels: panels.map((one) => one.panel),
+    heading: panels.find((one) => one.panel.title.startsWith("Heading error"))?.plot.element,
     show: (/** @type {number} */ group, /** @type {boolean} */ shown) => panels.forEach((one) => one.plot.show(group, shown)),
     /** Take the records from one place to before another. */
     take: (/** @type {any} */ history, /** @type {number} */ first, /** @type {number} */ after) => {
@@ -118,7 +121,7 @@ export function livePanels(live, span) {
     clear: () => {
       x.length = 0;
       for (const one of panels) {
-        for (const curve of one.panel.curves)
+        for (const curve of one.panel.curves.filter((/** @type {any} */ curve) => curve.kind !== "last"))
           for (const values of [curve.y, curve.low, curve.high]) if (values) values.length = 0;
         one.due = true;
       }
@@ -137,7 +140,31 @@ export function livePanels(live, span) {
       for (const one of panels) one.panel.shade.splice(0, one.panel.shade.length, ...windows);
     },
     limited: (/** @type {boolean} */ shown) => (limited = shown),
+    /** Show the last run too. @param {import("./history.js").Recorded | null} history */
+    beside: (history) => {
+      const column = (/** @type {Read} */ read) =>
+        history ? Array.from({ length: history.count() }, (_, record) => read(history, record)) : [];
+      longer = column((records, record) => records.value(at("time").at, record));
+      for (const one of panels) {
+        for (const { curve, read } of one.last) curve.y = column(read);
+        one.due = true;
+      }
+    },
+    point: (/** @type {number | null} */ time) => panels.forEach((one) => one.plot.point(time)),
   };
+}
+
+/** @typedef {(history: import("./history.js").Recorded, record: number) => number} Read */
+
+/** A line of this run, and of an estimator that of the last run below it.
+ * @param {any} made  the panel
+ * @param {number} group
+ * @param {Read} read */
+function addLine(made, group, read) {
+  const [line, last] = ["line", "last"].map((kind) => ({ kind, group, y: /** @type {number[]} */ ([]) }));
+  made.panel.curves.push(...(group < 0 ? [line] : [last, line]));
+  made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => line.y.push(read(history, record)));
+  made.last.push({ curve: last, read });
 }
 
 /** @param {any} add
@@ -163,9 +190,7 @@ function errorPanel(add, live, at, channel, limited) {
     }
     if (error >= 0) {
       const place = at(`${prefix}error`).at + error;
-      const line = { kind: "line", group, y: /** @type {(number | null)[]} */ ([]) };
-      curves.push(line);
-      made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => line.y.push(history.value(place, record)));
+      addLine(made, group, (history, record) => history.value(place, record));
     }
   });
   const limit = live.limit?.sigma[channel];
@@ -182,36 +207,26 @@ function errorPanel(add, live, at, channel, limited) {
 /** @param {any} add
  * @param {any} live
  * @param {(name: string) => any} at
- * @param {any} row
+ * @param {string} name  of the row
  * @param {string} title
  * @param {any} unit
  * @param {number} factor  from SI
  * @param {number} axis */
-function biasPanel(add, live, at, row, title, unit, factor, axis) {
+function biasPanel(add, live, at, name, title, unit, factor, axis) {
   const owners = live.estimators
     .map((/** @type {any} */ one, /** @type {number} */ group) => ({
       group,
-      at: at(`${one.prefix}${row}`),
-      sigma: at(`${one.prefix}${row}_estimate_sigma`),
+      at: at(`${one.prefix}${name}`),
+      sigma: at(`${one.prefix}${name}_estimate_sigma`),
     }))
     .filter((/** @type {any} */ one) => one.at);
   if (!owners.length) return null;
   const made = add(title, unit, {});
-  const true_ = at(`${row}_true`);
-  const feed = (/** @type {any} */ line, /** @type {number} */ place) =>
-    made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) =>
-      line.y.push(factor * history.value(place, record)),
-    );
-  if (true_) {
-    const line = { kind: "line", group: -1, y: [] };
-    made.panel.curves.push(line);
-    feed(line, true_.at + axis);
-  }
-  for (const owner of owners) {
-    const line = { kind: "line", group: owner.group, y: [] };
-    made.panel.curves.push(line);
-    feed(line, owner.at.at + axis);
-  }
+  const true_ = at(`${name}_true`);
+  const row = (/** @type {number} */ group, /** @type {number} */ place) =>
+    addLine(made, group, (history, record) => factor * history.value(place, record));
+  if (true_) row(-1, true_.at + axis);
+  for (const owner of owners) row(owner.group, owner.at.at + axis);
   return made;
 }
 

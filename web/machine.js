@@ -37,7 +37,7 @@ export class Machine {
     this.exports = /** @type {any} */ (instance.exports);
     this.free = (this.exports.__heap_base.value + 15) & ~15;
     this.start = { p: numbersOf(live.start.p), known: numbersOf(live.start.known), u: numbersOf(live.start.u) };
-    this.drawn = numbersOf(live.seeds.normals);
+    this.drawn = this.drawAll(live.seeds);
     /** @type {Map<string, any>} */
     this.controls = new Map((live.controls ?? []).map((/** @type {any} */ control) => [control.key, control]));
   }
@@ -61,6 +61,22 @@ export class Machine {
     const lacking = this.free - this.exports.memory.buffer.byteLength;
     if (lacking > 0) this.exports.memory.grow(Math.ceil(lacking / 65536));
     return places;
+  }
+
+  /** The standard normals behind the start errors of all seeds: computed, and those of the document that the module does not compute.
+   * @param {{numbers: number[][], others: string[]}} seeds
+   * @returns {Float64Array} */
+  drawAll({ numbers, others }) {
+    const seeds = numbers.flatMap(([first, last]) => Array.from({ length: last - first + 1 }, (_, k) => first + k));
+    const [place] = this.reserve([9]);
+    const all = new Float64Array(9 * seeds.length);
+    seeds.forEach((seed, k) => {
+      this.exports.normals(seed, place);
+      all.set(new Float64Array(this.exports.memory.buffer, place, 9), 9 * k);
+    });
+    const [at, values] = others.map(numbersOf);
+    at.forEach((one, k) => (all[one] = values[k]));
+    return all;
   }
 
   /** The standard normals behind the start errors of a seed.

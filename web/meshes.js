@@ -101,7 +101,12 @@ function car() {
     [-0.75, 0.42, -0.46],
     [-0.75, -0.42, -0.46],
   ]);
-  const wheels = [0.85, -0.8].flatMap((x) => [-0.56, 0.44].flatMap((y) => box([x - 0.2, y, 0.22], [x + 0.2, y + 0.12, 0.52])));
+  const rim = (/** @type {number} */ x, /** @type {number} */ y) =>
+    Array.from({ length: 12 }, (_, k) => {
+      const angle = (k * Math.PI) / 6;
+      return /** @type {Vector} */ ([x + 0.24 * Math.cos(angle), y, 0.3 + 0.24 * Math.sin(angle)]);
+    });
+  const wheels = [0.85, -0.8].flatMap((x) => [-0.58, 0.44].flatMap((y) => between(rim(x, y), rim(x, y + 0.14))));
   return [...wheels, ...box([-1.3, -0.55, -0.1], [1.3, 0.55, 0.32]), ...between(low, roof)];
 }
 

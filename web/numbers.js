@@ -40,6 +40,13 @@ function decimal(value, decimals) {
   return /^50*$/.test(exact.slice(-further)) && /[02468]$/.test(cut) ? cut : value.toFixed(decimals);
 }
 
+/** A figure without a power of ten, so that those of a column have one form; far from 1 it stays as it is.
+ * @param {string} text  as `number` gives it */
+export function plain(text) {
+  const [, digits, power] = /^-?(\d\.\d)e([+-]\d+)$/.exec(text) ?? [];
+  return digits === undefined || Math.abs(Number(power)) > 7 ? text : Number(text).toFixed(Math.max(0, 1 - Number(power)));
+}
+
 /** A figure as it is printed, with a typographic minus, in the exponent too.
  * @param {string} text */
 export function minus(text) {

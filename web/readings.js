@@ -2,7 +2,7 @@
 
 import { fill, h } from "./dom.js";
 import { healthNow } from "./judge.js";
-import { fixed, minus, number } from "./numbers.js";
+import { fixed, minus, number, plain } from "./numbers.js";
 import { badge } from "./tables.js";
 import { groupColour, onTheme } from "./theme.js";
 
@@ -23,61 +23,50 @@ export function readings(live, at) {
     cells.push({ cell: element, text });
     return element;
   };
-  const heads = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => {
+  const several = live.estimators.length > 1;
+  const named = (/** @type {string} */ id, /** @type {number} */ group) => {
     const swatch = h("i", { class: "swatch line", "aria-hidden": "true" });
     const paint = () => (swatch.style.background = groupColour(group));
     onTheme(paint);
     paint();
-    const wide = one.stated.length > 0 ? 2 : 1;
-    return {
-      name: h("th", { scope: "colgroup", colspan: wide }, swatch, ` ${one.id}`),
-      kinds: ["error", "sigma"].slice(0, wide).map((kind) => h("th", { scope: "col" }, kind)),
-    };
-  });
+    return h("th", { scope: "row", class: "of", title: id }, swatch, h("span", { class: "hidden" }, id));
+  };
+  // one line an estimator: the table is as wide for several as for one
   const rows = channels.map((channel) => {
     const truth = truths.find((one) => one.channel === channel);
     const { title, unit } = live.channels[channel];
     const decimals = unit === "m" ? 2 : 3;
-    const figures = live.estimators.map((/** @type {any} */ { prefix, channels: own, stated }) => {
-      const [error, sigma] = [own.indexOf(channel), stated.indexOf(channel)];
+    const owners = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({ ...one, group }));
+    const lines = owners.filter((/** @type {any} */ one) => one.channels.includes(channel));
+    const true_ = truth
+      ? cell((y) => fixed(channel === "heading_deg" ? (y[truth.place] + 360) % 360 : y[truth.place], decimals))
+      : h("td", {});
+    const heading = [h("th", { scope: "rowgroup" }, title, h("span", { class: "unit" }, ` ${unit}`)), true_];
+    for (const one of heading) one.setAttribute("rowspan", lines.length);
+    return lines.map((/** @type {any} */ { id, prefix, channels: own, stated, group }, /** @type {number} */ line) => {
       const value = (/** @type {string} */ row, /** @type {number} */ k) =>
-        k < 0 ? h("td", {}) : cell((y) => minus(number(y[at(prefix + row).at + k])));
-      return [value("error", error), stated.length > 0 && value("sigma", sigma)];
+        k < 0 ? h("td", {}) : cell((y) => minus(plain(number(y[at(prefix + row).at + k]))));
+      const figures = [value("error", own.indexOf(channel)), value("sigma", stated.indexOf(channel))];
+      return h("tr", {}, line === 0 && heading, several && named(id, group), figures);
     });
-    return h(
-      "tr",
-      {},
-      h("th", { scope: "row" }, title, h("span", { class: "unit" }, ` ${unit}`)),
-      truth
-        ? cell((y) => fixed(channel === "heading_deg" ? (y[truth.place] + 360) % 360 : y[truth.place], decimals))
-        : h("td", {}),
-      figures.flat(),
-    );
   });
   const filters = live.estimators.filter((/** @type {any} */ one) => one.health);
   const health = filters.map(() => h("p", { class: "below" }));
-  const head = [
-    h(
-      "tr",
-      {},
-      h("td", { colspan: 2 }),
-      heads.map((/** @type {any} */ one) => one.name),
-    ),
-    h(
-      "tr",
-      {},
-      h("th", { scope: "col" }, "now"),
-      h("th", { scope: "col" }, "true"),
-      heads.flatMap((/** @type {any} */ one) => one.kinds),
-    ),
-  ];
+  const column = (/** @type {string} */ text) => h("th", { scope: "col" }, text);
+  const hidden = several && h("th", { scope: "col" }, h("span", { class: "hidden" }, "estimator"));
+  const head = h("tr", {}, column("now"), column("true"), hidden, column("error"), column("sigma"));
   const element = h(
     "section",
     { class: "readings" },
     h(
       "div",
       { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers now" },
-      h("table", {}, h("thead", {}, head), h("tbody", {}, rows)),
+      h(
+        "table",
+        {},
+        h("thead", {}, head),
+        rows.map((lines) => h("tbody", {}, lines)),
+      ),
     ),
     health,
   );

@@ -40,7 +40,7 @@ export function rangeOf(shown, first, last, log, level) {
   for (const { y, kind } of shown) {
     if (kind === "limit") {
       for (let place = Math.max(first, last - Math.floor((last - first) / 4)); place <= last; place++) {
-        const value = y[place];
+        const value = y[place] ?? null; // a longer run may lie beside it
         if (value !== null) [value, -value].forEach(take);
       }
     } else if (kind === "band") {
@@ -50,7 +50,7 @@ export function rangeOf(shown, first, last, log, level) {
         .sort((a, b) => Number(a) - Number(b));
       if (some.length) take(Number(some[Math.floor(some.length / 2)]));
     } else {
-      for (let place = first; place <= last; place++) if (y[place] !== null) take(Number(y[place]));
+      for (let place = first; place <= last; place++) if ((y[place] ?? null) !== null) take(Number(y[place]));
     }
   }
   if (low > high) return log ? [0.1, 10] : [-1, 1];

@@ -1,7 +1,7 @@
 /** Tables of figures: names and units at the left, aligned figures, the health of a filter as a word. */
 
 import { h } from "./dom.js";
-import { minus } from "./numbers.js";
+import { minus, plain } from "./numbers.js";
 import { groupColour, onTheme } from "./theme.js";
 
 const HEALTH = "Health: ";
@@ -44,7 +44,7 @@ export function summaryTable(table) {
       "tr",
       {},
       h("th", { scope: "row" }, withUnit(name)),
-      cells.map((cell, at) => h("td", { class: marked.has(`${place},${at + 1}`) ? "warning" : null }, minus(cell))),
+      cells.map((cell, at) => h("td", { class: marked.has(`${place},${at + 1}`) ? "warning" : null }, minus(plain(cell)))),
     ),
   );
   return h(

@@ -28,6 +28,7 @@ import { colour, groupColour, onTheme } from "./theme.js";
  * @property {HTMLElement} element
  * @property {(group: number, shown: boolean) => void} show
  * @property {(x: number[], curves: Curve[]) => void} update  other values of the same curves
+ * @property {(time: number | null) => void} point  the cursor at a time, s; null: none
  */
 
 const SYNC = "time";
@@ -103,6 +104,7 @@ export function timePlot(panel, span, names, axis = TIME) {
       plot.setData(columns(x, now), false);
       again();
     },
+    point: (time) => plot.setCursor(time === null ? { left: -10, top: -10 } : { left: plot.valToPos(time, "x"), top: 0 }),
   };
 }
 

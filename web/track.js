@@ -1,9 +1,9 @@
 /** The track seen from above, north up, on a grid of 1, 2 or 5 times a power of ten metres: zoom by wheel, pinch and keys. */
 
 import { sharpCanvas } from "./canvas.js";
-import { h, onceAFrame } from "./dom.js";
+import { button, h, onceAFrame } from "./dom.js";
 import { minus, number, roundDown, tick } from "./numbers.js";
-import { colour, groupColour, onTheme } from "./theme.js";
+import { colour, faint, groupColour, onTheme } from "./theme.js";
 
 /**
  * @typedef {object} Line
@@ -11,21 +11,29 @@ import { colour, groupColour, onTheme } from "./theme.js";
  * @property {ArrayLike<number>} east  m
  * @property {ArrayLike<number>} north  m
  *
+ * @typedef {{group: number, east: number, north: number, place?: number}} Fix  place: of the record that it is shown from
+ *
  * @typedef {object} Scene
  * @property {Line[]} lines
- * @property {{group: number, east: number, north: number}[]} refused  fixes refused
- * @property {{east: number, north: number}[]} [accepted]  fixes used
+ * @property {Line[]} [last]  of the last run
+ * @property {{group: number, centre: number[], radii: number[]}[]} [ellipses]  what estimates state, east and north
+ * @property {boolean} [cut]  whether there is no GNSS now
+ * @property {Fix[]} refused  fixes refused
+ * @property {Fix[]} [accepted]  fixes used
  * @property {[number, number]} places  first place drawn, and the one after the last
  */
 
+const CLOSER = 12; // times larger than all of the first line, when the map begins to follow
+const NEAREST = 20; // m: what it shows at least, also before the vehicle moves
 const KEYS = "Press plus and minus to zoom, arrow keys to move, 0 for the whole track.";
 
 /**
  * @param {string} title
  * @param {Scene} scene
  * @param {string} label  what a screen reader tells
+ * @param {boolean} [moving]  whether the track grows: the map can follow the end of its first line
  */
-export function trackPlot(title, scene, label) {
+export function trackPlot(title, scene, label, moving = false) {
   const sharp = sharpCanvas(
     { role: "img", tabindex: "0", class: "track", "aria-label": `${title}. ${label} ${KEYS}` },
     () => draw(),
@@ -38,25 +46,44 @@ export function trackPlot(title, scene, label) {
     h("div", { class: "head" }, h("h3", {}, title, h("span", { class: "unit" }, " m")), readout),
     canvas,
   );
+  const follow = button("Follow", () => setFollowing(!following), { class: "quiet follow", id: "follow", "aria-pressed": "false" });
+  if (moving) element.append(follow);
   /** @type {Set<number>} */
   const hidden = new Set();
   /** @type {{east: number, north: number, scale: number} | null} */
   let view = null;
-  const now = () => paint(sharp.cleared(), size, scene, hidden, view ?? fitted(scene, size, hidden));
+  let following = false;
+  const now = () => {
+    if (following && view) Object.assign(view, endOf(scene));
+    paint(sharp.cleared(), size, scene, hidden, view ?? fitted(scene, size, hidden));
+  };
   const draw = onceAFrame(now);
+  const setFollowing = (/** @type {boolean} */ on) => {
+    const first = { ...scene, lines: scene.lines.slice(0, 1) };
+    if (on && !view) view = { ...endOf(scene), scale: Math.min(CLOSER * fitted(first, size, new Set()).scale, size[0] / NEAREST) };
+    following = on;
+    follow.setAttribute("aria-pressed", String(on));
+    if (on) draw();
+    else if (view) reset();
+  };
   const change = (/** @type {(view: {east: number, north: number, scale: number}) => void} */ act) => {
     view = view ?? { ...fitted(scene, size, hidden) };
     act(view);
     draw();
   };
   const zoom = (/** @type {number} */ factor) => change((now) => (now.scale *= factor));
-  const move = (/** @type {number} */ right, /** @type {number} */ up) =>
+  const move = (/** @type {number} */ right, /** @type {number} */ up) => {
+    following = false;
+    follow.setAttribute("aria-pressed", "false");
     change((now) => {
       now.east += right / now.scale;
       now.north += up / now.scale;
     });
+  };
   const reset = () => {
     view = null;
+    following = false;
+    follow.setAttribute("aria-pressed", "false");
     draw();
   };
   pointers(canvas, zoom, move, (x, y) => {
@@ -98,6 +125,13 @@ export function trackPlot(title, scene, label) {
   };
 }
 
+/** Where the first line ends.
+ * @param {Scene} scene */
+function endOf({ lines: [{ east, north }], places }) {
+  const last = Math.min(places[1], east.length) - 1;
+  return { east: east[last] ?? 0, north: north[last] ?? 0 };
+}
+
 /** The view that shows all.
  * @param {Scene} scene
  * @param {number[]} size
@@ -130,7 +164,16 @@ function paint(context, size, scene, hidden, view) {
   const [width, height] = size;
   const x = (/** @type {number} */ east) => width / 2 + (east - view.east) * view.scale;
   const y = (/** @type {number} */ north) => height / 2 - (north - view.north) * view.scale;
+  if (scene.cut) {
+    context.fillStyle = colour("outage");
+    context.fillRect(0, 0, width, height);
+  }
   grid(context, size, view, x, y);
+  if (scene.cut) {
+    context.fillStyle = colour("bad");
+    context.font = "bold 14px system-ui, sans-serif";
+    context.fillText("no GNSS", 12, 22);
+  }
   context.lineJoin = "round";
   const [first, after] = scene.places;
   for (const line of scene.lines) {
@@ -151,10 +194,29 @@ function paint(context, size, scene, hidden, view) {
     }
     context.stroke();
   }
+  for (const { group, east, north } of scene.last ?? []) {
+    if (hidden.has(group)) continue;
+    context.strokeStyle = faint(groupColour(group), 0.6);
+    context.lineWidth = 0.7;
+    context.beginPath();
+    for (let place = 0; place < east.length; place++) context.lineTo(x(east[place]), y(north[place]));
+    context.stroke();
+  }
+  for (const { group, centre, radii } of scene.ellipses ?? []) {
+    if (hidden.has(group) || !radii.every(Number.isFinite)) continue;
+    context.beginPath();
+    context.ellipse(x(centre[0]), y(centre[1]), radii[0] * view.scale, radii[1] * view.scale, 0, 0, 2 * Math.PI);
+    context.fillStyle = faint(groupColour(group), 0.16);
+    context.fill();
+    context.strokeStyle = groupColour(group);
+    context.lineWidth = 1;
+    context.stroke();
+  }
+  const past = (/** @type {Fix} */ fix) => (fix.place ?? 0) < after;
   context.fillStyle = colour("fix");
-  for (const fix of scene.accepted ?? []) context.fillRect(x(fix.east) - 1, y(fix.north) - 1, 2, 2);
+  for (const fix of (scene.accepted ?? []).filter(past)) context.fillRect(x(fix.east) - 1, y(fix.north) - 1, 2, 2);
   context.lineWidth = 1.5;
-  for (const fix of scene.refused) {
+  for (const fix of scene.refused.filter(past)) {
     if (hidden.has(fix.group)) continue;
     context.strokeStyle = groupColour(fix.group);
     const [a, b] = [x(fix.east), y(fix.north)];

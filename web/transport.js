@@ -18,8 +18,8 @@ export function firstSpeed(duration) {
 
 /**
  * @param {any} live
- * @param {{toggle: () => void, step: () => void, reset: () => void, pace: (speed: number | null) => void}} acts  speed null: as
- *   fast as it goes
+ * @param {{toggle: () => void, step: () => void, reset: () => void, pace: (speed: number | null) => void, back: (time: number) => void, settings: () => void}} acts
+ *   speed null: as fast as it goes; back: show a time that has passed; settings: open or close them
  */
 export function transport(live, acts) {
   const play = button("Run", acts.toggle, { class: "main", id: "run" });
@@ -32,13 +32,24 @@ export function transport(live, acts) {
     h("option", { value: "" }, "as fast as it goes"),
   );
   pace.addEventListener("change", () => acts.pace(pace.value === "" ? null : Number(pace.value)));
+  const settings = button("Settings", acts.settings, { id: "open-settings", "aria-controls": "settings", "aria-expanded": "false" });
   const time = h("output", { class: "clock", id: "clock" });
   const badges = live.outages.map((/** @type {{sensor: string}} */ { sensor }) => {
     const name = sensor === "gnss" ? "GNSS" : sensor;
     return { sensor, name, since: /** @type {number | null} */ (null), element: h("output", { class: "sensor" }, `${name} on`) };
   });
   const sensors = h("div", { class: "sensors" }, badges.map((/** @type {any} */ one) => one.element));
-  const done = h("progress", { max: live.duration_s, value: 0, "aria-label": "Share of the run" });
+  const done = h("input", {
+    type: "range",
+    class: "time",
+    id: "time",
+    min: 0,
+    max: live.duration_s,
+    step: live.every / live.rate_hz,
+    value: 0,
+    "aria-label": "Time shown: drag to go back",
+  });
+  done.addEventListener("input", () => acts.back(Number(done.value)));
   addEventListener("keydown", (event) => {
     const own = event.target instanceof Element && event.target.closest(OWN_SPACE);
     if (event.key !== " " || own || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -51,7 +62,8 @@ export function transport(live, acts) {
     if (pressed instanceof HTMLElement) pressed.blur();
   });
   return {
-    element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, sensors, done),
+    element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, settings, pace, time, sensors, done),
+    settings,
     /** @param {{model: Model, running: boolean, ended: boolean, speed: number | null}} now */
     show: ({ model, running, ended, speed }) => {
       play.textContent = model === "starting" ? "Starting ..." : running ? "Pause" : ended ? "Run again" : "Run";
@@ -63,7 +75,8 @@ export function transport(live, acts) {
      * @param {Record<string, number | null>} cuts  by sensor, since when it is cut off, s; null: it is not */
     at: (seconds, cuts) => {
       time.textContent = clock(seconds);
-      done.value = seconds;
+      done.value = String(seconds);
+      done.setAttribute("aria-valuetext", clock(seconds));
       for (const one of badges) {
         const since = cuts[one.sensor] ?? null;
         if (since === one.since) continue; // a screen reader tells a change once

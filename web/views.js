@@ -38,6 +38,7 @@ export function vehicleViews(live, at, history) {
      * @param {number} first
      * @param {number} after */
     take: (first, after) => track.take(history, first, after),
+    beside: track.beside,
     /** Draw again with the next frame. */
     ask: () => (due = true),
     clear: () => {
@@ -55,8 +56,10 @@ export function vehicleViews(live, at, history) {
     /** Draw a frame; true if anything is new.
      * @param {Float64Array} y  outputs
      * @param {boolean} running
+     * @param {import("./history.js").Recorded} until  the records up to then
+     * @param {boolean} cut  whether there is no GNSS
      * @returns {boolean} */
-    draw: (y, running) => {
+    draw: (y, running, until, cut) => {
       const shown = estimates.filter((/** @type {any} */ one) => !hidden.has(one.group));
       hull.draw(
         y.subarray(truth.q, truth.q + 4),
@@ -76,8 +79,8 @@ export function vehicleViews(live, at, history) {
       const now = performance.now();
       if (!running || now - drawn > SLOW_MS) {
         drawn = now;
-        numbers.draw(y, history);
-        track.draw();
+        numbers.draw(y, until);
+        track.draw(until.count(), y, cut);
       } else due = true;
       return true;
     },

@@ -12,7 +12,8 @@ import numpy as np
 from insenv.bench.figure import Figure, empty_loop, median_time
 from insenv.core.runner import make_runner
 from insenv.core.tables import Array
-from insenv.web.live import Live, compressed, live, page
+from insenv.report.page import compressed
+from insenv.web.live import Live, live, page
 from insenv.web.start import reported_places
 
 

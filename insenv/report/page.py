@@ -1,16 +1,18 @@
 """Pages: one self-contained HTML file each, from the folder ``web/`` and JSON documents.
 
 The modules of ``web/`` are joined into one script, those of the worker into another: each stands once, after those that it
-imports.  A content security policy forbids every request, and every script and style but those of the page, which it names by
-their digests.  web/README.md describes the form of a document.
+imports.  Scripts and documents stand deflated in the page, which unpacks them itself.  A content security policy forbids every
+request, and every script and style but those of the page, which it names by their digests.  web/README.md describes the form
+of a document.
 """
 
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
@@ -30,6 +32,7 @@ LIMIT = 2_000_000
 """Bytes that a page may have."""
 ENTRY = "main.js"
 WORKER = "worker.js"
+LOADER = "unpack.js"
 STYLES = ("vendor/uPlot/uPlot.min.css", "colours.css", "page.css", "plots.css", "live.css", "sizes.css", "print.css")
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?:async )?(?:function|const|class) (\w+)", re.MULTILINE)
@@ -45,15 +48,17 @@ def assembled(title: str, documents: Mapping[str, Any]) -> str:
     library = (folder / "vendor/uPlot/uPlot.iife.min.js").read_text("utf-8")
     script = f'{library}\n(() => {{\n"use strict";\n{joined(folder, ENTRY)}}})();\n'
     live = "live" in documents
-    parts = [_data(kind, to_json(value, indent=None)) for kind, value in documents.items()]
+    parts = [_part(kind, "application/json", to_json(value, indent=None)) for kind, value in documents.items()]
     if live:
-        parts.append(f'<script type="text/plain" id="worker">\n{_inline(worker_script())}</script>')
+        parts.append(_part("worker", "text/plain", worker_script()))
+    parts.append(_part("script", "text/javascript", script))  # the last: it reads the others
+    loader = _COMMENT.sub("", (folder / LOADER).read_text("utf-8"))
     filled = {
         "title": escape(title),
-        "policy": policy(script, style, live),
+        "policy": policy((loader, script), style, live),
         "style": style,
-        "script": _inline(script),
-        "documents": "\n".join(parts),
+        "packed": base64.b64encode(compressed(to_json(parts, indent=None).encode("utf-8"))).decode("ascii"),
+        "loader": loader,
     }
     template = (folder / "page.html").read_text("utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda match: filled[match.group(1)], template)
@@ -71,11 +76,15 @@ def check_size(text: str) -> None:
         raise InsenvError(f"the page has {size / 1e6:.2f} MB: allowed are {LIMIT / 1e6:g} MB")
 
 
-def policy(script: str, style: str, live: bool) -> str:
-    """The content security policy: no request at all; this script and this style; a worker and WebAssembly if `live`."""
-    more = "'wasm-unsafe-eval'; worker-src blob:" if live else ""
-    allowed = [f"'sha256-{_digest(text)}'" for text in (script, style)]
-    return f"default-src 'none'; script-src {allowed[0]} {more}; style-src {allowed[1]}; img-src data: blob:".replace(" ;", ";")
+def policy(scripts: Sequence[str], style: str, live: bool) -> str:
+    """The content security policy: no request at all; these scripts and this style; a worker and WebAssembly if `live`."""
+    allowed = " ".join(map(_digest, scripts)) + (" 'wasm-unsafe-eval'; worker-src blob:" if live else "")
+    return f"default-src 'none'; script-src {allowed}; style-src {_digest(style)}; img-src data: blob:"
+
+
+def compressed(data: bytes) -> bytes:
+    """Bytes as a page holds them: gzip, the same at any time."""
+    return gzip.compress(data, 9, mtime=0)
 
 
 def joined(folder: Path, entry: str) -> str:
@@ -113,18 +122,13 @@ def _variable(name: str) -> str:
     return "module_" + name.removesuffix(".js").replace("-", "_")
 
 
-def _data(kind: str, text: str) -> str:
-    return f'<script type="application/json" id="{escape(kind)}">{text.replace("<", chr(92) + "u003c")}</script>'
-
-
-def _inline(script: str) -> str:
-    if re.search(r"</script|<!--", script, re.IGNORECASE):
-        raise InsenvError("a script of web/ holds '</script' or '<!--', which would end it inside a page")
-    return script
+def _part(id: str, type: str, text: str) -> dict[str, str]:
+    """A script element of the page."""
+    return {"id": id, "type": type, "text": text}
 
 
 def _digest(text: str) -> str:
-    return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode('ascii')}'"
 
 
 # A `Page` as the document for the front end: plain values, and its arrays.

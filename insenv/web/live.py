@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import gzip
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +24,7 @@ from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import CHANNELS
 from insenv.report.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
-from insenv.report.page import assembled, check_size
+from insenv.report.page import assembled, check_size, compressed
 from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import start_normals, start_sigmas, stated_start_errors
@@ -35,7 +34,7 @@ from insenv.scenario.inputs import PREFIX, VALID, recording_interval
 from insenv.web.controls import Control, Option, Trials, with_values
 from insenv.web.judging import findings, groups_of, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
-from insenv.web.start import known_vector, reported_places, start_source
+from insenv.web.start import known_vector, not_computed, reported_places, start_source
 
 SEEDS = 1024
 """Seeds that a page offers, from 0 on, beside that of the scenario."""
@@ -192,7 +191,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "start": {"p": _base64(live.parameters), "known": _base64(live.known), "u": _base64(model.inputs.start_vector())},
         "sizes": {"p": model.parameters.size, "x": model.state.size, "u": model.inputs.size, "y": model.outputs.size},
         "seed_place": model.parameters.slice("seed").start,
-        "seeds": {"numbers": _ranges(live.seeds), "normals": _base64(live.normals)},
+        "seeds": {"numbers": _ranges(live.seeds), "others": [_base64(each) for each in not_computed(live.normals, live.seeds)]},
         "tables": {"inputs": _rows(model.inputs), "outputs": _rows(model.outputs)},
         "estimators": [
             {
@@ -306,11 +305,6 @@ def _notes_of_page(plant: Plant) -> list[Remark]:
     if plant.parameters["imu_drop_probability"] > 0.0:
         notes.append(_REPEATED)
     return notes
-
-
-def compressed(module: bytes) -> bytes:
-    """A module as a page holds it: gzip."""
-    return gzip.compress(module, 9, mtime=0)
 
 
 def _rows(table: Table) -> list[dict[str, Any]]:

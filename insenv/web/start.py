@@ -2,8 +2,9 @@
 
 A run starts in three steps: the plant's state from its parameters and seed; the initial knowledge of it, the truth
 plus the errors of the start; and the estimators' state from that.  Each is the expression that Python evaluates, so that
-another seed, latitude or heading gives the same bits.  The standard normals behind the errors come from a table for the
-seeds that a page offers: the inverse of their distribution takes a logarithm, which machines round differently.
+another seed, latitude or heading gives the same bits.  The standard normals behind the errors are computed too, where the
+inverse of their distribution is a quotient of polynomials (Wichura 1988, algorithm AS 241, as `statistics.NormalDist`).
+In the tails it takes a logarithm, which machines round differently: for the seeds that a page offers, it holds these.
 """
 
 from __future__ import annotations
@@ -18,14 +19,38 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core.codegen import function_source
+from insenv.core.noise import uniforms
 from insenv.core.tables import Table, Vector
 from insenv.estimators import Estimator, Knowledge
-from insenv.scenario import Plant
+from insenv.scenario import KNOWLEDGE_STREAM, Plant
 from insenv.web.model import PageModel
 
 FIELDS = ("roll", "pitch", "heading", "latitude", "longitude", "height", "velocity_n")
 """Fields of `Knowledge` that depend on the truth at the start; with the three of the velocity there are nine numbers."""
 KNOWN = 9
+
+HALF_WIDTH, OFFSET = 0.425, 0.180625
+NUMERATOR = (
+    2.5090809287301226727e3, 3.3430575583588128105e4, 6.7265770927008700853e4, 4.5921953931549871457e4,
+    1.3731693765509461125e4, 1.9715909503065514427e3, 1.3314166789178437745e2, 3.3871328727963666080e0,
+)  # fmt: skip
+DENOMINATOR = (
+    5.2264952788528545610e3, 2.8729085735721942674e4, 3.9307895800092710610e4, 2.1213794301586595867e4,
+    5.3941960214247511077e3, 6.8718700749205790830e2, 4.2313330701600911252e1, 1.0,
+)  # fmt: skip
+"""PPND16 of AS 241 for probabilities within `HALF_WIDTH` of 1/2, highest power first."""
+
+_NORMALS = """
+/* The standard normals (9) of a seed's start errors; in the tails 0, which the page replaces. */
+EXPORTED(normals) void normals(double seed, double *z) {
+  double u[12];
+  uniforms(seed, 0.0, %du, 9, u);
+  for (int i = 0; i < 9; ++i) {
+    const double q = u[i] - 0.5, r = %r - q * q;
+    z[i] = fabs(q) <= %r ? %s * q / %s : 0.0;
+  }
+}
+"""
 
 _BEGIN = """
 /* Fill in what is stated to the estimators, and the state at time 0.  known: {normals, sigmas, errors, whether an error is
@@ -53,9 +78,30 @@ def start_source(page: PageModel, plant: Plant) -> str:
             function_source("plant_start", page.plant.kernels["start"].function, "pr"),
             function_source("reported", _reported(page.plant.state), "xe"),
             function_source("others_start", _others(page), "p"),
+            _NORMALS % (KNOWLEDGE_STREAM, OFFSET, HALF_WIDTH, _horner(NUMERATOR), _horner(DENOMINATOR)),
             _BEGIN % (repr(2.0 * np.pi), copies, page.plant.state.size),
         ]
     )
+
+
+def _horner(coefficients: Sequence[float]) -> str:
+    """A polynomial in r as C."""
+    text = repr(coefficients[0])
+    for each in coefficients[1:]:
+        text = f"({text} * r + {each!r})"
+    return text
+
+
+def not_computed(normals: Vector, seeds: Sequence[int]) -> tuple[Vector, Vector]:
+    """Places and values (k,) of those normals (n, 9) of seeds (n,) that the export ``normals`` does not give to the bit."""
+    q = uniforms(np.array(seeds), 0, KNOWLEDGE_STREAM, 9) - 0.5
+    r = OFFSET - q * q
+    above, below = (np.full_like(r, row[0]) for row in (NUMERATOR, DENOMINATOR))
+    for a, b in zip(NUMERATOR[1:], DENOMINATOR[1:], strict=True):
+        above, below = above * r + a, below * r + b
+    computed = np.where(np.abs(q) <= HALF_WIDTH, above * q / below, 0.0)
+    at = np.flatnonzero(computed != normals)
+    return at.astype(float), normals.ravel()[at]
 
 
 def reported_places(page: PageModel, plant: Plant) -> list[tuple[int, int]]:

@@ -42,6 +42,7 @@ class Browser:
         self.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": "file://", "storageTypes": "local_storage"})
         self.driver.get("about:blank")  # a changed fragment alone would not load the page again
         self.driver.get(Path(path).resolve().as_uri() + fragment)
+        self.until("!document.getElementById('packed')")
 
     def resize(self, size, ratio=1):
         metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": ratio, "mobile": size == PHONE}

@@ -1,7 +1,10 @@
 """Live pages, made once for all tests, and the JavaScript of pages in Node."""
 
+import base64
 import functools
+import gzip
 import json
+import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -33,6 +36,12 @@ def page_file(scenario: str, estimators: tuple[str, ...], duration_s: float) -> 
     path, made = _folder() / f"{scenario}.html", live_page(scenario, estimators, duration_s)
     path.write_text(assembled(made.plant.scenario.title, {"live": live_document(made)}), encoding="utf-8", newline="\n")
     return path
+
+
+def unpacked(page: str) -> dict[str, str]:
+    """The documents and scripts that a page holds deflated, by id."""
+    packed = base64.b64decode(re.search(r'id="packed">([^<]*)<', page).group(1))
+    return {part["id"]: part["text"] for part in json.loads(gzip.decompress(packed))}
 
 
 def in_node(text: str, given: object, folder: Path) -> str:

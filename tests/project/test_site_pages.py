@@ -7,6 +7,7 @@ import site_gallery
 import site_pages
 import site_sources
 import site_tables
+import thumbnails
 from places import ROOT
 
 import insenv
@@ -40,6 +41,17 @@ def test_the_page_of_an_estimator_ends_with_its_tables(id):
     for table in ("inputs", "outputs", *(() if "<!-- begin parameters" in written else ("parameters",))):
         part = re.split(r"\n#+ ", tables.partition(f"### {table.title()} of `{id}`\n")[2])[0]
         assert re.findall(r"^\| `(\w+)` \|", part, re.MULTILINE) == list(getattr(estimators.get(id).model, table).names)
+
+
+def test_each_scenario_and_estimator_has_its_picture(pages):
+    shown = {path: text for path, text in pages.items() if path.startswith("scenarios/")}
+    for path in (ROOT / "docs" / "estimators").glob("*.md"):
+        name = f"estimators/{path.stem}"
+        shown[name] = site_sources.extended(name, path.read_text("utf-8"))
+    pictures = {name: re.findall(r"\(\S+/figures/thumbnails/([\w-]+\.svg)\)", text) for name, text in shown.items()}
+    assert all(pictures.values()) and len(pictures["estimators/index"]) == len(pictures) - len(summaries()) - 2
+    written = {path.name for path in thumbnails.FOLDER.iterdir()}
+    assert written == {name for names in pictures.values() for name in names}
 
 
 def test_a_key_of_a_parameter_is_one_that_is_taken(monkeypatch):

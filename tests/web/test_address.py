@@ -49,3 +49,20 @@ def test_a_state_is_written_and_read_alike(document, tmp_path):
     state = {"seed": 7, "values": values, "commands": driven}
     link, back = answers("address.js", READ, [document(*CAR), state], tmp_path)
     assert back == state and "seed=7" in link and "imu.grade=navigation" in link and len(link) < 2000
+
+
+def test_what_a_run_had_that_another_has_not_is_named(tmp_path):
+    controls = [{"key": f"a.{key}", "label": key, "unit": unit, "value": own} for key, unit, own in
+                (("grade", "", "marine"), ("turn", "deg", 3.0), ("wind", "m/s", None), ("sway", "m", 1.0))]  # fmt: skip
+    live = {"controls": controls, "outages": [{"key": "gnss.outages_s"}], "commands": None}
+
+    def state(seed=1, **values):
+        return {"seed": seed, "values": {f"a.{key}": value for key, value in values.items()}}
+
+    driven = {**state(), "commands": [{"sample": 3, "values": {"speed": 1.0}}]}
+    cut = {"seed": 1, "values": {"gnss.outages_s": [[1, 2]]}}
+    every = state(2, grade="consumer", turn=4, wind=5, sway=6)
+    pairs = [[state(), state()], [state(), every], [state(turn=4.0, wind=2), state()], [state(), driven], [cut, state()]]
+    told = ["", "seed 1, grade marine, 3 other settings", "turn 4 deg, wind 2 m/s", "other commands", "other outages"]
+    code = "given[1].map(([was, now]) => module_ghost.difference(given[0], was, now))"
+    assert answers("ghost.js", code, [live, pairs], tmp_path) == told

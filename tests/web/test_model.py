@@ -14,6 +14,7 @@ from insenv.bench.page_machine import PageMachine
 from insenv.report.page import worker_script
 from insenv.web.controls import with_values
 from insenv.web.live import live_document
+from insenv.web.start import not_computed
 
 
 @pytest.mark.parametrize(("page", "seed"), [(SHIP, None), pytest.param(CAR, 77, marks=pytest.mark.slow)])
@@ -107,6 +108,14 @@ def test_worker_gives_a_scenario_with_its_numbers_and_refuses_in_a_sentence(tmp_
     assert "start.latitude_deg = 91 deg: allowed is -80 to 80 deg" in latitude
     assert "seed = 5000: allowed is 0 to 1023" in seed
     equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
+
+
+def test_the_module_computes_the_normals_of_most_start_errors_and_the_page_holds_the_others(tmp_path):
+    made = live_page(*SHIP)
+    code = "module_machine.Machine.load(given).then((machine) => [...machine.drawn])"
+    drawn = answers("machine.js", code, live_document(made), tmp_path)
+    assert np.array(drawn).tobytes() == made.normals.tobytes()
+    assert len(not_computed(made.normals, made.seeds)[0]) < 0.16 * made.normals.size  # 0.15: the tails
 
 
 def test_a_control_converts_as_its_key_and_a_cloud_has_the_rms_of_its_units(tmp_path):

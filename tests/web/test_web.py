@@ -1,11 +1,12 @@
 """The front end: vendored files as they were published, modules joined in order, a policy that forbids requests."""
 
+import base64
 import hashlib
 import re
 import subprocess
 
 import pytest
-from live_pages import in_node
+from live_pages import in_node, unpacked
 from peers import program
 from places import ROOT
 
@@ -27,12 +28,16 @@ def test_vendored_files_are_as_published():
 
 def test_a_page_makes_no_request_and_runs_its_own_script_alone():
     page = assembled("a & b", {"report": {"text": "</script><b>"}})
+    parts = unpacked(page)
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page).group(1)
     assert policy.startswith("default-src 'none'; script-src 'sha256-") and "unsafe" not in policy
-    assert "<title>a &amp; b</title>" in page and "</script><b>" not in page and r"\u003c/script>\u003cb>" in page
+    assert "<title>a &amp; b</title>" in page and "</script><b>" not in page and "</script><b>" in parts["report"]
+    (loader,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    allowed = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in (loader, parts["script"])]
+    assert f"script-src 'sha256-{allowed[0]}' 'sha256-{allowed[1]}';" in policy
     # nothing in the page names something to load; the namespace of SVG and licences are no requests
-    loaded = re.findall(r"""(?:src|href)\s*=\s*["'](?!data:|#)[^"']+|@import|url\((?!["']?data:)""", page)
-    assert not loaded
+    loaded = r"""(?:src|href)\s*=\s*["'](?!data:|#)[^"']+|@import|url\((?!["']?data:)"""
+    assert not re.findall(loaded, page + parts["script"])
 
 
 def test_modules_are_joined_after_those_that_they_import(tmp_path):
