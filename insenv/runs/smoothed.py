@@ -178,7 +178,7 @@ def _of_products(A: Array, B: Array) -> Array:
 
 
 def _state_names(smoothing: Smoothing) -> tuple[str, ...]:
-    return tuple(name for name in smoothing.nominal.names if name not in ("covariance", smoothing.seeking))
+    return tuple(name for name in smoothing.nominal.names if name != smoothing.seeking)
 
 
 @lru_cache(maxsize=8)

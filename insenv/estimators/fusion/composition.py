@@ -21,7 +21,7 @@ from insenv.core import symmetric
 from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion import azimuth, history
+from insenv.estimators.fusion import arc, azimuth, history
 from insenv.estimators.fusion.aid import Aid, repeated
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.measurement import attitude_shown, far, heading_shown, update, wide
@@ -321,8 +321,8 @@ class Composition:
 
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
             done, reported = self.update(aid, p, x, u)
-            changed = corrected(x, done.correction, self.states, self.places)
             share = 1.0 if self.covariance_held is None else 1.0 - getattr(p, self.covariance_held.name)
+            changed = corrected(x, arc.along(done.correction, x.covariance, share=share), self.states, self.places)
             return {**changed, "covariance": covariance_after(done, self.n, share), **reported}
 
         return step
@@ -351,13 +351,13 @@ class Composition:
         shown, P_shown = self._shown(x, P)
         C_nw = strapdown.C_nw(shown.q_ew)
 
-        def sigma(part: slice) -> Any:
-            return ca.sqrt(ca.diag(C_nw @ P_shown[part, part] @ C_nw.T))
+        def sigma(part: slice, more: Any = 0.0) -> Any:
+            return ca.sqrt(ca.diag(C_nw @ (P_shown[part, part] + more) @ C_nw.T))
 
         values = {
             **strapdown.navigation_outputs(shown),
             "position_sigma": sigma(POSITION),
-            "velocity_sigma": sigma(VELOCITY),
+            "velocity_sigma": sigma(VELOCITY, arc.moment(x.covariance)),
             "attitude_sigma": sigma(TILT) if self.turning is None else azimuth.stated(sigma(TILT)),
         }
         for state in self.states:
@@ -369,10 +369,13 @@ class Composition:
         return values
 
     def consistency_error(self, x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
-        """Errors of position, velocity and psi, and their covariance (9x9)."""
+        """Errors of position, velocity and psi in the sense of the covariance (`arc`), and it (9x9)."""
         shown, P = self._shown(x, symmetric.full(x.covariance, self.n))
         offset, velocity, turn, _ = strapdown.navigation_error_w(shown, truth)
-        return ca.vertcat(offset, velocity, -turn), P[:NAVIGATION, :NAVIGATION]
+        error = ca.vertcat(offset, velocity, -turn)
+        if self.turning is None:
+            error = arc.back(error, x.covariance)
+        return error, P[:NAVIGATION, :NAVIGATION]
 
     def _shown(self, x: Any, P: Any) -> tuple[Any, Any]:
         """The navigation state and the covariance of its errors, with the azimuth that the filter has found."""

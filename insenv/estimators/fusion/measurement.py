@@ -10,12 +10,13 @@ import numpy as np
 
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select
+from insenv.estimators.fusion import arc
 from insenv.estimators.fusion.aid import Aid, Spread
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation, linear
 from insenv.estimators.fusion.restart import counted as restarted
 from insenv.estimators.fusion.restart import restart
-from insenv.estimators.parts.error_model import TILT, turn_of
+from insenv.estimators.parts.error_model import TILT, VELOCITY, turn_of
 from insenv.estimators.parts.kalman import Update, innovation_variance, measure
 from insenv.estimators.parts.rows import COUNTED, counted
 
@@ -26,8 +27,8 @@ def update(
     """One measurement of an aid and the state rows after it; p, x, u: parameters, state, inputs by name."""
     psi = getattr(x, aid.misalignment_row) if aid.iterated else None
     innovation, by_error = _seen(aid, states, places, n, p, x, u, psi)
-    variance = aid.variance(p, x, u, spread_of(x, states, places))
     H = -by_error
+    variance = aid.variance(p, x, u, spread_of(x, states, places)) + _of_arc(x, H)
     age = aid.age(u) if aid.age is not None else 0.0
     since = maximum(getattr(x, aid.row("since")) - age, 0.0)  # between the epochs of the two measurements
     inflated = variance if aid.correlated is None else variance + aid.correlated(p, x, since)
@@ -71,6 +72,14 @@ def _seen(
     turn = None if psi is None else turn_of(psi)
     value, slope = linear(lambda error: aid.residual(p, Navigation(x, u, states, places, error, turn), u), n)
     return (value, slope) if psi is None else (value - slope[:, TILT] @ psi, slope)
+
+
+def _of_arc(x: Any, H: Any) -> Any:
+    """Variance (m) of what the arc of the velocity (`arc`) leaves out of measurements with sensitivity H."""
+    by_velocity = H[:, VELOCITY]
+    if not by_velocity.nnz():
+        return ca.SX.zeros(H.shape[0])
+    return ca.sum2(by_velocity * (by_velocity @ arc.moment(x.covariance)))
 
 
 WIDE = float(np.radians(3.0))

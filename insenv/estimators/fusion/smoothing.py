@@ -9,16 +9,15 @@ from typing import Any
 
 import casadi as ca
 
-from insenv import attitude
 from insenv.core.elementary import select
 from insenv.core.model import Model, Values
 from insenv.core.tables import Table
-from insenv.estimators.fusion import unknown_start
+from insenv.estimators.fusion import arc, unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.navigation import corrected, navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
-from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, covariance_after
+from insenv.estimators.parts.error_model import covariance_after
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 
@@ -48,7 +47,9 @@ def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None =
         interval=interval,
         nominal=_nominal(filter),
         n=filter.n,
-        corrected=lambda x, error: navigation_corrected(x, error, filter.states, filter.places),
+        corrected=lambda x, error: navigation_corrected(
+            x, arc.along(error, x.covariance, arc.WITH_PLACE), filter.states, filter.places
+        ),
         estimates=estimates,
         reported=sum((aid.reported for aid in filter.aids), Table()),
     )
@@ -74,7 +75,7 @@ def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoin
     def used(aid: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
             done, reported = filter.update(aid, p, x, u)
-            changed = corrected(x, done.correction, filter.states, filter.places)
+            changed = corrected(x, arc.along(done.correction, x.covariance), filter.states, filter.places)
             return {**changed, "covariance": covariance_after(done, filter.n), **reported, **adjoint.recorded(aid.id, done)}
 
         return step
@@ -107,22 +108,8 @@ def _aligned_first(smoothing: adjoint.Smoothing, filter: Composition, way: Veloc
         smoothing,
         forward=forward,
         nominal=smoothing.nominal + shown,
-        corrected=lambda x, error: navigation_corrected(x, _along_arc(error), filter.states, filter.places),
         seeking=seeking,
     )
-
-
-def _along_arc(error: Any) -> Any:
-    """An error (n) with position and velocity turned by half its attitude error, which is one of degrees.
-
-    Position and velocity that are known along the body, by a lever arm, a log or the specific force, turn with it: their
-    corrections follow the arc, not its tangent.
-    """
-    rotated = ca.SX(error)
-    half = attitude.from_rotation_vector(error[TILT] / 2)
-    for part in (POSITION, VELOCITY):
-        rotated[part] = attitude.rotate(half, error[part])
-    return rotated
 
 
 def _nominal(filter: Composition) -> Table:
