@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from insenv.base.errors import InputError
+from insenv.logs.formats.tlog import TlogWriter
 from insenv.mavlink.stream import Stream
 from insenv.mavlink.vectornav.unit import COMMANDS, MODELS, Unit
 from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire import Link, TlogWriter
+from insenv.mavlink.wire import Link
 
 
 class UnitStream(Stream):
