@@ -110,7 +110,7 @@ def _lines(running: Stream) -> Iterator[tuple[str, str]]:
         for source in score.sources.values():
             yield source.name, _scored(source.latest, score.limit_at(source.time))
     yield "lateness", f"p50 {late(0.5) * 1e3:.2f} ms, p99 {late(0.99) * 1e3:.2f} ms; {running.cpu_share:.0%} of a core"
-    addresses = ", ".join(str(link.address) for link in running.links)
+    addresses = ", ".join(str(link.address) for link in running.all_links)
     yield "link", f"{addresses}; clients: {', '.join(clients[:_CLIENTS]) + more or 'none yet'}"
     yield (
         "messages",

@@ -158,16 +158,11 @@ def stream(
     port = None
     if unit is not None:
         port, addresses = _unit_address(addresses, unit.value)
-        of_mavlink = {
-            "--rate": rates,
-            "--tlog": tlog,
-            "--signing-key-file": signing_key_file,
-            "--errors": errors,
-            "--score": score,
-        }
-        if not addresses and any(of_mavlink.values()):
-            first = next(name for name, value in of_mavlink.items() if value)
-            raise InputError(f"{first}: needs MAVLink beside --as {unit.value}, such as a second --to udpout:127.0.0.1:14550")
+        of_mavlink = {"--rate": rates, "--tlog": tlog, "--signing-key-file": signing_key_file, "--errors": errors}
+        of_mavlink["--score"] = score
+        given = [] if addresses else [option for option, value in of_mavlink.items() if value]
+        if given:
+            raise InputError(f"{given[0]}: needs MAVLink beside --as {unit.value}, as by a second --to udpout:127.0.0.1:14550")
     id, (loaded, values) = one(estimator), changed_scenario(scenario, settings)
     if values:
         loaded = with_settings(loaded, values, [id] if id else loaded.estimators[:1])
@@ -284,7 +279,7 @@ def _print_summary(summary: dict[str, Any], report: Report | None = None) -> Non
         if summary[key]:
             print_line(f"{what}: " + ", ".join(f"{name} {count}" for name, count in summary[key].items()))
     for refused, count in summary.get("commands_refused", {}).items():
-        print_line(f"refused {count} times: {refused}")
+        print_line(f"refused command ({count}): {refused}")
     if summary["tlog"]:
         print_line(f"written: {summary['tlog']}")
     if report is not None:

@@ -10,6 +10,8 @@ from command_line import call, refused, strict
 from streamed_vehicle import Receiver, free_port
 from vectornav_host import INS, commands, read
 
+from insenv.cli.stream import _print_summary
+
 POSIX = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals of POSIX systems")
 DRIVER = [
     "VNASY,0", "VNWRG,06,0,1", "VNWRG,06,0,2", "VNRRG,01", "VNWRG,75,3,8,01,0721", "VNWRG,76,3,8,31,0001,0106,0613",
@@ -23,6 +25,7 @@ def play(server, answers, after):
     with server.accept()[0] as line:
         line.settimeout(60)
         data = b""
+        line.sendall(b"$VNTAR*XX\r\n")
         for command in DRIVER:
             line.sendall(commands(command))
             while (begin := data.find(f"${command}".encode())) < 0 or (end := data.find(b"\r\n", begin)) < 0:
@@ -34,7 +37,7 @@ def play(server, answers, after):
         after.extend(data)
 
 
-def test_the_driver_of_ardupilot_configures_the_unit_and_reads_it():
+def test_the_driver_of_ardupilot_configures_the_unit_and_reads_it(capsys):
     answers, after = [], bytearray()
     with socket.create_server(("127.0.0.1", 0)) as server:
         thread = threading.Thread(target=play, args=(server, answers, after), daemon=True)
@@ -43,8 +46,10 @@ def test_the_driver_of_ardupilot_configures_the_unit_and_reads_it():
         status, out, err = call("stream", "car-city-drive", "--as", "vn300", *to)
         thread.join(60)
     found, frames = strict(out), read(bytes(after))
-    assert (status, err, found["unit"], found["commands_refused"]) == (0, "", "VN-300", {})
-    assert found["received"] == {"VNASY": 2, "VNRRG": 1, "VNWRG": 5}
+    assert (status, err, found["unit"], len(found["commands_refused"])) == (0, "", "VN-300", 1)
+    assert found["received"] == {"VNASY": 2, "VNRRG": 1, "VNWRG": 5, "unknown command": 1}
+    _print_summary(found)
+    assert "refused command (1): VNTAR: a unit knows VNASY, VNRRG, VNWRG" in capsys.readouterr().out
     assert answers == [f"{text},VN-300" if text == "VNRRG,01" else text for text in DRIVER]
     times = np.array([[frame[0] for frame in frames[header]] for header in ("012107", "31010006011306")])
     assert np.all(np.diff(times) == 20_000_000) and times[0, -1] == 12_000_000_000 and len(frames["490300b8261800"]) > 5
