@@ -100,8 +100,8 @@ def scenarios() -> Pages:
     pages = {f"scenarios/{entry['name']}.md": scenario(entry["name"]) for entry in summaries()}
     rows = [
         [
-            thumbnails.shown(s["name"], "../.."),
             f"[`{s['name']}`]({s['name']}.md)",
+            thumbnails.shown(s["name"], "../.."),
             s["vehicle"],
             f"{s['duration_s']:g} s",
             s["title"],
@@ -111,7 +111,7 @@ def scenarios() -> Pages:
     intro = "How to write your own: [scenarios](../../scenarios.md); [every key](../../scenario-keys.md)."
     names = [s["name"] for s in summaries()]
     pages["scenarios/index.md"] = overview(
-        "All scenarios", intro, ("", "scenario", "vehicle", "duration", "title"), rows, names
+        "All scenarios", intro, ("scenario", "track or sway, and an error", "vehicle", "duration", "title"), rows, names
     )
     return pages
 

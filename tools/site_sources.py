@@ -33,10 +33,8 @@ def extended(name: str, text: str) -> str:
         title, _, rest = text.partition("\n\n")
         text = f"{title}\n\n{thumbnails.shown(thumbnails.ESTIMATOR + posixpath.basename(name), '..')}\n\n{rest}"
     if name == "estimators/index":
-        rows = [
-            (thumbnails.shown(one, ".."), f"[]({one.removeprefix(thumbnails.ESTIMATOR)}.md)")
-            for one in thumbnails.of_estimators()
-        ]
+        names = ((one.removeprefix(thumbnails.ESTIMATOR), thumbnails.shown(one, "..")) for one in thumbnails.of_estimators())
+        rows = [(f"[]({page}.md)", picture) for page, picture in names]
         text += f"\n## At a glance\n\nEach on the example of its page.\n\n{markdown(('', ''), rows)}\n"
     if name == "gallery":
         text = site_gallery.with_links(text)

@@ -2,7 +2,7 @@
 
 import { columns, layout, ranged } from "./curves.js";
 import { h, onceAFrame } from "./dom.js";
-import { minus, number, tick, ticks } from "./numbers.js";
+import { minus, number, plain, tick, ticks } from "./numbers.js";
 import { marks, rangeOf, symlog } from "./scale.js";
 import { TIME, along } from "./span.js";
 import { colour, groupColour, onTheme } from "./theme.js";
@@ -59,6 +59,8 @@ export function timePlot(panel, span, names, axis = TIME) {
     const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log, panel.level ?? null);
     return [panel.positive ? 0 : low, panel.most ?? high];
   };
+  let pointed = /** @type {number | null} */ (null); // time of the cursor, s
+  const point = () => pointed !== null && plot.setCursor({ left: plot.valToPos(pointed, "x"), top: 0 });
   const threshold = panel.threshold;
   const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 100, ...symlog(threshold) };
   const plot = new uPlot(
@@ -78,6 +80,7 @@ export function timePlot(panel, span, names, axis = TIME) {
         setSelect: [(/** @type {any} */ u) => selected(u, span)],
         setCursor: [(/** @type {any} */ u) => read(u, readout, owners, names, axis)],
         drawClear: [(/** @type {any} */ u) => background(u, panel)],
+        draw: [() => point()], // the scale may be another
       },
     },
     columns(panel.x, curves),
@@ -104,7 +107,11 @@ export function timePlot(panel, span, names, axis = TIME) {
       plot.setData(columns(x, now), false);
       again();
     },
-    point: (time) => plot.setCursor(time === null ? { left: -10, top: -10 } : { left: plot.valToPos(time, "x"), top: 0 }),
+    point: (time) => {
+      pointed = time;
+      if (time === null) plot.setCursor({ left: -10, top: -10 });
+      else point();
+    },
   };
 }
 
@@ -207,12 +214,18 @@ function read(u, readout, owners, names, axis) {
     return;
   }
   const parts = [h("span", { class: "at" }, `${minus(along(u.data[0][place], axis))} ${axis.unit}`)];
+  /** @type {HTMLElement | null} */
+  let before = null;
   owners.forEach((owner, index) => {
     const value = u.data[index + 1][place];
-    if (owner.kind !== "line" || value === null || value === undefined || !u.series[index + 1].show) return;
-    const part = h("span", { title: names[owner.group] ?? "truth" }, minus(number(value)));
+    const last = owner.kind === "last";
+    if (!(last || owner.kind === "line") || value === null || value === undefined || !u.series[index + 1].show) return;
+    const text = minus(plain(number(value)));
+    const part = h("span", { title: `${names[owner.group] ?? "truth"}${last ? ", last run" : ""}` }, last ? `(${text})` : text);
     part.style.color = owner.group < 0 ? colour("muted") : groupColour(owner.group);
-    parts.push(part);
+    if (last) before = part; // that of the run now stands first
+    else parts.push(part, ...(before ? [before] : []));
+    if (!last) before = null;
   });
   readout.replaceChildren(...parts);
 }

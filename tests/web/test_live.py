@@ -43,6 +43,11 @@ def typed(browser, id, text):
     field.send_keys(text, Keys.TAB)
 
 
+def go_back(browser, seconds):
+    script = "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input'))"
+    browser.driver.execute_script(script, browser.driver.find_element(By.ID, "time"), seconds)
+
+
 def fast(browser):
     browser.until(STARTED)
     choose(browser, "speed", "")
@@ -204,16 +209,19 @@ def test_the_last_run_stays_beside_one_of_another_grade_until_it_is_forgotten(br
     path, (name, estimators, duration) = page_file(*CAR), CAR
     ready(browser, path)
     fast(browser)
-    was, drawn = (
-        printed(insenv.run(name, estimators, duration_s=duration)),
-        "document.querySelector('.panel canvas').toDataURL()",
-    )
+    before, drawn = insenv.run(name, estimators, duration_s=duration), "document.querySelector('.panel canvas').toDataURL()"
     choose(browser, "control-imu.grade", "consumer")
     assert browser.until("document.getElementById('last-run').textContent") == "last run: unit tactical"
     fast(browser)
-    now = printed(insenv.run(changed(name, imu={"grade": "consumer"}), estimators, duration_s=duration), limit=False)
-    assert figures(browser) == [[*row[:2], old[1], *row[2:]] for row, old in zip(now, was, strict=True)]
+    after = insenv.run(changed(name, imu={"grade": "consumer"}), estimators, duration_s=duration)
+    rows = zip(printed(after, limit=False), printed(before), strict=True)
+    assert figures(browser) == [[*row[:2], old[1], *row[2:]] for row, old in rows]
     assert browser.violations() == []
+    go_back(browser, 30)
+    runs = (one.results[0] for one in (after, before))
+    now, last = (number(one.errors["roll_deg"][np.argmin(abs(one.time - 30.0))]) for one in runs)
+    shown = "document.querySelector('.plots .readout').textContent.replaceAll('\u2212', '-')"
+    browser.until(f"{shown}.startsWith('30.0 s{now}({last})')")
     both = browser.value(drawn)
     click(browser, "forget")
     browser.until(f"document.querySelector('.last').hidden && {drawn} !== {both!r}")
@@ -231,9 +239,7 @@ def test_going_back_shows_the_numbers_of_then_and_the_run_goes_on_from_its_end(b
     path, (name, estimators, duration) = page_file(*CAR), CAR
     ready(browser, path, size)
     fast(browser)
-    browser.driver.execute_script(
-        "arguments[0].value = 30; arguments[0].dispatchEvent(new Event('input'))", browser.driver.find_element(By.ID, "time")
-    )
+    go_back(browser, 30)
     browser.until("document.getElementById('clock').textContent === '0:30.0'")
     result = insenv.run(name, estimators, duration_s=duration).results[0]
     place = np.argmin(abs(result.time - 30.0))
@@ -241,7 +247,7 @@ def test_going_back_shows_the_numbers_of_then_and_the_run_goes_on_from_its_end(b
     shown = browser.value(f"[...document.querySelectorAll('.readings tbody')].{texts}")
     assert shown == [number(values[place]) for values in result.errors.values()]
     assert browser.value("[...document.querySelectorAll('.scroll')].every((one) => one.scrollWidth <= one.clientWidth)")
-    assert browser.value("document.querySelector('.plots .readout').textContent").startswith("30.0 s")
+    browser.until("document.querySelector('.plots .readout').textContent.startsWith('30.0 s')")
     click(browser, "follow")
     assert browser.value("document.getElementById('follow').ariaPressed") == "true"
     browser.driver.find_element("css selector", "canvas.track").send_keys("0")
