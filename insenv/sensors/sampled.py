@@ -209,7 +209,7 @@ class Sampled:
         values = self._at_epoch(p, x, r)
         errors = errors_of(this, values, p)
         with naming(f"sensor {id!r}, measure"):
-            rows = check_rows(this.measure(motion, errors, p), this.measurement)
+            rows = dict(check_rows(this.measure(motion, errors, p), this.measurement))
         if this.quantum is not None:
             rows = {name: rounded(value, getattr(p, this.quantum.name)) for name, value in rows.items()}
         lost: Any = 0.0 if this.lost is None else this.lost(p, rows)
