@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
@@ -119,6 +120,18 @@ class Plugins(Generic[T]):
         """Add a thing and return it.  Raises `InputError` if another one has its name."""
         self._others()
         return self._add(thing)
+
+    @contextmanager
+    def passed(self, things: Iterable[T]) -> Iterator[None]:
+        """Know these things by their names in the block, those whose names are free."""
+        new = {self._name_of(thing): thing for thing in things}
+        new = {name: thing for name, thing in new.items() if name not in self._shipped and name not in self._others()}
+        self._added.update(new)
+        try:
+            yield
+        finally:
+            for name in new:
+                self._added.pop(name, None)
 
     def _load(self, entry: EntryPoint) -> None:
         thing = entry.load()

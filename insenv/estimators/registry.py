@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 from insenv.base.errors import InputError
 from insenv.base.plugins import Plugins
@@ -22,8 +24,22 @@ _PLUGINS: Plugins[Estimator] = Plugins("estimator", "insenv.estimators", _id, ES
 names, registered, register = _PLUGINS.names, _PLUGINS.all, _PLUGINS.register
 """The estimators by id, as `Plugins` gives them."""
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 EstimatorsLike = str | Estimator | Iterable[str | Estimator]
 """One estimator or several, by id or as objects."""
+
+
+def knowing_objects(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Make of a function one whose scenario or log may name, by their ids, the estimators that a call passes as objects."""
+
+    @wraps(function)
+    def call(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        lists = [each if isinstance(each, (list, tuple)) else [each] for each in (*args, *kwargs.values())]
+        with _PLUGINS.passed(one for each in lists for one in each if isinstance(one, Estimator)):
+            return function(*args, **kwargs)
+
+    return call
 
 
 def get(id_or_estimator: str | Estimator) -> Estimator:

@@ -17,6 +17,7 @@ from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Array
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
+from insenv.estimators.registry import knowing_objects
 from insenv.estimators.settings import Settings, choices_in, setting_rows, settings_of, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
@@ -39,6 +40,7 @@ from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.inputs import RECORDS, chunks, recording_interval
 
 
+@knowing_objects
 def replay(
     log: str | Path | RecordedLog,
     estimators: EstimatorsLike,

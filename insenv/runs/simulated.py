@@ -12,6 +12,7 @@ from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.core.tables import Array
 from insenv.estimators import Estimator, EstimatorsLike, get_all
+from insenv.estimators.registry import knowing_objects
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import Result, Track, UnitError, errors, stated_sigma, statistics_from, track_of, unit_errors
 from insenv.evaluation.health import Health
@@ -35,6 +36,7 @@ def follower_of(estimator: Estimator, parameters: Mapping[str, Any], every: int)
     return kind.started(estimator, parameters, every)
 
 
+@knowing_objects
 def run(
     scenario: ScenarioLike,
     estimators: EstimatorsLike | EstimateFunction | Iterable[str | Estimator | EstimateFunction] | None = None,

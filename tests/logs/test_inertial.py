@@ -95,7 +95,7 @@ def test_the_calibrated_errors_are_taken_off(warm, axes, kind, tmp_path):
     gyro, accel = (signs * values / RATE for values in si(imu_rows()))
     np.testing.assert_allclose(log.delta_angle, gyro, atol=1e-12)
     np.testing.assert_allclose(log.delta_velocity, accel, atol=1e-10)
-    assert any("taken off, at 20 to 45 deg C" in note for note in log.notes)
+    assert any("subtracted, at 20 to 45 deg C" in note for note in log.notes)
     (description, *_) = insenv.write(log, tmp_path / "again", ["log"])
     again = load(description)
     np.testing.assert_array_equal(again.temperature, log.temperature)

@@ -104,6 +104,15 @@ def test_names_are_plain_and_not_taken(rail):
     assert {name for name in dir(Scenario) if not name.startswith("_")} | set(Scenario.model_fields) <= sensors.TAKEN
 
 
+def test_a_scenario_names_an_estimator_that_only_its_call_passes(rail):
+    insenv.register(rail["trolley"].TrolleySection)
+    insenv.register(rail["compass"].COMPASS)
+    file = ROOT / "examples" / "insenv-rail" / "rail.toml"
+    assert insenv.run(file, [rail["ahrs"].ESTIMATOR], duration_s=1.0).results[0].estimator == "ahrs"
+    with said("estimators[0]: no estimator 'ahrs'"):
+        insenv.run(file, duration_s=1.0)
+
+
 def test_a_fault_of_a_sensor_names_it(rail):
     compass = section_of(rail["compass"].COMPASS).sensor
     for wrong, message in (

@@ -31,6 +31,7 @@ from insenv.base.shipped import __version__
 from insenv.core.compile import NoRoomError, batch_library_path
 from insenv.core.runner import Progress, check_progress, resolve_backend
 from insenv.estimators import Estimator, get_all
+from insenv.estimators.registry import knowing_objects
 from insenv.estimators.settings import Settings
 from insenv.scenario import ScenarioLike, with_settings
 from insenv.studies.campaign.block import Arrays, StoppedError, run_block
@@ -149,6 +150,7 @@ ATTEMPTS = 4
 """Number of consecutive executors that may lose their workers, with no block finished, before the campaign fails."""
 
 
+@knowing_objects
 def campaign(
     scenario: ScenarioLike,
     estimator: str | Estimator | Sequence[str | Estimator],
