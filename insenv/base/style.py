@@ -99,9 +99,10 @@ def legend(figure: Figure, drawn: Axes | Mapping[str, Any] | Iterable[Axes], col
         )
 
 
-def shade(axes: Axes, intervals: Iterable[tuple[float, float]], text: str = "no GNSS") -> dict[str, Any]:
-    """Shade intervals of time; return the legend's handle by its text."""
+def shade(axes: Axes, intervals: Iterable[tuple[float, float]]) -> dict[str, Any]:
+    """Shade intervals of time without GNSS; return the legend's handle by its text."""
     handles: dict[str, Any] = {}
+    text = "no GNSS"
     for begin, end in intervals:
         span = axes.axvspan(begin, end, color=OUTAGE, linewidth=0, zorder=0.5, label="" if handles else text)
         handles.setdefault(text, span)

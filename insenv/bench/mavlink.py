@@ -15,6 +15,7 @@ SCENARIO = "car-city-drive"
 SIMULATED_S = 30.0
 STREAMED_S = 10.0
 REPETITIONS = 5
+DATAGRAMS = 2000
 
 
 def message() -> Figure:
@@ -48,14 +49,14 @@ def message() -> Figure:
     return Figure(statistics.median(costs), statistics.median(floors), total, note)
 
 
-def _sending(sink: socket.socket, size: int, count: int = 2000) -> float:
+def _sending(sink: socket.socket, size: int) -> float:
     """Microseconds to send a datagram of `size` bytes."""
     data = bytes(size)
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as out:
         begin = time.process_time()
-        for _ in range(count):
+        for _ in range(DATAGRAMS):
             out.sendto(data, sink.getsockname())
-        return (time.process_time() - begin) / count * 1e6
+        return (time.process_time() - begin) / DATAGRAMS * 1e6
 
 
 def _sink() -> socket.socket:

@@ -57,9 +57,9 @@ def noisy(rate_hz: float = 200.0) -> Scenario:
     return base.model_copy(update={"imu": imu, "rate_hz": rate_hz})
 
 
-def laboratory(rate_hz: float = 50.0) -> Scenario:
+def laboratory() -> Scenario:
     """The same location and noise with random biases and initial errors, for statistics over seeds."""
-    base = noisy(rate_hz)
+    base = noisy(50.0)
     imu = base.imu.model_copy(
         update={"gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0, "gyro_bias_sigma_deg_h": 0.002, "accel_bias_sigma_ug": 20.4}
     )

@@ -12,7 +12,6 @@ from insenv import attitude
 from insenv.base.errors import InsenvError
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
-from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Array
 from insenv.estimators import EstimatorsLike, get_all
 from insenv.evaluation.errors import wrapped_deg
@@ -21,6 +20,7 @@ from insenv.scenario.inputs import chunks, input_rows, recording_interval
 from insenv.sensors import SENSOR_ERROR
 
 SAMPLES_AT_ONCE = 200_000  # seeds times samples that are simulated before the estimators take them: about 100 MB
+THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -53,32 +53,29 @@ def ensemble(
     *,
     duration_s: float | None = None,
     records: int = 300,
-    threads: int = 2,
     tuning: Mapping[str, Mapping[str, Any]] | None = None,
-    progress: Progress | None = None,
 ) -> Ensemble:
     """Simulate `scenario` for every seed and run the estimators on it.
 
     The row of a seed equals `insenv.runs.simulated.run` with that seed, except that lost samples are not bridged.
     tuning: parameter rows by estimator id; they replace those of the scenario.
     """
-    check_progress(progress)
     scenario, chosen = load(scenario), get_all(estimators)
     plants = tuple(build(scenario, seed=seed, duration_s=duration_s) for seed in seeds)
     chosen = [plants[0].adapted(estimator, offline=False) for estimator in chosen]
     model, samples, interval = plants[0].model, plants[0].samples, plants[0].sample_interval
     every = recording_interval(samples, records)
     total = samples // every * every
-    plant = _batch(model, [p.parameters for p in plants], threads)
+    plant = _batch(model, [p.parameters for p in plants])
     batches = {}
     for e in chosen:
         rows_of_tuning = (tuning or {}).get(e.id, {})
-        batches[e.id] = _batch(e.model, [p.parameters_of(e, rows_of_tuning, offline=False) for p in plants], threads)
+        batches[e.id] = _batch(e.model, [p.parameters_of(e, rows_of_tuning, offline=False) for p in plants])
 
     truths: list[Array] = []
     estimates: dict[str, list[Array]] = {e.id: [] for e in chosen}
     sensor_error_n = np.zeros((len(plants), 6))
-    for begin, count in chunks(total, every, SAMPLES_AT_ONCE // len(plants)):
+    for _, count in chunks(total, every, SAMPLES_AT_ONCE // len(plants)):
         outputs_of_plant = plant.run(count, every=1)
         columns = model.outputs.unpack(outputs_of_plant)
         columns["dt"] = np.full((len(plants), count), interval)
@@ -90,8 +87,6 @@ def ensemble(
                 raise InsenvError(f"estimator {estimator.id!r} diverged: its outputs are no longer finite numbers")
             estimates[estimator.id].append(outputs)
         truths.append(outputs_of_plant[:, every - 1 :: every])
-        if progress is not None:
-            progress(begin + count, total)
 
     truth = model.outputs.unpack(np.concatenate(truths, axis=1))
     estimated = {e.id: e.model.outputs.unpack(np.concatenate(estimates[e.id], axis=1)) for e in chosen}
@@ -107,6 +102,6 @@ def _sensor_error_sum_n(columns: Mapping[str, Array]) -> Array:
     return np.concatenate([np.einsum("...nij,...nj->...i", C_nb, columns[name]) for name in SENSOR_ERROR.names], axis=-1)
 
 
-def _batch(model: Model, parameters: Sequence[Mapping[str, Any]], threads: int) -> Batch:
+def _batch(model: Model, parameters: Sequence[Mapping[str, Any]]) -> Batch:
     rows = np.array([model.parameters.pack(p) for p in parameters])
-    return make_batch(model, len(rows), rows, threads=threads)
+    return make_batch(model, len(rows), rows, threads=THREADS)

@@ -138,9 +138,9 @@ class Signing:
             self._write(self._marks)  # an unwritable file is an error now, not during operation
 
     @classmethod
-    def from_key_file(cls, path: str | Path, *, link: int = 0, clock: Callable[[], float] = time.time) -> Signing:
+    def from_key_file(cls, path: str | Path, *, clock: Callable[[], float] = time.time) -> Signing:
         """Read the key from a file (`read_key`) and keep the times in ``<that file>.times`` beside it."""
-        return cls(read_key(path), link=link, clock=clock, marks=Path(f"{path}.times"))
+        return cls(read_key(path), clock=clock, marks=Path(f"{path}.times"))
 
     def _now(self) -> int:
         return min(max(int((self._clock() - EPOCH_UNIX_S) * TICKS_PER_S), 0), MAX_TICKS)

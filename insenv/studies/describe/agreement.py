@@ -131,7 +131,7 @@ class Windows:
         return self.step * self.turned.shape[1]
 
 
-def windows_of(motion: Motion, track: Track, length: float, most: int = MAX_WINDOWS) -> Windows:
+def windows_of(motion: Motion, track: Track, length: float) -> Windows:
     """The windows of `length` (s) in which the most happens; none if the samples and the fixes do not overlap."""
     step = max(STEP_S, float(np.median(np.diff(motion.time))))
     begin, end = max(motion.time[0], track.time[0] - length), min(motion.time[-1], track.time[-1] + length)
@@ -158,7 +158,7 @@ def windows_of(motion: Motion, track: Track, length: float, most: int = MAX_WIND
         0.0 if np.count_nonzero(rows) < MIN_PAIRS else float(np.sqrt(velocity[rows].var(axis=0).sum())) for rows in inside
     ])  # fmt: skip
     activity = np.where(whole, activity, 0.0)
-    chosen = np.sort(np.argsort(-activity)[:most])
+    chosen = np.sort(np.argsort(-activity)[:MAX_WINDOWS])
     chosen = chosen[activity[chosen] > 0]
     return Windows(starts[chosen], step, turned[chosen], pushed[chosen])
 

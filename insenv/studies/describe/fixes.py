@@ -97,7 +97,7 @@ class Fixes:
         return replace(self, findings=(*others, Finding(VERTICAL, self.vertical, evidence)))
 
 
-def angle_units(table: LogTable, column: int, time: Array | None = None) -> list[str]:
+def angle_units(table: LogTable, column: int) -> list[str]:
     """Units in which a column may be an angle of a position."""
     values = table.values[:, column]
     values = values[np.isfinite(values)]
