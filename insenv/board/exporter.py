@@ -11,7 +11,7 @@ from pathlib import Path
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, cannot_write
 from insenv.base.shipped import __version__
-from insenv.board.figures import Figures, figures
+from insenv.board.figures import WHOLE, Figures, figures
 from insenv.board.tuned import Tuned, tuned
 from insenv.core.portable import Portable, c_files, identifier
 from insenv.core.tables import Array
@@ -101,7 +101,7 @@ def export_c(
                     stream.write(part)
         else:
             (folder / RUN).unlink(missing_ok=True)
-        measured = figures(folder, c_name, list(model.steps)) if measure else None
+        measured = figures(folder, c_name) if measure else None
         with atomic(folder / "README.md") as stream:
             stream.write(_readme(c_name, ready, measured).encode("ascii"))
     except OSError as error:
@@ -124,7 +124,7 @@ def filled(template: str, name: str) -> str:
 
 def _samples(name: str, ready: Tuned, inputs: Array, begin: Array, outputs: Array) -> str:
     """samples.h: inputs and expected outputs of the first samples as arrays."""
-    count, every = len(outputs) * EVERY, ready.every
+    count, every, steps = len(outputs) * EVERY, ready.every, ready.estimator.model.steps
     return "\n".join(
         [
             f"/* Inputs of {name} and the outputs that insenv {__version__} computes from them.  {ready.values_from} */",
@@ -133,7 +133,8 @@ def _samples(name: str, ready: Tuned, inputs: Array, begin: Array, outputs: Arra
             f"#define SAMPLES {count}",
             f"#define EVERY {EVERY} /* samples from one row of `first_outputs` to the next */",
             f"#define RUN_EVERY {every} /* the same of a whole run */",
-            f"#define N_STEP {len(ready.estimator.model.steps)}",
+            f"#define N_STEP {len(steps)}",
+            f"#define STEP_NAMES {{{', '.join(chr(34) + step + chr(34) for step in (*steps, WHOLE))}}}",
             "",
             *_array("outputs_at_start", [begin]),
             *_array("first_inputs", inputs[:count], "SAMPLES"),

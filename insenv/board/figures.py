@@ -13,11 +13,13 @@ from pathlib import Path
 from insenv.base.errors import InsenvError
 
 COMPILER, SIZE, QEMU = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
+LIBRARY = "rdimon.specs"
+"""A file of the C library, newlib, without which the compiler finds no <math.h>."""
 WHOLE = "a whole sample"
 INSTALL = "Debian: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
 """How the programs are installed."""
 FLAGS = ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-std=c99", "-O2")
-_COUNTED = re.compile(r"^step (\d+): (\d+) calls, mean (\d+), most (\d+) instructions$", re.MULTILINE)
+_COUNTED = re.compile(r"^(.+): (\d+) calls, mean (\d+), most (\d+) instructions$", re.MULTILINE)
 _NODE = re.compile(r'^node: \{ title: "([^"]+)" label: "([^"]*)"', re.MULTILINE)
 _FRAME = re.compile(r"\\n(\d+) bytes")
 _EDGE = re.compile(r'^edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"', re.MULTILINE)
@@ -69,12 +71,14 @@ class Figures:
         return [*lines, *([f"  outputs in qemu: {self.bits}"] if self.bits else [])]
 
 
-def figures(folder: Path, name: str, steps: Sequence[str]) -> Figures | None:
-    """What the filter `name` in an exported folder takes; None without the compiler.  steps: names of the model's steps.
+def figures(folder: Path, name: str) -> Figures | None:
+    """What the filter `name` in an exported folder takes; None without the compiler and its C library.
 
     Raises `InsenvError` if the compiler refuses the filter.
     """
     if shutil.which(COMPILER) is None or shutil.which(SIZE) is None:
+        return None
+    if _called([COMPILER, f"-print-file-name={LIBRARY}"]).strip() == LIBRARY:
         return None
     with tempfile.TemporaryDirectory() as build:
         source, compiled = Path(build) / "sized.c", Path(build) / f"{name}.o"
@@ -86,12 +90,8 @@ def figures(folder: Path, name: str, steps: Sequence[str]) -> Figures | None:
         ram = _sizes(sized)[2]
         stack = deepest(compiled.with_suffix(".ci").read_text(), [f"{name}_{what}" for what in ("init", "sample", "output")])
         counted = _counted(folder, Path(build), name)
-    named = {} if counted is None else {_step(number, steps): each for number, each in counted[0].items()}
-    return Figures(flash + data, ram, stack, named, None if counted is None else counted[1])
-
-
-def _step(number: int, steps: Sequence[str]) -> str:
-    return steps[number] if number < len(steps) else WHOLE
+    instructions, same_bits = counted or ({}, None)
+    return Figures(flash + data, ram, stack, instructions, same_bits)
 
 
 def _sizes(compiled: Path) -> tuple[int, int, int]:
@@ -105,7 +105,7 @@ def deepest(graph: str, functions: Sequence[str]) -> int:
 
     A function of a library counts nothing.
     """
-    frames = {title: int(size[1]) if (size := _FRAME.search(label)) else 0 for title, label in _NODE.findall(graph)}
+    frames = {title: sum(map(int, _FRAME.findall(label))) for title, label in _NODE.findall(graph)}
     calls: dict[str, list[str]] = {}
     for source, target in _EDGE.findall(graph):
         calls.setdefault(source, []).append(target)
@@ -119,15 +119,15 @@ def deepest(graph: str, functions: Sequence[str]) -> int:
     return max(depth(title) for title in frames if title in functions)
 
 
-def _counted(folder: Path, build: Path, name: str) -> tuple[dict[int, Counted], bool] | None:
-    """Instructions by number of the step, counted in qemu, and whether the outputs had the same bits; None without qemu."""
+def _counted(folder: Path, build: Path, name: str) -> tuple[dict[str, Counted], bool] | None:
+    """Instructions by name of the step, counted in qemu, and whether the outputs had the same bits; None without qemu."""
     if shutil.which(QEMU) is None or shutil.which("make") is None:
         return None
     shutil.copytree(folder, build / "copy", ignore=shutil.ignore_patterns("build", "run.bin"))
     done = subprocess.run(["make", "-s", "board"], cwd=build / "copy", capture_output=True, text=True, check=False)
     if "same bits" not in done.stdout:
         raise InsenvError(f"the test of {name} in {QEMU} failed: {(done.stdout + done.stderr)[-2000:]}")
-    numbers = {int(step): Counted(int(n), int(mean), int(most)) for step, n, mean, most in _COUNTED.findall(done.stdout)}
+    numbers = {step: Counted(int(n), int(mean), int(most)) for step, n, mean, most in _COUNTED.findall(done.stdout)}
     return numbers, "NOT the same bits" not in done.stdout
 
 

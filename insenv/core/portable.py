@@ -34,21 +34,21 @@ EXPRESSIONS = {
     "SQRT": "sqrt({})",
     "FLOOR": "floor({})",
     "FABS": "fabs({})",
-    "LT": "{} < {} ? 1.0 : 0.0",
-    "LE": "{} <= {} ? 1.0 : 0.0",
-    "EQ": "{} == {} ? 1.0 : 0.0",
-    "NE": "{} != {} ? 1.0 : 0.0",
-    "NOT": "{} == 0.0 ? 1.0 : 0.0",
-    "AND": "{} != 0.0 && {} != 0.0 ? 1.0 : 0.0",
-    "OR": "{} != 0.0 || {} != 0.0 ? 1.0 : 0.0",
-    "IF_ELSE_ZERO": "{} != 0.0 ? {} : 0.0",
+    "LT": "({} < {}) ? 1.0 : 0.0",
+    "LE": "({} <= {}) ? 1.0 : 0.0",
+    "EQ": "({} == {}) ? 1.0 : 0.0",
+    "NE": "({} != {}) ? 1.0 : 0.0",
+    "NOT": "({} == 0.0) ? 1.0 : 0.0",
+    "AND": "(({} != 0.0) && ({} != 0.0)) ? 1.0 : 0.0",
+    "OR": "(({} != 0.0) || ({} != 0.0)) ? 1.0 : 0.0",
+    "IF_ELSE_ZERO": "({} != 0.0) ? {} : 0.0",
     "ASSIGN": "{}",
     "CONST": "{}",
 }
 """The operations of `insenv.core.codegen` in plain C; the operands are variables."""
 PIECE = 400
 """Statements of a piece: its local variables are what a function has on the stack."""
-STRAIGHT = 800
+STRAIGHT = 1500
 """Instructions up to which a step that always runs is one piece, which writes its results directly into the state."""
 _KEYWORDS = frozenset(
     re.findall(
@@ -187,7 +187,7 @@ def _advance(model: Model, written: Iterable[_Written]) -> list[str]:
         body = [f"{each.call if each.in_place else each.call % 'f->y'};"]
         if not each.in_place:
             body += [
-                f"(void)memcpy(f->x + {span.start}, f->y + {part.start}, {span.stop - span.start} * sizeof(double));"
+                f"(void)memcpy(&f->x[{span.start}], &f->y[{part.start}], {span.stop - span.start}u * sizeof(double));"
                 for span, part in model.kernels[name].pieces
             ]
         body.append(f"STEP_DONE({number}); /* {name} */")
@@ -204,7 +204,7 @@ def _check_dt(model: Model, name: str) -> str:
     if "dt" not in model.inputs:
         return ""
     place, macro = model.inputs.slice("dt").start, name.upper()
-    condition = f"f->u[{place}] < {macro}_DT_MIN || f->u[{place}] > {macro}_DT_MAX"
+    condition = f"(f->u[{place}] < {macro}_DT_MIN) || (f->u[{place}] > {macro}_DT_MAX)"
     return f"  if ({condition}) {{\n    f->wrong = {place};\n    return {macro}_WRONG_DT;\n  }}\n"
 
 

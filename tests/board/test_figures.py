@@ -28,7 +28,7 @@ def test_the_stack_is_that_of_the_deepest_path():
 
 def test_without_the_compiler_there_are_no_figures(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert figures.figures(tmp_path, "f", []) is None
+    assert figures.figures(tmp_path, "f") is None
 
 
 @pytest.mark.slow
@@ -42,9 +42,20 @@ def test_a_whole_run_on_a_cortex_m7_has_the_same_bits(tmp_path, id, stack):
     assert measured.same_bits
     assert 0 < measured.stack < stack
     assert measured.instructions[WHOLE].calls == exported.samples
-    done = subprocess.run(["make", "-s", "-C", tmp_path, "board", "RUN=test/run.bin"], capture_output=True, text=True)
+    flags = "CFLAGS=-O2 -Wall -Wextra -Wconversion -Wshadow -pedantic -Werror"
+    command = ["make", "-s", "-C", tmp_path, "board", flags, "RUN=test/run.bin"]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     (compared,) = re.findall(
         rf"^test/run.bin: {exported.run_samples} samples, (\d+) numbers compared, 0 differ$", done.stdout, re.M
     )
     assert int(compared) > 2000
+
+
+@pytest.mark.slow
+def test_cmake_builds_the_filter_and_runs_its_test(tmp_path):
+    cmake = program("cmake", how="apt-get install cmake")
+    export_c("q-method", output=tmp_path, measure=False)
+    subprocess.run([cmake, "-S", tmp_path, "-B", tmp_path / "build"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([cmake, "--build", tmp_path / "build"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(["ctest", "--test-dir", tmp_path / "build", "--no-tests=error"], check=True)

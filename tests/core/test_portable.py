@@ -2,11 +2,14 @@
 
 import ctypes
 import math
+import re
+import shutil
 import subprocess
 
 import casadi as ca
 import numpy as np
 import pytest
+from peers import program
 
 from insenv.base.errors import InputError
 from insenv.core.compile import find_compiler
@@ -16,6 +19,9 @@ from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 
 OK, NOT_FINITE, OUT_OF_RANGE, NOT_WHOLE, WRONG_DT, DIVERGED = range(6)
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror")
+DEVIATIONS = {"2.2", "2.3", "8.9", "15.5", "21.15"}
+"""Rules of MISRA C:2012 that the C does not keep; docs/microcontroller.md gives the reasons."""
 N = 40  # rows that one step changes: a loop, and more than one piece
 
 
@@ -54,13 +60,17 @@ def toy():
     )  # fmt: skip
 
 
+def write(folder, model):
+    texts = c_files(model, Portable("toy", model.parameters.start_vector(), (0.005, 0.02), "Those of the test."))
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+
+
 class Filter:
     """A filter of the C of a model, through ctypes."""
 
     def __init__(self, model, folder, *flags):
-        texts = c_files(model, Portable("toy", model.parameters.start_vector(), (0.005, 0.02), "Those of the test."))
-        for name, text in texts.items():
-            (folder / name).write_text(text)
+        write(folder, model)
         command = [*find_compiler().command, "-std=c99", *flags, "-shared", "-fPIC", "toy.c", "-o", "toy.so", "-lm"]
         self.compiled = subprocess.run(command, cwd=folder, capture_output=True, text=True)
         self.model, self.memory = model, ctypes.create_string_buffer(100_000)
@@ -88,7 +98,7 @@ class Filter:
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory):
-    return Filter(toy(), tmp_path_factory.mktemp("portable"), "-O1", "-Werror", "-Wall", "-Wextra", "-Wconversion", "-Wshadow")
+    return Filter(toy(), tmp_path_factory.mktemp("portable"), "-O1", *WARNINGS)
 
 
 def rows(count):
@@ -170,3 +180,34 @@ def test_a_random_model_and_a_row_that_is_a_keyword_are_refused():
     model = Model("k", "k", keyword, none, none, none, {}, lambda p, x: {"seed2": x.seed2})
     with pytest.raises(InputError, match="row 'register' of model 'k'"):
         c_files(model, Portable("k", np.zeros(1), (0.0, 1.0), ""))
+
+
+def test_it_is_c_plus_plus_too(tmp_path):
+    write(tmp_path, toy())
+    compiler = shutil.which("g++") or pytest.skip("no g++ on the path")
+    subprocess.run([compiler, "-x", "c++", "-std=c++11", *WARNINGS, "-c", "toy.c"], cwd=tmp_path, check=True)
+
+
+@pytest.mark.slow
+def test_cppcheck_finds_nothing_but_the_stated_deviations_from_misra(tmp_path):
+    write(tmp_path, toy())
+    checks = ["--addon=misra", "--enable=warning,style,performance,portability", "--std=c99", "--quiet"]
+    known = ["-D__GNUC__=12", "-DDBL_MANT_DIG=53", "-DDBL_MAX_EXP=1024"]
+    command = [program("cppcheck", how="apt-get install cppcheck"), *checks, *known, "toy.c"]
+    told = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr
+    assert set(re.findall(r"\[(.+)\]$", told, re.MULTILINE)) == {f"misra-c2012-{rule}" for rule in DEVIATIONS}, told
+
+
+@pytest.mark.slow
+def test_clang_tidy_finds_nothing(tmp_path):
+    """The arrays of a function are of one type: that they could be swapped is what is left out."""
+    write(tmp_path, toy())
+    checks = "-*,bugprone-*,-bugprone-easily-swappable-parameters,cert-*,clang-analyzer-*,performance-*,portability-*"
+    command = [
+        program("clang-tidy", how="apt-get install clang-tidy"),
+        f"--checks={checks}",
+        "--warnings-as-errors=*",
+        "--quiet",
+    ]
+    done = subprocess.run([*command, "toy.c", "--", "-std=c99"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout

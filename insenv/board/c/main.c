@@ -21,6 +21,7 @@ extern unsigned long instructions(void);
 /* Of each step, and of a whole sample at the end; what the counting itself takes is left out. */
 static unsigned long calls[N_STEP + 1], most[N_STEP + 1], begun, sum;
 static double total[N_STEP + 1];
+static const char *const names_of_steps[N_STEP + 1] = STEP_NAMES;
 
 static void count(int step, unsigned long taken) {
   calls[step] += 1;
@@ -100,19 +101,21 @@ static int check_samples(void) {
 static int check_run(const char *name) {
   static double row[N_INPUT], last[N_OUTPUT];
   unsigned long k = 0;
-  FILE *run = fopen(name, "rb");
+  int good = 1;
+  FILE *run;
+  if (!start()) return 0;
+  run = fopen(name, "rb");
   if (run == NULL) {
     printf("%s: cannot be read\n", name);
     return 0;
   }
-  if (!start()) return 0;
-  while (fread(row, sizeof row, 1, run) == 1) {
-    if (!take(row, k)) return 0;
+  while (good && fread(row, sizeof row, 1, run) == 1) {
+    good = take(row, k);
     k += 1;
-    if (k % RUN_EVERY == 0 && (fread(last, sizeof last, 1, run) != 1 || !judge(last, k))) return 0;
+    if (good && k % RUN_EVERY == 0) good = fread(last, sizeof last, 1, run) == 1 && judge(last, k);
   }
   (void)fclose(run);
-  return tell(name, k);
+  return tell(name, k) && good && k > 0 && k % RUN_EVERY == 0;
 }
 
 int main(int count_of_names, char **names) {
@@ -121,8 +124,8 @@ int main(int count_of_names, char **names) {
 #ifdef MEASURED
   for (int step = 0; step <= N_STEP; ++step)
     if (calls[step] > 0)
-      printf("step %d: %lu calls, mean %.0f, most %lu instructions\n", step, calls[step], total[step] / (double)calls[step],
-             most[step]);
+      printf("%s: %lu calls, mean %.0f, most %lu instructions\n", names_of_steps[step], calls[step],
+             total[step] / (double)calls[step], most[step]);
 #endif
   printf(same ? "same bits\n" : "NOT the same bits\n");
   return !same;
