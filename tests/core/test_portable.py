@@ -38,26 +38,23 @@ def toy():
     def halve(p, x, u):
         return {"b": x.b * 0.5}
 
-    return Model(
-        "toy",
-        "toy",
-        Table((Row("gain", "gain", "1/s", start=0.7, lower=0.0), Row("orders", "orders", start=2.0, whole=True))),
-        Table((*(Row(name, name) for name in ("a", "b", "c", "count", "due")), Row("many", "many", shape=(N,), start=1.0))),
-        Table(
-            (
-                Row("rate", "rate", "rad/s", (3,), "b"),
-                Row("dt", "length of the sample", "s", start=0.01, lower=1e-6, upper=10.0),
-                Row("fix_valid", "whether there is a fix", lower=0, upper=1, flag=True),
-                Row("fix_place", "place", "m", start=2.0, lower=-5.0, upper=5.0),
-                Row("fix_speed_valid", "whether it has a speed", lower=0, upper=1, flag=True),
-                Row("fix_speed", "speed", "m/s"),
-            )
-        ),
-        Table((Row("a", "a"), Row("many", "many", shape=(N,)))),
-        {"predict": Step(predict), "update": Step(update, when="fix_valid"), "halve": Step(halve, when="due")},
-        lambda p, x: {"a": x.a + p.gain, "many": x.many * 3.0},
-        lambda p: {"b": p.gain * 2.0},
-    )  # fmt: skip
+    fix = [
+        Row("fix_place", "place", "m", start=2.0, lower=-5.0, upper=5.0),
+        *_flags("fix_speed_valid"),
+        Row("fix_speed", "speed"),
+    ]
+    inputs = [Row("rate", "rate", "rad/s", (3,), "b"), Row("dt", "length", "s", start=0.01, lower=1e-6, upper=10.0)]
+    parameters = Row("gain", "gain", "1/s", start=0.7, lower=0.0), Row("orders", "orders", start=2.0, whole=True)
+    many = Row("many", "many", shape=(N,), start=1.0)
+    state = Table((*(Row(name, name) for name in ("a", "b", "c", "count", "due")), many))
+    steps = {"predict": Step(predict), "update": Step(update, when="fix_valid"), "halve": Step(halve, when="due")}
+    tables = Table(parameters), state, Table((*inputs, *_flags("fix_valid"), *fix)), Table((Row("a", "a"), many))
+    output, start = lambda p, x: {"a": x.a + p.gain, "many": x.many * 3.0}, lambda p: {"b": p.gain * 2.0}
+    return Model("toy", "toy", *tables, steps, output, start)
+
+
+def _flags(name):
+    return [Row(name, "whether there is one", lower=0, upper=1, flag=True)]
 
 
 def write(folder, model):
@@ -78,18 +75,18 @@ class Filter:
             self.library = ctypes.CDLL(str(folder / "toy.so"))
 
     def init(self, **parameters):
-        values = self.model.parameters.start_vector()
-        for name, value in parameters.items():
-            values[self.model.parameters.slice(name)] = value
-        return self.library.toy_init(self.memory, ctypes.c_void_p(values.ctypes.data))
+        values = {**self.model.parameters.unpack(self.model.parameters.start_vector()), **parameters}
+        return self._call(self.library.toy_init, np.array([values[name] for name in self.model.parameters.names], dtype=float))
 
     def sample(self, row):
-        row = np.array(row)
-        return self.library.toy_sample(self.memory, ctypes.c_void_p(row.ctypes.data))
+        return self._call(self.library.toy_sample, np.array(row))
 
     def output(self):
         values = np.zeros(self.model.outputs.size)
-        return self.library.toy_output(self.memory, ctypes.c_void_p(values.ctypes.data)), values
+        return self._call(self.library.toy_output, values), values
+
+    def _call(self, function, values):
+        return function(self.memory, ctypes.c_void_p(values.ctypes.data))
 
     @property
     def wrong(self):
@@ -121,21 +118,13 @@ def test_every_sample_has_the_bits_of_a_runner_even_if_the_compiler_is_told_to_f
         assert values.tobytes() == expected.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "status"),
-    [
-        (1, math.nan, NOT_FINITE),
-        (2, math.inf, NOT_FINITE),
-        (3, 0.0, OUT_OF_RANGE),
-        (3, 0.0049, WRONG_DT),
-        (3, 0.0201, WRONG_DT),
-        (4, 0.5, NOT_WHOLE),
-        (4, 2.0, OUT_OF_RANGE),
-        (5, 5.1, OUT_OF_RANGE),
-        (5, -5.1, OUT_OF_RANGE),
-        (7, math.nan, NOT_FINITE),
-    ],
-)
+WRONG = [
+    (1, math.nan, NOT_FINITE), (2, math.inf, NOT_FINITE), (3, 0.0, OUT_OF_RANGE), (3, 0.0049, WRONG_DT), (3, 0.0201, WRONG_DT),
+    (4, 0.5, NOT_WHOLE), (4, 2.0, OUT_OF_RANGE), (5, 5.1, OUT_OF_RANGE), (5, -5.1, OUT_OF_RANGE), (7, math.nan, NOT_FINITE),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("place", "value", "status"), WRONG)
 def test_a_wrong_input_has_a_status_and_a_place_and_the_sample_does_not_count(compiled, place, value, status):
     row = np.array([0.0, 0.0, 0.0, 0.01, 1.0, 1.0, 1.0, 1.0])
     wrong = row.copy()
