@@ -30,6 +30,7 @@ _TEMPLATES = {
     "CMakeLists.txt": "CMakeLists.txt",
     "main.c": "test/main.c",
     "step_done.h": "test/step_done.h",
+    "port.c": "test/port.c",
     "mps2_an500.c": "test/mps2_an500.c",
     "mps2_an500.ld": "test/mps2_an500.ld",
 }

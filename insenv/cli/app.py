@@ -28,6 +28,7 @@ for command in (run, replay, describe, allan, page, examples, new, *studies, str
     app.command(cls=OnceCommand)(command)
 app.add_typer(fmu.app, name="fmu")
 app.add_typer(board.app, name="export")
+app.add_typer(board.checking, name="check")
 
 
 @functools.cache

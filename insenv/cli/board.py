@@ -1,4 +1,4 @@
-"""The command `insenv export c`."""
+"""The commands `insenv export c` and `insenv check c`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from insenv.cli.options import (
     changed_log,
     changed_scenario,
     command,
+    given_path,
     out_option,
 )
 from insenv.cli.runs import Start
 
 app = typer.Typer(help="Export a filter as C for a microcontroller.", context_settings=HELP)
+checking = typer.Typer(help="Check an exported filter on its board.", context_settings=HELP)
 
 
 @app.callback()
@@ -84,3 +86,35 @@ def export_c(
     if done.figures is not None:
         lines += ["On a Cortex-M7 (README.md there):", *done.figures.text()]
     print_answer(as_json, content, lines)
+
+
+@checking.callback()
+def check_group() -> None:
+    """Check an exported filter on its board."""
+
+
+@checking.command("c", cls=OnceCommand)
+@command
+def check_c(
+    folder: Annotated[Path, typer.Argument(parser=given_path, metavar="DIR", help="Folder of `insenv export c`.")],
+    port: Annotated[str, typer.Option(metavar="PORT", help="tcp:HOST:PORT, or serial:DEVICE[:BAUD] (pyserial).")],
+    samples: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(metavar="N", min=1, help="At most so many samples; by default all that the folder has."),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Feed a filter on a board with the samples of its export, and compare the outputs to the bit."""
+    from dataclasses import asdict
+
+    from insenv.board import check_c as check
+    from insenv.cli.output import print_answer, working
+
+    with working(f"checking {folder}") as progress:
+        done = check(folder, port, samples=samples, progress=progress)
+    lines = [f"{port}: {done.samples} samples, {done.compared} numbers compared, {done.differing} differ"]
+    if done.first is not None:
+        sample, place, value, expected = done.first
+        lines.append(f"first: output {place} after {sample} samples is {value!r}, expected {expected!r}")
+    print_answer(as_json, asdict(done), lines)
+    return int(done.differing > 0)

@@ -12,7 +12,7 @@ import insenv
 from insenv.base.errors import InputError
 from insenv.board import export_c
 
-SHORT = {"duration_s": 12.0, "whole_run": True, "measure": False}
+SHORT = {"duration_s": 16.0, "whole_run": True, "measure": False}
 
 
 def make(folder, *arguments):
@@ -35,18 +35,17 @@ def test_a_filter_compiled_here_has_the_bits_of_insenv_run(tmp_path, id, scenari
     assert good, lines
     assert lines[1].startswith(f"test/run.bin: {exported.run_samples} samples, ")
     assert lines[1].endswith(", 0 differ")
-    (result,) = insenv.run(scenario, id, seed=3, duration_s=12.0).results
+    (result,) = insenv.run(scenario, id, seed=3, duration_s=16.0).results
     for name, value in last_outputs(exported, insenv.estimators.get(id).model).items():
         assert value.tobytes() == result.outputs[name][-1].tobytes(), name
 
 
 def test_a_filter_of_a_log_has_the_bits_of_insenv_replay(tmp_path):
-    log = simulated_log("car-city-drive", duration_s=10.0)
-    exported = export_c(
-        "loosely-coupled", log, output=tmp_path / "out", name="of_log", start="reference", whole_run=True, measure=False
-    )
+    log, how = simulated_log("car-city-drive", duration_s=10.0), {"start": "reference"}
+    how["settings"] = {"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}
+    exported = export_c("loosely-coupled", log, output=tmp_path / "out", name="of_log", whole_run=True, measure=False, **how)
     assert make(exported.folder, "RUN=test/run.bin")[1]
-    (result,) = insenv.replay(log, "loosely-coupled", start="reference").results
+    (result,) = insenv.replay(log, "loosely-coupled", **how).results
     values = last_outputs(exported, insenv.estimators.get("loosely-coupled").model)
     assert all(value.tobytes() == result.outputs[name][-1].tobytes() for name, value in values.items())
 
