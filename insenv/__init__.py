@@ -64,11 +64,11 @@ Public names
 ------------
 `run`, `replay` and `campaign` run estimators; `allan` measures an inertial unit, `budget` says which source of error
 dominates, `tune` how to tune a filter; `load` reads a scenario; `page` writes a page that simulates in a browser;
-`export_fmu` and `export_ssp` write FMUs; `fusion` composes a filter; `register` adds an estimator, a vehicle or a sensor;
-`record` makes the log of a simulated drive, and `write` puts results and logs into the formats of other tools.  `Report`,
-`Summary`, `Comparison`, `Budget` and `Tuning` are what runs, campaigns, campaigns of several estimators, budgets and tuning
-give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists
-all public names.
+`export_fmu` and `export_ssp` write FMUs, `export_c` a filter in C for a board; `fusion` composes a filter; `register`
+adds an estimator, a vehicle or a sensor; `record` makes the log of a simulated drive, and `write` puts results and
+logs into the formats of other tools.  `Report`, `Summary`, `Comparison`, `Budget` and `Tuning` are what runs,
+campaigns, campaigns of several estimators, budgets and tuning give.  Each loads on first use: ``import insenv`` is
+cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
 """
 
 from __future__ import annotations
@@ -88,6 +88,7 @@ if TYPE_CHECKING:  # type checkers read only imports that are written out
     from insenv import testing as testing
     from insenv.base.errors import InputError as InputError
     from insenv.base.errors import InsenvError as InsenvError
+    from insenv.board import export_c as export_c
     from insenv.core.model import Model as Model
     from insenv.core.model import Step as Step
     from insenv.core.tables import Row as Row
@@ -130,6 +131,7 @@ _HOMES = {
     "insenv.core.model": ("Model", "Step"),
     "insenv.core.tables": ("Row", "Table"),
     "insenv": ("testing",),
+    "insenv.board": ("export_c",),
     "insenv.envs": ("agents",),
     "insenv.base.errors": ("InputError", "InsenvError"),
     "insenv.estimators": ("Estimator", "Knowledge"),

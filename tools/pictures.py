@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 GROUPS = {
     "commands and studies": ("#3b6fb5", "cli bench reproduce testing studies runs web export report"),
-    "interfaces": ("#8a5bb0", "mavlink fmu envs"),
+    "interfaces": ("#8a5bb0", "mavlink board fmu envs"),
     "files that describe": ("#b8762a", "scenario extending"),
     "joining and judging": ("#2a8f7a", "logs evaluation"),
     "equations": ("#b8485a", "estimators sensors vehicles attitude geodesy"),

@@ -103,6 +103,10 @@ PACKAGES = {
     "qemu-aarch64": "qemu-user",
     "aarch64-linux-gnu-gcc": "gcc-aarch64-linux-gnu",
     "wine": "wine64",
+    "arm-none-eabi-gcc": "gcc-arm-none-eabi libnewlib-arm-none-eabi",
+    "qemu-system-arm": "qemu-system-arm",
+    "cppcheck": "cppcheck",
+    "clang-tidy": "clang-tidy",
 }
 """Programs that tests run, and the packages of Debian that bring them."""
 
@@ -142,7 +146,7 @@ def install_peers() -> None:
     missing = {program: package for program, package in PACKAGES.items() if shutil.which(program) is None}
     if missing and shutil.which("apt-get") and hasattr(os, "geteuid") and os.geteuid() == 0:
         environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-        for command in (["apt-get", "update", "-qq"], ["apt-get", "install", "-y", "-qq", *missing.values()]):
+        for command in (["apt-get", "update", "-qq"], ["apt-get", "install", "-y", "-qq", *" ".join(missing.values()).split()]):
             subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=False)
     if shutil.which("tsc") is None and shutil.which("npm"):
         subprocess.run(["npm", "install", "--silent", "-g", "typescript"], stdout=subprocess.DEVNULL, check=False)

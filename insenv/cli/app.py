@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from insenv.cli import fmu
+from insenv.cli import board, fmu
 from insenv.cli.describe import describe
 from insenv.cli.lists import examples, list_all, new, schema
 from insenv.cli.measures import bench, prove, reproduce
@@ -27,6 +27,8 @@ studies = (campaign, budget, tune, reproduce, prove, train)
 for command in (run, replay, describe, allan, page, examples, new, *studies, stream, bench, schema):
     app.command(cls=OnceCommand)(command)
 app.add_typer(fmu.app, name="fmu")
+app.add_typer(board.app, name="export")
+app.add_typer(board.checking, name="check")
 
 
 @functools.cache

@@ -57,7 +57,7 @@ def tune(
     settings: Settings = None,
 ) -> None:
     """Tune the noises and gates of a filter, and evaluate the result on held-out data."""
-    from insenv.studies.tune import is_log
+    from insenv.logs.loading import is_log
     from insenv.studies.tune import tune as search
 
     id = one(estimator) or ""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -42,8 +42,9 @@ _EXPRESSIONS = {
     "OR": "either({}, {})",
     "IF_ELSE_ZERO": "select0({}, {})",
     "ASSIGN": "{}",
+    "CONST": "constant({})",
 }
-"""The operations that IEEE 754 rounds in exactly one way; no others are allowed."""
+"""The operations that IEEE 754 rounds in exactly one way, and a constant; no others are allowed."""
 
 
 def function_text(level: str, name: str, kernel: Kernel, arguments: str, in_place: bool = False) -> str:
@@ -57,12 +58,12 @@ def function_text(level: str, name: str, kernel: Kernel, arguments: str, in_plac
     before, lines = [], []
     if in_place:
         places = [i for span in kernel.spans for i in range(span.start, span.stop)]
-        function = _Function(name, arguments, steps, [f"x[{place}]" for place in places])
-        lines = [function.statement(k) for k in ordering(steps, _read_before(steps, arguments.index("x"), places))]
+        function = Statements(name, arguments, steps, [f"x[{place}]" for place in places])
+        lines = [function.statement(k) for k in ordering(steps, read_before(steps, arguments.index("x"), places))]
     elif (loop := table_loop(steps)) is not None:
         lines = loop.text(arguments)
     else:
-        function = _Function(name, arguments, steps, [f"y[{place}]" for place in range(kernel.function.size1_out(0))])
+        function = Statements(name, arguments, steps, [f"y[{place}]" for place in range(kernel.function.size1_out(0))])
         if len(steps) < LONG:
             lines = [function.statement(k) for k in ordering(steps, {})]
         else:
@@ -76,7 +77,7 @@ def function_text(level: str, name: str, kernel: Kernel, arguments: str, in_plac
     return "\n".join([*before, f"static {level}void {name}({signature}) {{", *(f"  {line}" for line in lines), "}\n"])
 
 
-def _read_before(steps: Sequence[Instruction], x: int, places: Sequence[int]) -> dict[int, list[int]]:
+def read_before(steps: Sequence[Instruction], x: int, places: Sequence[int]) -> dict[int, list[int]]:
     """By result, written to these places of argument x, the instruction that reads what was there."""
     read = {step.place: k for k, step in enumerate(steps) if step.name == "INPUT"}
     results = {k: (x, places[step.place[1]]) for k, step in enumerate(steps) if step.name == "OUTPUT"}
@@ -93,16 +94,17 @@ _PIECE = """#ifndef PIECE
 
 
 @dataclass(frozen=True)
-class _Function:
+class Statements:
     """Statements of a function.  Value k is the variable ``vk``.
 
-    arguments: a letter each.  results: the text of each result's place.
+    arguments: a letter each.  results: the text of each result's place.  expressions: C text by operation.
     """
 
     name: str
     arguments: str
     steps: Sequence[Instruction]
     results: Sequence[str]
+    expressions: Mapping[str, str] = field(default_factory=lambda: _EXPRESSIONS)
 
     def value(self, k: int, sources: Sequence[str]) -> str:
         """The value of instruction k; sources: those that it uses."""
@@ -110,10 +112,10 @@ class _Function:
         if step.name == "INPUT":
             return f"{self.arguments[step.place[0]]}[{step.place[1]}]"
         if step.name == "CONST":
-            return f"constant({step.value!r})"
-        if step.name not in _EXPRESSIONS:
+            return self.expressions["CONST"].format(repr(step.value))
+        if step.name not in self.expressions:
             raise RuntimeError(f"function {self.name!r} of a model uses {step.name}: not an exactly rounded operation")
-        return _EXPRESSIONS[step.name].format(*sources)
+        return self.expressions[step.name].format(*sources)
 
     def statement(self, k: int) -> str:
         """Instruction k; its sources are variables."""

@@ -10,7 +10,7 @@ Layout: the rows follow one another in their order; a matrix is stored row by ro
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import SimpleNamespace
@@ -250,3 +250,13 @@ def check_mapping(values: Any) -> Mapping[str, Any]:
     if not isinstance(values, Mapping):
         raise InputError(f"the result is of type {type(values).__name__}: allowed is a dict of values by row name")
     return values
+
+
+def flag_of(name: str, names: Collection[str]) -> str | None:
+    """The name of the flag ``X_valid`` of an input ``X_...``, the longest X first; None if `names` has none."""
+    words = name.split("_")
+    for count in range(len(words), 0, -1):
+        flag = "_".join([*words[:count], "valid"])
+        if flag in names and flag != name:
+            return flag
+    return None

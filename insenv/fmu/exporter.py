@@ -19,6 +19,7 @@ from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file
 from insenv.base.resources import fmu_folder
 from insenv.base.shipped import __version__
+from insenv.core.portable import identifier
 from insenv.core.runner import make_runner
 from insenv.core.tables import Array
 from insenv.estimators import Estimator
@@ -26,7 +27,7 @@ from insenv.fmu import description
 from insenv.fmu.description import number, to_text
 from insenv.fmu.platforms import FLAGS, build, checked_platforms
 from insenv.fmu.sources import TOKEN, amalgamated, sources, token
-from insenv.fmu.subject import Subject, identifier, subject
+from insenv.fmu.subject import Subject, subject
 from insenv.fmu.variables import SAMPLE_NUMBER, Kind, Variable, parts, quantity, variables
 from insenv.scenario import ScenarioLike
 from insenv.scenario.inputs import bridge_lost, input_rows

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
-from insenv.core.tables import Array
+from insenv.core.tables import Array, flag_of
 
 KINDS = {  # by type in the model description: dtype of its values, suffix of its functions
     "Real": (np.float64, "Real"),
@@ -67,16 +67,6 @@ class Variable:
         if kind.kind == "b":
             return "allowed is 0 or 1 (false, true)"
         return "allowed is a number" if kind.kind == "f" else f"allowed is a whole number ({self.kind})"
-
-
-def flag_of(name: str, names: Collection[str]) -> str | None:
-    """The name of the flag ``X_valid`` of a variable ``X_...``, the longest X first; None if `names` has none."""
-    words = name.split("_")
-    for count in range(len(words), 0, -1):
-        flag = "_".join([*words[:count], "valid"])
-        if flag in names and flag != name:
-            return flag
-    return None
 
 
 def element_names(name: str, shape: Sequence[int]) -> tuple[str, ...]:

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from insenv.base.resources import fmu_folder
 from insenv.core.codegen import embedded_source
-from insenv.core.tables import Row
-from insenv.fmu.reading import flag_of
+from insenv.core.tables import Row, flag_of
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import NOT_GIVEN, SAMPLE_NUMBER, SAMPLED, STEP_IS_ONE_INCREMENT, Kind, Variable
 

@@ -19,11 +19,11 @@ from xml.etree import ElementTree
 
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, check_output_file
+from insenv.core.portable import identifier
 from insenv.estimators import Estimator, get
 from insenv.fmu.description import to_text
 from insenv.fmu.exporter import export_fmu, write_archive
 from insenv.fmu.reading import unit_of
-from insenv.fmu.subject import identifier
 from insenv.scenario import ScenarioLike, build, load
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"

@@ -1,12 +1,11 @@
 """The subject of an FMU: a model, the values of its parameters, its sample interval and its texts.
 
-The parameters of an estimator are those that it has in a packaged scenario (`SCENARIOS`) of its kind, so that its FMU and a
+The parameters of an estimator are those that it has in a packaged scenario (`USUAL`) of its kind, so that its FMU and a
 run can be compared.  The parameters of a plant are those of its scenario.  Settings replace single values.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -16,14 +15,13 @@ import numpy as np
 
 from insenv.base.errors import LISTED, InputError, nearest
 from insenv.core.model import Model
+from insenv.core.portable import identifier
 from insenv.core.tables import Table, Vector
 from insenv.estimators import Estimator, get, registry
 from insenv.estimators.settings import tuning
-from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, names
+from insenv.scenario import USUAL, Plant, Scenario, ScenarioLike, build, load, names
 from insenv.scenario.loop import PREFIX, loop_model
 
-SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
-"""Scenario from which the start values of an estimator come, by its kind."""
 DOCUMENTED = "documentation/index.html in the FMU"
 """Where the variables of an FMU are listed."""
 _FASTEST, _SLOWEST = 1e4, 0.1
@@ -68,12 +66,6 @@ class Subject:
         return self.model.title + forward
 
 
-def identifier(name: str) -> str:
-    """`name` as a C identifier."""
-    name = re.sub(r"\W", "_", name)
-    return name if name[0].isalpha() else f"model_{name}"
-
-
 def subject(
     what: Estimator | ScenarioLike, settings: Mapping[str, object], estimator: Estimator | str | None = None
 ) -> Subject:
@@ -93,7 +85,7 @@ def subject(
 
 
 def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
-    name = SCENARIOS[estimator.kind]
+    name = USUAL[estimator.kind]
     scenario, left = load(name), dict(settings)
     interval = _sample_interval(left.pop("sample_interval", 1.0 / scenario.rate_hz))
     one_increment = left.pop("step_is_one_increment", False)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from insenv.base.changes import Changes, changed, sentence
 from insenv.base.errors import InputError
 from insenv.base.resources import scenario_names
-from insenv.base.toml import BINARY, GPX, KML, NMEA, OTHER, TABLE, is_log, is_scenario, read_toml, validated
+from insenv.base.toml import BINARY, GPX, KML, NMEA, OTHER, TABLE, is_scenario, read_toml, validated
+from insenv.base.toml import is_log as describes_log
 from insenv.estimators.settings import tuning
 from insenv.logs.assemble import check_columns
 from insenv.logs.description import GnssSection, ImuSection, ReferenceSection
@@ -60,7 +61,7 @@ def load(path: str | Path, changes: Changes | None = None) -> RecordedLog:
     if form is not None and path.is_file():
         raise InputError(f"{path}: a file of the format {form.name!r}, not a description of a log: {_DESCRIBED}")
     data: dict[str, Any] = {"flight": path.name} if is_flight_log(path) else read_toml(path, _HINTS)
-    if is_scenario(data) and not is_log(data):
+    if is_scenario(data) and not describes_log(data):
         raise InputError(f"{path}: a scenario, not the description of a recorded log: `insenv run {path}` simulates it")
     refuse_grade(data, path, "the description of a recorded log")
     label = f"{path} with --set" if changes else str(path)
@@ -109,3 +110,14 @@ def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None
             of_key.attempt(lambda id=id, key=key, value=value: tuning(id, {key: value}))  # type: ignore[misc]
             lines = [f"{label}: {line}" for line in of_key.messages]
             faults.messages += [line for line in lines if line not in faults.messages]
+
+
+def is_log(source: object) -> TypeGuard[str | Path | RecordedLog]:
+    """Whether `source` is a recorded log, or the path of one."""
+    if isinstance(source, RecordedLog):
+        return True
+    if not isinstance(source, (str, Path)) or str(source) in scenario_names() or not Path(source).is_file():
+        return False
+    path = Path(source)
+    # a scenario is a name or a .toml file; of another file the reader of logs says what it is
+    return is_flight_log(path) or path.suffix.lower() != ".toml" or describes_log(read_toml(path))

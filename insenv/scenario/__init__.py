@@ -6,12 +6,13 @@ runner = make_runner(plant.model, plant.parameters)
 
 from insenv.scenario.build import KNOWLEDGE_STREAM, build, plant_of, reported_attitude, reseeded, start_errors
 from insenv.scenario.description import Scenario
-from insenv.scenario.files import ScenarioLike, json_schema, load, names, parse, summaries, with_changes, with_settings
+from insenv.scenario.files import USUAL, ScenarioLike, json_schema, load, names, parse, summaries, with_changes, with_settings
 from insenv.scenario.limits import limit, limit_along, limit_of, no_limit, prior_of
 from insenv.scenario.plant import Plant
 
 __all__ = [
     "KNOWLEDGE_STREAM",
+    "USUAL",
     "Plant",
     "Scenario",
     "ScenarioLike",

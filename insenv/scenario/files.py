@@ -24,6 +24,10 @@ ScenarioLike = str | Path | Scenario | Mapping[str, Any]
 """A name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file."""
 
 
+USUAL = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
+"""Scenario from which the parameters of an estimator come that is exported without one, by its kind."""
+
+
 def load(scenario: ScenarioLike) -> Scenario:
     """Load and check a scenario.
 

@@ -29,6 +29,7 @@ from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.errors import statistics_from
 from insenv.logs import RecordedLog
+from insenv.logs.loading import is_log
 from insenv.scenario import ScenarioLike, limit_of, no_limit, with_settings
 from insenv.scenario.loop import PREFIX
 from insenv.studies.campaign.block import in_pieces
@@ -36,7 +37,7 @@ from insenv.studies.campaign.comparison import paired
 from insenv.studies.campaign.plan import Plan, make_plan
 from insenv.studies.campaign.running import cores
 from insenv.studies.campaign.statistics import Estimate, jackknifed
-from insenv.studies.tune_log import is_log, tune_log
+from insenv.studies.tune_log import tune_log
 from insenv.studies.tune_result import Channel, Tuning
 from insenv.studies.tune_search import FAILED, Parameter, search, tuned_parameters
 

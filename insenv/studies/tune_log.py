@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,9 +22,6 @@ from numpy.typing import NDArray
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import clock, remark
-from insenv.base.resources import scenario_names
-from insenv.base.toml import is_log as describes_log
-from insenv.base.toml import read_toml
 from insenv.core.batch import make_batch
 from insenv.core.runner import Progress
 from insenv.core.tables import Array
@@ -33,7 +29,6 @@ from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.evaluation.nis import NOTABLE
 from insenv.logs import RecordedLog
-from insenv.logs.formats import is_flight_log
 from insenv.runs.replayed import Prepared, prepared, replay
 from insenv.scenario.inputs import input_rows
 from insenv.studies.campaign.running import cores
@@ -51,17 +46,6 @@ BLOCKS = 10
 SLOW = "fix_wander_sigma"
 """Sigma of the slow part of the error of a fix, which innovations do not show."""
 NEEDED = ("innovation", "position_sigma", "velocity_sigma")
-
-
-def is_log(source: object) -> bool:
-    """Whether `source` is a recorded log, or the path of one."""
-    if isinstance(source, RecordedLog):
-        return True
-    if not isinstance(source, (str, Path)) or str(source) in scenario_names() or not Path(source).is_file():
-        return False
-    path = Path(source)
-    # a scenario is a name or a .toml file; of another file the reader of logs says what it is
-    return is_flight_log(path) or path.suffix.lower() != ".toml" or describes_log(read_toml(path))
 
 
 @dataclass(frozen=True)

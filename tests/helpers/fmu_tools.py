@@ -14,8 +14,8 @@ from insenv import estimators
 from insenv.base.resources import fmu_folder
 from insenv.core.runner import make_runner
 from insenv.fmu import export_fmu
-from insenv.fmu.subject import SCENARIOS, Subject, subject
-from insenv.scenario import build, load
+from insenv.fmu.subject import Subject, subject
+from insenv.scenario import USUAL, build, load
 from insenv.scenario.inputs import input_rows
 
 INTERVAL = 0.005
@@ -64,20 +64,20 @@ def plant_outputs(scenario: str, samples: int) -> dict[str, np.ndarray]:
 def _exported(id: str) -> estimators.Estimator:
     """The estimator that an FMU holds: of a family the member for the scenario of its kind."""
     family = estimators.get(id)
-    return build(load(SCENARIOS[family.kind])).adapted(family)
+    return build(load(USUAL[family.kind])).adapted(family)
 
 
 def columns_for(id: str, samples: int) -> dict[str, np.ndarray]:
     """Inputs of an estimator's FMU by name: the sensor outputs of a scenario of its kind."""
     estimator = _exported(id)
-    shown = plant_outputs(SCENARIOS[estimator.kind], samples)
+    shown = plant_outputs(USUAL[estimator.kind], samples)
     return {name: shown[name] for name in estimator.model.inputs.names if name in shown}
 
 
 def in_process(id: str, columns: dict[str, np.ndarray], parameters: dict | None = None) -> np.ndarray:
     """The estimator's outputs after each sample, (samples, outputs), from insenv's runner."""
     estimator, count = _exported(id), len(next(iter(columns.values())))
-    plant = build(load(SCENARIOS[estimator.kind]))
+    plant = build(load(USUAL[estimator.kind]))
     rows = estimator.parameters(plant.knowledge, plant.tunings)
     columns = {**columns, "dt": np.full(count, INTERVAL)}
     return make_runner(estimator.model, {**rows, **(parameters or {})}).run(count, input_rows(estimator.model, columns, count))

@@ -1,0 +1,87 @@
+"""A filter behind a port: here a program of this machine, or the Cortex-M7 of qemu, on a socket."""
+
+import contextlib
+import socket
+import subprocess
+import threading
+import time
+
+import pytest
+from command_line import call, strict
+from peers import program
+
+from insenv.base.errors import InputError, InsenvError
+from insenv.board import check_c, export_c
+from insenv.board.figures import COMPILER, INSTALL, QEMU
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = export_c("q-method", output=tmp_path_factory.mktemp("check"), measure=False).folder
+    subprocess.run([program("make", how="apt-get install make"), "-s", "-C", folder, "CFLAGS=-O0", "port"], check=True)
+    return folder
+
+
+@contextlib.contextmanager
+def served(*command):
+    """The port of a program whose standard streams are a connection."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve():
+            connection, _ = server.accept()
+            with connection:
+                subprocess.run(command, stdin=connection, stdout=connection)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield f"tcp:127.0.0.1:{server.getsockname()[1]}"
+        thread.join()
+
+
+def test_a_filter_behind_a_port_has_the_same_bits(exported):
+    with served(exported / "build" / "port") as port:
+        status, out, _ = call("check", "c", exported, "--port", port)
+        assert (status, out) == (0, f"{port}: 300 samples, 217 numbers compared, 0 differ\n")
+
+
+def test_another_bit_is_found_and_ends_with_status_1(exported, tmp_path):
+    (tmp_path / "test").mkdir()
+    text = (exported / "test" / "samples.h").read_text()
+    head, _, rest = text.rpartition("  {")  # the outputs after 300 samples
+    number, _, rest = rest.partition(",")
+    (tmp_path / "test" / "samples.h").write_text(f"{head}  {{{float(number) + 2e-16!r},{rest}")
+    with served(exported / "build" / "port") as port:
+        status, out, _ = call("check", "c", tmp_path, "--port", port, "--json")
+        told = strict(out)
+    assert (status, told["differing"], told["first"][:3]) == (1, 1, [300, 0, float(number)])
+
+
+def test_a_board_that_refuses_or_is_silent_and_a_wrong_port_are_errors(exported, tmp_path):
+    with served("printf", "\\006") as port, pytest.raises(InsenvError, match="start: the filter answers with status 6"):
+        check_c(exported, port)
+    with served("true") as port, pytest.raises(InsenvError, match="no answer within 10 s"):
+        check_c(exported, port)
+    with pytest.raises(InputError, match=r"port 'usb:3': allowed is tcp:HOST:PORT"):
+        check_c(exported, "usb:3")
+    with pytest.raises(InputError, match=r"not an export of `insenv export c`"):
+        check_c(tmp_path, "tcp:127.0.0.1:1")
+
+
+@pytest.mark.slow
+def test_the_serial_line_of_a_cortex_m7(tmp_path):
+    for name in (COMPILER, QEMU):
+        program(name, how=INSTALL)
+    export_c("loosely-coupled", output=tmp_path, measure=False)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        number = free.getsockname()[1]
+    board = subprocess.Popen(["make", "-s", "-C", tmp_path, "board-port", f"PORT={number}"], start_new_session=True)
+    try:
+        for _ in range(100):
+            with contextlib.suppress(InputError):
+                found = check_c(tmp_path, f"tcp:127.0.0.1:{number}", samples=50)
+                break
+            time.sleep(0.5)
+    finally:
+        subprocess.run(["kill", "--", f"-{board.pid}"], check=True)
+        board.wait()
+    assert (found.samples, found.compared, found.differing) == (50, 6 * 66, 0)

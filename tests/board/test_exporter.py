@@ -1,0 +1,91 @@
+"""The exported filter, compiled for this machine: bit-identical to `insenv run` and `insenv replay`."""
+
+import subprocess
+
+import numpy as np
+import pytest
+from command_line import log_file
+from peers import program
+from simulated_log import simulated_log
+
+import insenv
+from insenv.base.errors import InputError
+from insenv.board import export_c
+
+SHORT = {"duration_s": 16.0, "whole_run": True, "measure": False}
+
+
+def make(folder, *arguments):
+    """Run `make`; give the lines that it prints last, and whether it succeeded."""
+    command = [program("make", how="apt-get install make"), "-s", "-C", str(folder), "CFLAGS=-O0 -Wall -Wextra", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True)
+    return done.stdout.splitlines(), done.returncode == 0
+
+
+def last_outputs(exported, model):
+    """The outputs that the test expects at the end of the whole run, by name."""
+    text = (exported.folder / "test" / "run.bin").read_bytes()[-8 * model.outputs.size :]
+    return model.outputs.unpack(np.frombuffer(text))
+
+
+@pytest.mark.parametrize(("id", "scenario"), [("q-method", "ship-swaying"), ("loosely-coupled", "car-city-drive")])
+def test_a_filter_compiled_here_has_the_bits_of_insenv_run(tmp_path, id, scenario):
+    exported = export_c(id, scenario, output=tmp_path / "out", seed=3, **SHORT)
+    lines, good = make(exported.folder, "check", "RUN=test/run.bin")
+    assert good, lines
+    assert lines[1].startswith(f"test/run.bin: {exported.run_samples} samples, ")
+    assert lines[1].endswith(", 0 differ")
+    (result,) = insenv.run(scenario, id, seed=3, duration_s=16.0).results
+    for name, value in last_outputs(exported, insenv.estimators.get(id).model).items():
+        assert value.tobytes() == result.outputs[name][-1].tobytes(), name
+
+
+def test_a_filter_of_a_log_has_the_bits_of_insenv_replay(tmp_path):
+    log, how = simulated_log("car-city-drive", duration_s=10.0), {"start": "reference"}
+    how["settings"] = {"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}
+    exported = export_c("loosely-coupled", log, output=tmp_path / "out", name="of_log", whole_run=True, measure=False, **how)
+    assert make(exported.folder, "RUN=test/run.bin")[1]
+    (result,) = insenv.replay(log, "loosely-coupled", **how).results
+    values = last_outputs(exported, insenv.estimators.get("loosely-coupled").model)
+    assert all(value.tobytes() == result.outputs[name][-1].tobytes() for name, value in values.items())
+
+
+def test_the_test_on_the_board_finds_another_bit(tmp_path):
+    folder = export_c("q-method", output=tmp_path, name="q", measure=False).folder
+    samples = folder / "test" / "samples.h"
+    head, _, rest = samples.read_text().partition("first_outputs[SAMPLES / EVERY][7] = {\n  {")
+    number, _, rest = rest.partition(",")
+    changed = repr(float(np.nextafter(float(number), 2.0)))
+    samples.write_text(f"{head}first_outputs[SAMPLES / EVERY][7] = {{\n  {{{changed},{rest}")
+    lines, good = make(folder)
+    assert not good
+    assert lines == [
+        f"value 0 after 10 samples: {float(number):.17g}, expected {float(changed):.17g}",
+        "samples.h: 300 samples, 217 numbers compared, 1 differ",
+        "NOT the same bits",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"estimator": "smoother"}, "'smoother' smooths"),
+        ({"name": "3x"}, "name = '3x': allowed is a C identifier"),
+        ({"source": "log", "seed": 3}, "allowed with a scenario"),
+        ({"settings": {"q-method": {"latitude_degrees": 3}}}, "latitude_degrees"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_before_anything_is_written(tmp_path, arguments, message):
+    given = {"estimator": "q-method", "output": tmp_path / "out", **arguments}
+    if given.get("source") == "log":
+        given["source"] = log_file(tmp_path)
+    with pytest.raises(InputError, match=message):
+        export_c(**given)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_export_replaces_an_earlier_one_and_its_run(tmp_path):
+    export_c("q-method", output=tmp_path, **SHORT)
+    again = export_c("q-method", output=tmp_path, measure=False)
+    here = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert here == set(again.files)
