@@ -17,7 +17,7 @@ from insenv.logs import RecordedLog
 from insenv.logs.loading import is_log
 from insenv.runs.replayed import prepared
 from insenv.scenario import USUAL, ScenarioLike, build, load
-from insenv.scenario.chunks import RECORDS, bridge_lost, chunks, input_rows, recording_interval
+from insenv.scenario.inputs import RECORDS, bridge_lost, chunks, input_rows, recording_interval
 
 
 @dataclass(frozen=True, eq=False)
