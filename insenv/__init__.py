@@ -88,7 +88,6 @@ if TYPE_CHECKING:  # type checkers read only imports that are written out
     from insenv import testing as testing
     from insenv.base.errors import InputError as InputError
     from insenv.base.errors import InsenvError as InsenvError
-    from insenv.board import export_c as export_c
     from insenv.core.model import Model as Model
     from insenv.core.model import Step as Step
     from insenv.core.tables import Row as Row
@@ -99,6 +98,7 @@ if TYPE_CHECKING:  # type checkers read only imports that are written out
     from insenv.estimators.fusion import fusion as fusion
     from insenv.export import record as record
     from insenv.export import write as write
+    from insenv.export.board import export_c as export_c
     from insenv.extending import register as register
     from insenv.fmu import export_fmu as export_fmu
     from insenv.fmu import export_ssp as export_ssp
@@ -131,7 +131,7 @@ _HOMES = {
     "insenv.core.model": ("Model", "Step"),
     "insenv.core.tables": ("Row", "Table"),
     "insenv": ("testing",),
-    "insenv.board": ("export_c",),
+    "insenv.export.board": ("export_c",),
     "insenv.envs": ("agents",),
     "insenv.base.errors": ("InputError", "InsenvError"),
     "insenv.estimators": ("Estimator", "Knowledge"),

@@ -64,9 +64,9 @@ def export_c(
     """Write a filter as C99 without a heap, with a test that its results on a board are bit-identical."""
     from dataclasses import asdict
 
-    from insenv.board import export_c as write
     from insenv.cli.output import print_answer, working
     from insenv.estimators import get
+    from insenv.export.board import export_c as write
     from insenv.logs.loading import is_log
     from insenv.scenario import USUAL
 
@@ -107,8 +107,8 @@ def check_c(
     """Feed a filter on a board with the samples of its export, and compare the outputs to the bit."""
     from dataclasses import asdict
 
-    from insenv.board import check_c as check
     from insenv.cli.output import print_answer, working
+    from insenv.export.board import check_c as check
 
     with working(f"checking {folder}") as progress:
         done = check(folder, port, samples=samples, progress=progress)

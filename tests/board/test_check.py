@@ -11,8 +11,8 @@ from command_line import call, strict
 from peers import program
 
 from insenv.base.errors import InputError, InsenvError
-from insenv.board import check_c, export_c
-from insenv.board.figures import COMPILER, INSTALL, QEMU
+from insenv.export.board import check_c, export_c
+from insenv.export.board.figures import COMPILER, INSTALL, QEMU
 
 
 @pytest.fixture(scope="module")

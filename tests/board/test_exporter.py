@@ -10,7 +10,7 @@ from simulated_log import simulated_log
 
 import insenv
 from insenv.base.errors import InputError
-from insenv.board import export_c
+from insenv.export.board import export_c
 
 SHORT = {"duration_s": 16.0, "whole_run": True, "measure": False}
 

@@ -6,8 +6,8 @@ import subprocess
 import pytest
 from peers import program
 
-from insenv.board import export_c, figures
-from insenv.board.figures import COMPILER, INSTALL, QEMU, WHOLE, deepest
+from insenv.export.board import export_c, figures
+from insenv.export.board.figures import COMPILER, INSTALL, QEMU, WHOLE, deepest
 
 GRAPH = r"""graph: { title: "f.c"
 node: { title: "f_init" label: "f_init\nf.c:3:1\n24 bytes (static)\n0 dynamic objects" }

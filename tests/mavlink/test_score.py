@@ -174,7 +174,7 @@ def test_what_changes_the_drive_ends_the_limit_and_so_does_the_end_of_the_scenar
     assert score.limit_at(1.0) and not score.limit_at(2.5)
     score.take(estimate("ODOMETRY", time_usec=2_000_000))
     report = report_of(score)
-    assert not report.results[0].limit and any("the scenario was changed at 2.005 s" in note for note in report.notes)
+    assert not report.results[0].limit and any("changed the scenario at 2.005 s" in note for note in report.notes)
 
 
 NAN = float("nan")

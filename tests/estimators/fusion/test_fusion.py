@@ -70,7 +70,7 @@ def test_what_a_state_stands_for_is_not_counted_twice():
     (["gyro_scal"], ["gnss"], "'gyro_scal'.* 'gyro_scale'"),
     (["gyro_scale", "gyro_scale"], ["gnss"], "state 'gyro_scale' is given twice"),
     ([], [], "at least one of gnss"),
-    (["odometer_scale"], ["gnss"], "'odometer_scale' without the aid odometer"),
+    (["odometer_scale"], ["gnss"], "'odometer_scale' is not observable without odometer"),
     ([3], ["gnss"], "class ErrorState"),
     (None, ["gnss"], "a list of names"),
 ])  # fmt: skip

@@ -144,7 +144,12 @@ def test_what_runs_say_of_their_end_is_counted(tmp_path):
 
 
 SURE = {"estimator": {"loosely-coupled": {"accel_bias_sigma_ug": 0.01, "vrw_ug_sqrt_hz": 0.1}}}
-OUTLIERS = ({}, "gnss.outlier_probability=choice(0, 0.9)", "fixes-diverged motion-errors-as-noise too-sure", "(seed 6, 9), the largest with seed 9")
+OUTLIERS = (
+    {},
+    "gnss.outlier_probability=choice(0, 0.9)",
+    "fixes-diverged motion-errors-as-noise too-sure",
+    "(seed 6, 9), the largest with seed 9",
+)
 GRADES = (SURE, "imu.grade=choice(navigation, consumer)", "aid-misfit motion-errors-as-noise too-sure", "in 1 of 4")
 
 

@@ -19,9 +19,9 @@ import numpy as np
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.installing import need
 from insenv.base.output import as_path
-from insenv.board.exporter import RUN
 from insenv.core.runner import Progress
 from insenv.core.tables import Vector
+from insenv.export.board.exporter import RUN
 
 TIMEOUT_S = 10.0
 """Longest time without an answer."""
@@ -58,7 +58,7 @@ class Port(Protocol):
 def check_c(folder: str | Path, port: str, *, samples: int | None = None, progress: Progress | None = None) -> Checked:
     """Feed the filter behind a port with the samples of an export and compare its outputs.
 
-    folder: of `insenv.board.export_c`; its whole run is fed if it is there, otherwise its first samples.  port:
+    folder: of `insenv.export.board.export_c`; its whole run is fed if it is there, otherwise its first samples.  port:
     ``tcp:HOST:PORT`` or ``serial:DEVICE[:BAUD]`` (pyserial).  samples: at most so many; None: all.  progress: called with the
     numbers of samples done and in all.
 

@@ -6,47 +6,42 @@ that estimators get in `insenv.run`, to the bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from insenv.base.errors import InputError, nearest
-from insenv.base.installing import need
-from insenv.core.tables import Array
-from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, stated_sigma, track_of
-from insenv.logs import RecordedLog
-from insenv.logs.formats import WRITTEN as FORMATS
-from insenv.logs.formats.contract import Columns, Drive, Files, NamedTrack
-from insenv.logs.formats.log_tables import tables
-from insenv.report.files import OutputFolder, file_name, write_contents
-from insenv.report.notebook import data_frame
-from insenv.report.run_data import RunData
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-import math
-from collections.abc import Container, Mapping
-from typing import Any
-
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.base.errors import InputError, nearest
+from insenv.base.installing import need
 from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
-from insenv.logs import GnssFixes, Reference
+from insenv.core.tables import Array
+from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, stated_sigma, track_of
+from insenv.logs import GnssFixes, RecordedLog, Reference
+from insenv.logs.formats import WRITTEN as FORMATS
 from insenv.logs.formats import log_tables
+from insenv.logs.formats.contract import Columns, Drive, Files, NamedTrack
+from insenv.logs.formats.log_tables import tables
 from insenv.logs.formats.text_log import file_of
 from insenv.logs.inertial import Gaps
 from insenv.logs.instruments import description_class, section_of
 from insenv.logs.recorded import Readings
 from insenv.logs.text import COLDEST, HOTTEST
+from insenv.report.files import OutputFolder, file_name, write_contents
+from insenv.report.notebook import data_frame
+from insenv.report.run_data import RunData
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.scenario.inputs import bridge_lost, chunks
 from insenv.sensors import registry
 from insenv.sensors.imu import FIGURES
 from insenv.sensors.units import ZERO_CELSIUS
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _TRACK = ("q_nb", "velocity_n", "latitude", "longitude", "height")
 

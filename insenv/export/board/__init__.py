@@ -6,8 +6,8 @@ The C comes from `insenv.core.portable`.  Beside it lie the inputs and outputs o
 means to build it for this machine and for a Cortex-M7 in qemu.
 """
 
-from insenv.board.check import Checked, check_c
-from insenv.board.exporter import BoardFiles, export_c
-from insenv.board.figures import Figures
+from insenv.export.board.check import Checked, check_c
+from insenv.export.board.exporter import BoardFiles, export_c
+from insenv.export.board.figures import Figures
 
 __all__ = ["BoardFiles", "Checked", "Figures", "check_c", "export_c"]

@@ -11,12 +11,12 @@ from pathlib import Path
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, cannot_write
 from insenv.base.shipped import __version__
-from insenv.board.figures import WHOLE, Figures, figures
-from insenv.board.tuned import Tuned, tuned
 from insenv.core.portable import Portable, c_files, identifier
 from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
+from insenv.export.board.figures import WHOLE, Figures, figures
+from insenv.export.board.tuned import Tuned, tuned
 from insenv.logs import RecordedLog
 from insenv.scenario import ScenarioLike
 
@@ -34,7 +34,7 @@ _TEMPLATES = {
     "mps2_an500.c": "test/mps2_an500.c",
     "mps2_an500.ld": "test/mps2_an500.ld",
 }
-"""Hand-written files of `insenv/board/c`, and where they go."""
+"""Hand-written files of `insenv/export/board/c`, and where they go."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def _checked_name(name: object) -> str:
 
 def filled(template: str, name: str) -> str:
     """The text of a hand-written file for the filter `name`."""
-    text = (files("insenv.board") / "c" / template).read_text(encoding="utf-8")
+    text = (files("insenv.export.board") / "c" / template).read_text(encoding="utf-8")
     return text.replace("@name@", name).replace("@NAME@", name.upper())
 
 
