@@ -1,6 +1,5 @@
 """`insenv export c`."""
 
-import pytest
 from command_line import call, strict
 
 
@@ -16,10 +15,3 @@ def test_it_writes_the_filter_with_the_settings_of_the_command_line(tmp_path):
     told = strict(out)
     assert (status, told["name"], told["samples"], told["run_samples"], told["figures"]) == (0, "q_method", 300, 1800, None)
     assert all((tmp_path / name).is_file() for name in told["files"])
-
-
-@pytest.mark.parametrize("arguments", [("smoother",), ("q-method", "nowhere"), ("q-method", "--name", "int-8")])
-def test_what_cannot_be_exported_ends_with_status_2(tmp_path, arguments):
-    status, out, err = call("export", "c", *arguments, "-o", tmp_path / "out")
-    assert (status, out) == (2, "")
-    assert err.startswith("insenv: ")
