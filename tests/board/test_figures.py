@@ -1,10 +1,9 @@
 """The figures of a filter on a Cortex-M7, and the whole of it in qemu."""
 
 import re
-import subprocess
 
 import pytest
-from peers import program
+from peers import program, ran
 
 from insenv.export.board import export_c, figures
 from insenv.export.board.figures import COMPILER, INSTALL, QEMU, WHOLE, deepest
@@ -44,11 +43,8 @@ def test_a_whole_run_on_a_cortex_m7_has_the_same_bits(tmp_path, id, stack):
     assert measured.instructions[WHOLE].calls == exported.samples
     flags = "CFLAGS=-O2 -Wall -Wextra -Wconversion -Wshadow -pedantic -Werror"
     command = ["make", "-s", "-C", tmp_path, "board", flags, "RUN=test/run.bin"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    (compared,) = re.findall(
-        rf"^test/run.bin: {exported.run_samples} samples, (\d+) numbers compared, 0 differ$", done.stdout, re.M
-    )
+    said = rf"^test/run.bin: {exported.run_samples} samples, (\d+) numbers compared, 0 differ$"
+    (compared,) = re.findall(said, ran(*command), re.M)
     assert int(compared) > 2000
 
 
@@ -56,6 +52,6 @@ def test_a_whole_run_on_a_cortex_m7_has_the_same_bits(tmp_path, id, stack):
 def test_cmake_builds_the_filter_and_runs_its_test(tmp_path):
     cmake = program("cmake", how="apt-get install cmake")
     export_c("q-method", output=tmp_path, measure=False)
-    subprocess.run([cmake, "-S", tmp_path, "-B", tmp_path / "build"], check=True, stdout=subprocess.DEVNULL)
-    subprocess.run([cmake, "--build", tmp_path / "build"], check=True, stdout=subprocess.DEVNULL)
-    subprocess.run(["ctest", "--test-dir", tmp_path / "build", "--no-tests=error"], check=True)
+    ran(cmake, "-S", tmp_path, "-B", tmp_path / "build")
+    ran(cmake, "--build", tmp_path / "build")
+    ran("ctest", "--test-dir", tmp_path / "build", "--no-tests=error")

@@ -10,7 +10,11 @@ from vectornav_host import INS, commands, read
 from insenv.base.errors import InputError
 from insenv.mavlink.vectornav import MODELS, Unit
 
-OLDER = ["75,3,8,34,072E,0106,0612", "76,3,80,4E,0002,0010,20B8,0018"]
+OLDER = {
+    "vn300": (["75,3,8,34,072E,0106,0612", "76,3,80,4E,0002,0010,20B8,0018"], {"342e0706011206": 40, "4e02001000b8201800": 10}),
+    "vn100": (["75,3,1,14,073E,0004"], {"143e070400": 40, "1101000601": 40}),
+}
+"""Masks of older drivers by model, and the packets of two seconds by their headers."""
 GPS_MINUS_UNIX_2026 = 18 - 315964800
 
 
@@ -103,21 +107,17 @@ def test_a_slower_output_loses_no_increment():
     np.testing.assert_allclose(forces.sum(axis=0) / 50.0, [*sums[3:], *sums[:3]], rtol=1e-5, atol=1e-5)  # at 50 Hz
 
 
-@pytest.mark.parametrize("model", ["vn300", "vn100"])
+@pytest.mark.parametrize("model", OLDER)
 def test_masks_of_older_drivers_and_a_rate_above_that_of_the_samples(model):
     vehicle = quiet(hz=20)
     unit = unit_of(vehicle, model)
-    wanted = OLDER if model == "vn300" else ["75,3,1,14,073E,0004"]
-    answers(unit, commands(*(f"VNWRG,{text}" for text in wanted), "VNWRG,77,0,1,01,0001"))
+    masks, expected = OLDER[model]
+    answers(unit, commands(*(f"VNWRG,{text}" for text in masks), "VNWRG,77,0,1,01,0001"))
     found = read(sent(unit, vehicle, 2.0))
-    expected = {"342e0706011206": 40, "4e02001000b8201800": 10} if model == "vn300" else {"143e070400": 40, "1101000601": 40}
     assert {header: len(each) for header, each in found.items()} == expected
     if model == "vn100":
         quaternion = vehicle.simulation.estimate["q_nb"]
         np.testing.assert_allclose(found["143e070400"][-1][-4:], quaternion[[1, 2, 3, 0]], rtol=1e-6, atol=1e-7)
-
-
-# --- status -------------------------------------------------------------------------------------------
 
 
 def test_the_status_aligns_tracks_loses_gnss_and_comes_back():
@@ -156,9 +156,6 @@ def test_failures_of_a_scenario_reach_the_bytes(changes, expected):
     vehicle = quiet(changed("car-city-drive", **changes), hz=20, estimator="fusion" if "heading" in changes else None)
     steps(vehicle, 60.0)
     assert status(vehicle) == expected
-
-
-# --- commands -----------------------------------------------------------------------------------------
 
 
 def test_the_commands_of_the_driver_are_answered_in_any_pieces():
