@@ -1,6 +1,7 @@
 """The figures of a filter on a Cortex-M7, and the whole of it in qemu."""
 
 import re
+from pathlib import Path
 
 import pytest
 from peers import program, ran
@@ -8,21 +9,10 @@ from peers import program, ran
 from insenv.export.board import export_c, figures
 from insenv.export.board.figures import COMPILER, INSTALL, QEMU, WHOLE, deepest
 
-GRAPH = r"""graph: { title: "f.c"
-node: { title: "f_init" label: "f_init\nf.c:3:1\n24 bytes (static)\n0 dynamic objects" }
-node: { title: "f.c:a" label: "a\nf.c:1:1\n100 bytes (static)" }
-node: { title: "f.c:b" label: "b\nf.c:2:1\n8 bytes (static)" }
-node: { title: "sqrt" label: "sqrt\nmath.h:1:1" shape : ellipse }
-edge: { sourcename: "f_init" targetname: "f.c:b" label: "f.c:4:1" }
-edge: { sourcename: "f.c:b" targetname: "f.c:a" label: "f.c:5:1" }
-edge: { sourcename: "f.c:a" targetname: "sqrt" label: "f.c:6:1" }
-node: { title: "unused" label: "unused\nf.c:7:1\n999 bytes (static)" }
-}
-"""
-
 
 def test_the_stack_is_that_of_the_deepest_path():
-    assert deepest(GRAPH, ["f_init"]) == 132
+    """Of a graph as gcc -fcallgraph-info=su writes it."""
+    assert deepest(Path(__file__).with_name("f.ci").read_text(), ["f_init"]) == 132
 
 
 def test_without_the_compiler_there_are_no_figures(tmp_path, monkeypatch):

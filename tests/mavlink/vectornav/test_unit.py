@@ -1,5 +1,7 @@
 """The unit: what its frames hold, when they are due, what its status says, and its answers to commands."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from changed_scenario import changed
@@ -8,6 +10,7 @@ from streamed_vehicle import quiet, steps
 from vectornav_host import INS, commands, read
 
 from insenv.base.errors import InputError
+from insenv.base.toml import read_toml
 from insenv.mavlink.vectornav import MODELS, Unit
 
 OLDER = {
@@ -15,6 +18,7 @@ OLDER = {
     "vn100": (["75,3,1,14,073E,0004"], {"143e070400": 40, "1101000601": 40}),
 }
 """Masks of older drivers by model, and the packets of two seconds by their headers."""
+REFUSED = read_toml(Path(__file__).with_name("refused.toml"))
 GPS_MINUS_UNIX_2026 = 18 - 315964800
 
 
@@ -175,25 +179,9 @@ def test_the_commands_of_the_driver_are_answered_in_any_pieces():
     assert not unit.refused and len(read(sent(unit, vehicle, 1.0))) == 3
 
 
-@pytest.mark.parametrize(
-    ("model", "text", "code", "why"),
-    [
-        ("vn300", "VNWRG,75,3,8,01,0800", 7, "no field for bit 11 of group 1"),
-        ("vn300", "VNWRG,75,3,8,80,0001", 7, "group 8"),
-        ("vn100", "VNWRG,75,3,8,20,0001", 7, "VN-100 has no field for bit 0 of group 6"),
-        ("vn300", "VNWRG,75,3,0,01,0001", 7, "divisor from 1"),
-        ("vn300", "VNWRG,75,3,8,01,10001", 7, "16 bits"),
-        ("vn300", "VNWRG,75,3,8,01,-FFFF", 7, "16 bits"),
-        ("vn300", "VNWRG,75,3,8,31,0001", 5, "1 masks for 3 groups"),
-        ("vn300", "VNWRG,75,3", 5, "is not port, divisor, groups and masks"),
-        ("vn300", "VNWRG", 5, "no register"),
-        ("vn300", "VNWRG,05,921600", 8, "registers are"),
-        ("vn300", "VNRRG,06", 8, "registers are"),
-        ("vn300", "VNTAR", 4, "knows VNASY"),
-        ("vn300", "VNASY,2", 4, "knows VNASY"),
-    ],
-)
-def test_what_a_unit_lacks_is_refused_and_said(model, text, code, why):
+@pytest.mark.parametrize("line", REFUSED)
+def test_what_a_unit_lacks_is_refused_and_said(line):
+    (model, text), (code, why) = line.split(), REFUSED[line]
     unit = Unit(MODELS[model], 200.0)
     before = dict(unit.registers)
     assert answers(unit, commands(text)) == commands(f"VNERR,{code:02X}").decode()
