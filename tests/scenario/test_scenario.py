@@ -73,6 +73,11 @@ def test_wrong_scenarios(tmp_path, name, old, new, said):
     assert said in str(caught.value) and str(caught.value).startswith(f"{path}: ")
 
 
+def test_a_folder_is_no_scenario(tmp_path):
+    with pytest.raises(InputError, match="a folder"):
+        load(tmp_path)
+
+
 def _leaves(value, path=()):
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [path] * bool(path) + [leaf for name, inner in items for leaf in _leaves(inner, (*path, name))]
