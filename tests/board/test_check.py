@@ -56,15 +56,13 @@ def test_another_bit_is_found_and_ends_with_status_1(exported, tmp_path):
     assert (status, told["differing"], told["first"][:3]) == (1, 1, [300, 0, float(number)])
 
 
-def test_a_board_that_refuses_or_is_silent_and_a_wrong_port_are_errors(exported, tmp_path):
+def test_a_board_that_refuses_or_is_silent_and_a_wrong_port_are_errors(exported):
     with served("printf", "\\006") as port, pytest.raises(InsenvError, match="start: the filter answers with status 6"):
         check_c(exported, port)
     with served("true") as port, pytest.raises(InsenvError, match="no answer within 10 s"):
         check_c(exported, port)
     with pytest.raises(InputError, match=r"port 'usb:3': allowed is tcp:HOST:PORT"):
         check_c(exported, "usb:3")
-    with pytest.raises(InputError, match=r"not an export of `insenv export c`"):
-        check_c(tmp_path, "tcp:127.0.0.1:1")
 
 
 @pytest.mark.slow

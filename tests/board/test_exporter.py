@@ -4,12 +4,10 @@ import subprocess
 
 import numpy as np
 import pytest
-from command_line import log_file
 from peers import program
 from simulated_log import simulated_log
 
 import insenv
-from insenv.base.errors import InputError
 from insenv.export.board import export_c
 
 SHORT = {"duration_s": 16.0, "whole_run": True, "measure": False}
@@ -64,24 +62,6 @@ def test_the_test_on_the_board_finds_another_bit(tmp_path):
         "samples.h: 300 samples, 217 numbers compared, 1 differ",
         "NOT the same bits",
     ]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"estimator": "smoother"}, "'smoother' smooths"),
-        ({"name": "3x"}, "name = '3x': allowed is a C identifier"),
-        ({"source": "log", "seed": 3}, "allowed with a scenario"),
-        ({"settings": {"q-method": {"latitude_degrees": 3}}}, "latitude_degrees"),
-    ],
-)
-def test_what_cannot_be_exported_is_refused_before_anything_is_written(tmp_path, arguments, message):
-    given = {"estimator": "q-method", "output": tmp_path / "out", **arguments}
-    if given.get("source") == "log":
-        given["source"] = log_file(tmp_path)
-    with pytest.raises(InputError, match=message):
-        export_c(**given)
-    assert not (tmp_path / "out").exists()
 
 
 def test_an_export_replaces_an_earlier_one_and_its_run(tmp_path):

@@ -1,29 +1,18 @@
 """The figures of a filter on a Cortex-M7, and the whole of it in qemu."""
 
 import re
-import subprocess
+from pathlib import Path
 
 import pytest
-from peers import program
+from peers import program, ran
 
 from insenv.export.board import export_c, figures
 from insenv.export.board.figures import COMPILER, INSTALL, QEMU, WHOLE, deepest
 
-GRAPH = r"""graph: { title: "f.c"
-node: { title: "f_init" label: "f_init\nf.c:3:1\n24 bytes (static)\n0 dynamic objects" }
-node: { title: "f.c:a" label: "a\nf.c:1:1\n100 bytes (static)" }
-node: { title: "f.c:b" label: "b\nf.c:2:1\n8 bytes (static)" }
-node: { title: "sqrt" label: "sqrt\nmath.h:1:1" shape : ellipse }
-edge: { sourcename: "f_init" targetname: "f.c:b" label: "f.c:4:1" }
-edge: { sourcename: "f.c:b" targetname: "f.c:a" label: "f.c:5:1" }
-edge: { sourcename: "f.c:a" targetname: "sqrt" label: "f.c:6:1" }
-node: { title: "unused" label: "unused\nf.c:7:1\n999 bytes (static)" }
-}
-"""
-
 
 def test_the_stack_is_that_of_the_deepest_path():
-    assert deepest(GRAPH, ["f_init"]) == 132
+    """Of a graph as gcc -fcallgraph-info=su writes it."""
+    assert deepest(Path(__file__).with_name("f.ci").read_text(), ["f_init"]) == 132
 
 
 def test_without_the_compiler_there_are_no_figures(tmp_path, monkeypatch):
@@ -44,11 +33,8 @@ def test_a_whole_run_on_a_cortex_m7_has_the_same_bits(tmp_path, id, stack):
     assert measured.instructions[WHOLE].calls == exported.samples
     flags = "CFLAGS=-O2 -Wall -Wextra -Wconversion -Wshadow -pedantic -Werror"
     command = ["make", "-s", "-C", tmp_path, "board", flags, "RUN=test/run.bin"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    (compared,) = re.findall(
-        rf"^test/run.bin: {exported.run_samples} samples, (\d+) numbers compared, 0 differ$", done.stdout, re.M
-    )
+    said = rf"^test/run.bin: {exported.run_samples} samples, (\d+) numbers compared, 0 differ$"
+    (compared,) = re.findall(said, ran(*command), re.M)
     assert int(compared) > 2000
 
 
@@ -56,6 +42,6 @@ def test_a_whole_run_on_a_cortex_m7_has_the_same_bits(tmp_path, id, stack):
 def test_cmake_builds_the_filter_and_runs_its_test(tmp_path):
     cmake = program("cmake", how="apt-get install cmake")
     export_c("q-method", output=tmp_path, measure=False)
-    subprocess.run([cmake, "-S", tmp_path, "-B", tmp_path / "build"], check=True, stdout=subprocess.DEVNULL)
-    subprocess.run([cmake, "--build", tmp_path / "build"], check=True, stdout=subprocess.DEVNULL)
-    subprocess.run(["ctest", "--test-dir", tmp_path / "build", "--no-tests=error"], check=True)
+    ran(cmake, "-S", tmp_path, "-B", tmp_path / "build")
+    ran(cmake, "--build", tmp_path / "build")
+    ran("ctest", "--test-dir", tmp_path / "build", "--no-tests=error")

@@ -62,16 +62,6 @@ def test_wrong_scenarios_and_logs_are_named(tmp_path):
     refused(replay(log_file(tmp_path, toml=lambda text: text.replace('"plain-imu.csv"', '"gone.csv"'))), "gone.csv")
 
 
-def test_files_of_another_command_and_folders_are_named(tmp_path):
-    refused(run(PLAIN), "the description of a recorded log, not a scenario", f"insenv replay {PLAIN} -e ID")
-    refused(replay(SCENARIO), "a scenario, not the description of a recorded log", f"insenv run {SCENARIO}")
-    refused(run(PLAIN.parent / "px4-takeoff.ulg.gz"), "not a scenario", "insenv replay")
-    refused(replay(tmp_path), "a folder, not a TOML file; allowed is a .toml file that describes a log, or a flight log")
-    for name in ("plain-imu.csv", "plain-gnss.csv"):
-        refused(replay(PLAIN.parent / name), name, "a table of numbers", "insenv new log FILE", "docs/logs.md")
-        refused(run(PLAIN.parent / name), name, "not a scenario", "insenv replay")
-
-
 def test_a_log_that_is_none_says_what_it_is_in_every_command(tmp_path):
     path = tmp_path / "a.gpx"
     path.write_text('<?xml version="1.0"?>\n<!-- a ride -->\n<gpx version="1.1"><trk/></gpx>\n')

@@ -9,7 +9,7 @@ import subprocess
 import casadi as ca
 import numpy as np
 import pytest
-from peers import program
+from peers import program, ran
 
 from insenv.base.errors import InputError
 from insenv.core.compile import find_compiler
@@ -38,23 +38,20 @@ def toy():
     def halve(p, x, u):
         return {"b": x.b * 0.5}
 
-    fix = [
-        Row("fix_place", "place", "m", start=2.0, lower=-5.0, upper=5.0),
-        *_flags("fix_speed_valid"),
-        Row("fix_speed", "speed"),
-    ]
-    inputs = [Row("rate", "rate", "rad/s", (3,), "b"), Row("dt", "length", "s", start=0.01, lower=1e-6, upper=10.0)]
+    place, speed = Row("fix_place", "place", "m", start=2.0, lower=-5.0, upper=5.0), Row("fix_speed", "speed")
+    rate, dt = Row("rate", "rate", "rad/s", (3,), "b"), Row("dt", "length", "s", start=0.01, lower=1e-6, upper=10.0)
+    inputs = rate, dt, flag("fix_valid"), place, flag("fix_speed_valid"), speed
     parameters = Row("gain", "gain", "1/s", start=0.7, lower=0.0), Row("orders", "orders", start=2.0, whole=True)
     many = Row("many", "many", shape=(N,), start=1.0)
-    state = Table((*(Row(name, name) for name in ("a", "b", "c", "count", "due")), many))
+    state = *(Row(name, name) for name in ("a", "b", "c", "count", "due")), many
     steps = {"predict": Step(predict), "update": Step(update, when="fix_valid"), "halve": Step(halve, when="due")}
-    tables = Table(parameters), state, Table((*inputs, *_flags("fix_valid"), *fix)), Table((Row("a", "a"), many))
+    tables = map(Table, (parameters, state, inputs, (Row("a", "a"), many)))
     output, start = lambda p, x: {"a": x.a + p.gain, "many": x.many * 3.0}, lambda p: {"b": p.gain * 2.0}
     return Model("toy", "toy", *tables, steps, output, start)
 
 
-def _flags(name):
-    return [Row(name, "whether there is one", lower=0, upper=1, flag=True)]
+def flag(name):
+    return Row(name, "whether there is one", lower=0, upper=1, flag=True)
 
 
 def write(folder, model):
@@ -192,11 +189,5 @@ def test_clang_tidy_finds_nothing(tmp_path):
     """The arrays of a function are of one type: that they could be swapped is what is left out."""
     write(tmp_path, toy())
     checks = "-*,bugprone-*,-bugprone-easily-swappable-parameters,cert-*,clang-analyzer-*,performance-*,portability-*"
-    command = [
-        program("clang-tidy", how="apt-get install clang-tidy"),
-        f"--checks={checks}",
-        "--warnings-as-errors=*",
-        "--quiet",
-    ]
-    done = subprocess.run([*command, "toy.c", "--", "-std=c99"], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout
+    tidy = program("clang-tidy", how="apt-get install clang-tidy")
+    ran(tidy, f"--checks={checks}", "--warnings-as-errors=*", "--quiet", "toy.c", "--", "-std=c99", cwd=tmp_path)

@@ -1,6 +1,5 @@
 """Every environment keeps Gymnasium's contract, inside wrappers too; the kit finds environments that do not."""
 
-import subprocess
 import sys
 
 import gymnasium
@@ -80,8 +79,7 @@ for env, plain in ((GymEnv(SHIP, **SHORT), gymnasium.make(SHIP, **SHORT)), (batc
 @pytest.mark.slow
 def test_torchrl_takes_an_environment_and_a_batch():
     peers.package("torchrl", "pip install -e '.[rl]'")
-    done = subprocess.run([sys.executable, "-c", TORCHRL], capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    peers.ran(sys.executable, "-c", TORCHRL)
 
 
 def test_observations_show_the_measurements_of_instruments_and_no_truth():

@@ -65,10 +65,6 @@ def test_set_at_the_command_line():
 def test_wrong_settings_in_python_are_all_named_at_once():
     with pytest.raises(InputError, match="settings"):
         run("car-city-drive", duration_s=1.0, settings={"loosely-coupled": 3})
-    with pytest.raises(InputError, match=r"(?s)--set 'foo'.*fusion.b is given twice"):
-        parsed_changes(["foo", "fusion.b=1", "fusion.b=2"], ())
-    with pytest.raises(InputError, match=r"fusion\.b is given twice"):
-        parsed_changes(["fusion.b=1", "estimator.fusion.b=2"], ())
     with pytest.raises(InputError) as caught:
         setting_rows({"loosely-coupled": {"foo": 1, "innovation_gate": "x"}, "none": {}}, [get("loosely-coupled")])
     for words in ("foo: unknown key", "innovation_gate = 'x'", "'none' is not an estimator of this run"):

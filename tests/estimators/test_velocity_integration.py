@@ -12,13 +12,12 @@ from scipy.spatial.transform import Rotation
 from simulated_log import simulated_log
 
 from insenv import attitude, geodesy, replay, run
-from insenv.base.errors import InputError
 from insenv.core.batch import make_batch
 from insenv.estimators.parts.rows import MOTION_ERRORS, NOISES
 from insenv.estimators.velocity_integration import estimator as velocity_integration
 from insenv.estimators.velocity_integration.estimator import BY_FIXES, BY_LOG
 from insenv.estimators.velocity_integration.source import ALPHA, DRIFT, OF_SCALAR, OF_VECTOR
-from insenv.scenario import build, load
+from insenv.scenario import build
 from insenv.scenario.inputs import input_rows
 from insenv.studies.campaign.block import run_block
 from insenv.studies.campaign.plan import make_plan
@@ -180,17 +179,6 @@ def test_a_straight_line_shows_no_heading_and_a_run_without_fixes_no_attitude():
     assert not any("heading found" in note for note in result.notes)  # as it is lost again
     (result,) = run(changed(CAR, gnss={"outages_s": ((0.0, 30.0),)}), ID, duration_s=20.0).results
     assert result.sigma["roll_deg"][-1] > 90.0 and any("no attitude was found" in note for note in result.notes)
-
-
-@pytest.mark.parametrize(("scenario", "words"), [
-    (load("car-survey"), "the fixes of scenario 'car-survey' have no velocity"),
-    (load("ship-swaying"), r"'ship-swaying' has no \[gnss\], and there is no \[dvl\]"),
-    (load("large-misalignment"), "needs a vehicle that moves"),
-    (changed(SHIP, dvl={"water_track": True, "current_sigma_mps": 0.3}), r"with a current of 0\.3 m/s"),
-])  # fmt: skip
-def test_what_it_cannot_use_is_refused(scenario, words):
-    with pytest.raises(InputError, match=words):
-        run(scenario, ID, duration_s=2.0)
 
 
 @pytest.mark.parametrize("grade", ["", "consumer"])

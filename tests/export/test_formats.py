@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
-from command_line import call, refused
+from command_line import call
 
 import insenv
 from insenv.base.errors import InputError
@@ -152,4 +152,3 @@ def test_the_command_writes_beside_the_results(tmp_path):
     status, text, _ = call("run", "car-city-drive", "--duration", "20", "--out", out, *flags)
     files = {Path(path).name for path in json.loads(text)["files"]}
     assert status == 0 and {"car-city-drive.gpx", "car-city-drive.kml"} <= files <= {path.name for path in out.iterdir()}
-    refused(call("run", "car-city-drive", "--gpx"), "--gpx", "--out DIR")

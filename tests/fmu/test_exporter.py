@@ -3,7 +3,7 @@
 from zipfile import ZipFile
 
 import pytest
-from command_line import call, refused, strict
+from command_line import call, strict
 from fmu_tools import exported
 
 from insenv.base.errors import InputError
@@ -26,10 +26,7 @@ def test_the_same_call_gives_the_same_token_and_bytes(bare, tmp_path, monkeypatc
 
 
 def test_wrong_calls_are_named(tmp_path):
-    for path in (tmp_path / "none" / "x.fmu", tmp_path / "x.zip", tmp_path):
-        with pytest.raises(InputError, match=r"cannot write|allowed is a name that ends in \.fmu"):
-            export_fmu("qakf", path)
-    for options, said in (({"fmi": 1}, "fmi = 1"), ({"arrays": True}, "arrays with FMI 2"), ({"settings": [1]}, "settings = ")):
+    for options, said in (({"fmi": 1}, "fmi = 1"), ({"settings": [1]}, "settings = ")):
         with pytest.raises(InputError, match=said):
             export_fmu("qakf", tmp_path / "x.fmu", **options)
     assert not list(tmp_path.iterdir())
@@ -46,4 +43,3 @@ def test_the_command(tmp_path, monkeypatch):
     assert call(*given, "--platform", "host", "--set", "step_is_one_increment=true")[0] == 0
     by_name = {v.name: v.start for v in read_description(path).modelVariables}
     assert by_name["parameters.step_is_one_increment"] == "true"
-    refused(call(*given, "--platform", "linux64,mac"), "no platform 'mac'")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from fmu_host import hosted, input_csv, started
 from fmu_tools import INTERVAL, c_compiler, columns_for, in_process, scratch, unzipped
+from peers import ran
 from places import ROOT
 
 from insenv.base.resources import fmu_folder
@@ -53,8 +54,7 @@ def sanitized(folder: Path, fmi: int) -> Path:
     includes = [f"-I{place}" for place in (sources, fmu_folder() / "headers", fmu_folder() / "examples")]
     options = ["-std=gnu99", "-O0", "-g", f"-DFMI={fmi}", f"-DFMI{fmi}_OVERRIDE_FUNCTION_PREFIX", "-Wno-unused-function"]
     command = [compiler, *options, *SANITIZERS, *includes, *files, "-o", str(binary), "-lm"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    ran(*command)
     return binary
 
 

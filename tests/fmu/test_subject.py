@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from command_line import call, refused
 
-from insenv.base.errors import InputError
 from insenv.cli.fmu import _settings
 from insenv.fmu.reading import read_description
 from insenv.fmu.subject import subject
@@ -38,6 +36,3 @@ def test_states_and_aids_of_an_fmu_are_chosen_as_in_a_run():
     loop = subject("car-odometer", {"estimator.aids": ["gnss"], "estimator.states": []}, "fusion")
     outputs = loop.model.outputs.names
     assert "estimator_odometer_count" not in outputs and "estimator_fix_count" in outputs
-    with pytest.raises(InputError, match="unknown name 'sonar'"):
-        subject("fusion", _settings(['aids=["sonar"]']))
-    refused(call("fmu", "export", "fusion", "--set", 'aids=["gnss"', "-o", "x.fmu"), "is not a list: allowed is")

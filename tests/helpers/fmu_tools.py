@@ -4,11 +4,11 @@ import functools
 import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from places import scratch
 
 from insenv import estimators
 from insenv.base.resources import fmu_folder
@@ -22,14 +22,6 @@ INTERVAL = 0.005
 """Sample interval of the scenarios used here, s."""
 
 LOOP = "car-parked+qakf-improved"
-
-
-@functools.cache
-def scratch() -> Path:
-    """A folder for this process, removed at its end."""
-    folder = tempfile.TemporaryDirectory(prefix="insenv-fmu-tests-")
-    scratch.kept = folder
-    return Path(folder.name).resolve()
 
 
 def subject_of(what: str) -> Subject:

@@ -5,11 +5,10 @@ import functools
 import gzip
 import json
 import re
-import subprocess
-import tempfile
 from pathlib import Path
 
-from peers import program
+from peers import program, ran
+from places import scratch
 
 from insenv.base.resources import web_folder
 from insenv.report.page import assembled, joined
@@ -25,15 +24,8 @@ def live_page(scenario: str, estimators: tuple[str, ...], duration_s: float) -> 
 
 
 @functools.cache
-def _folder() -> Path:
-    folder = tempfile.TemporaryDirectory(prefix="insenv-pages-")
-    _folder.kept = folder
-    return Path(folder.name)
-
-
-@functools.cache
 def page_file(scenario: str, estimators: tuple[str, ...], duration_s: float) -> Path:
-    path, made = _folder() / f"{scenario}.html", live_page(scenario, estimators, duration_s)
+    path, made = scratch() / f"{scenario}.html", live_page(scenario, estimators, duration_s)
     path.write_text(assembled(made.plant.scenario.title, {"live": live_document(made)}), encoding="utf-8", newline="\n")
     return path
 
@@ -48,10 +40,7 @@ def in_node(text: str, given: object, folder: Path) -> str:
     """What JavaScript text prints in Node; it reads `given` from the file given.json."""
     (folder / "given.json").write_text(json.dumps(given))
     (folder / "go.cjs").write_text(text)
-    node = program("node", how="Debian: nodejs")
-    done = subprocess.run([node, "go.cjs"], cwd=folder, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return ran(program("node", how="Debian: nodejs"), "go.cjs", cwd=folder)
 
 
 def answers(entry: str, code: str, given: object, folder: Path) -> object:

@@ -4,6 +4,7 @@ import importlib
 import importlib.util
 import os
 import shutil
+import subprocess
 from types import ModuleType
 
 import pytest
@@ -31,3 +32,10 @@ def package(name: str, how: str = "pip install -e '.[test]'") -> ModuleType:
     if importlib.util.find_spec(name.partition(".")[0]) is None:
         lacking(f"{name} is not installed ({how})")
     return importlib.import_module(name)
+
+
+def ran(*command, **options) -> str:
+    """What a command prints; fails with all that it says unless it succeeds."""
+    done = subprocess.run([*map(str, command)], **{"capture_output": True, "text": True, "timeout": 600, **options})
+    assert done.returncode == 0, f"{command} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done.stdout

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
 from insenv.base.errors import InputError
 from insenv.logs import RecordedLog, load
@@ -12,28 +13,7 @@ N = 100
 RATE = 50.0
 G = 9.80665
 HEADER = "t,gx,gy,gz,ax,ay,az"
-TOML = """title = "test"
-[imu]
-file = "imu.csv"
-time = "t"
-gyro = ["gx", "gy", "gz"]
-accel = ["ax", "ay", "az"]
-kind = "rate"
-stamp = "interval_end"
-gyro_unit = "deg/s"
-accel_unit = "g"
-axes = "FRD"
-
-[gnss]
-file = "gnss.csv"
-time = "t"
-latitude = "lat"
-longitude = "lon"
-height = "h"
-position_unit = "deg"
-position_sigma = ["sn", "se", "sd"]
-lever_arm_m = [1.0, 2.0, -3.0]
-"""
+TOML = (ROOT / "tests" / "logs" / "data" / "changed.toml").read_text("utf-8")
 
 
 def imu_rows(n: int = N) -> np.ndarray:

@@ -1,7 +1,10 @@
 """A host of a VectorNav unit: frames as the structures of ArduPilot's drivers read them, and commands with their checksum."""
 
 import struct
+from binascii import crc_hqx
 from collections import defaultdict
+from functools import reduce
+from operator import xor
 
 PACKETS = {
     "012107": "<Q17f", "31010006011306": "<Q10fH3d5f", "490300b8261800": "<QQBB3d3f3ff7fBB", "1101000601": "<Q10f",
@@ -9,16 +12,6 @@ PACKETS = {
 }  # fmt: skip
 """Structure by header: of the present driver, of an older one, and UncompAccel with UncompGyro alone."""
 INS = ("time", "ypr", "quaternion", "sigmas", "status", "place", "velocity", "position_sigma", "velocity_sigma")
-
-
-def crc(data):
-    """CRC-16-CCITT as AP_Math's crc16_ccitt with start 0, bit by bit; 0 over data followed by their CRC."""
-    value = 0
-    for byte in data:
-        value ^= byte << 8
-        for _ in range(8):
-            value = (value << 1 ^ 0x1021 if value & 0x8000 else value << 1) & 0xFFFF
-    return value
 
 
 def read(data, at=0):
@@ -31,7 +24,7 @@ def read(data, at=0):
         end = begin + struct.calcsize(form) + 2
         if end > len(data):  # cut off at the end
             break
-        assert crc(data[at + 1 : end]) == 0
+        assert crc_hqx(data[at + 1 : end], 0) == 0  # CRC-16-CCITT, as AP_Math's crc16_ccitt with start 0
         v = struct.unpack_from(form, data, begin)
         if header == "31010006011306":
             v = (v[0], v[1:4], v[4:8], v[8:11], v[11], v[12:15], v[15:18], v[18], v[19])
@@ -42,10 +35,4 @@ def read(data, at=0):
 
 def commands(*bodies):
     """The lines of commands, each with the exclusive or of its characters."""
-    lines = []
-    for body in bodies:
-        checksum = 0
-        for character in body.encode():
-            checksum ^= character
-        lines.append(f"${body}*{checksum:02X}\r\n")
-    return "".join(lines).encode()
+    return "".join(f"${body}*{reduce(xor, body.encode()):02X}\r\n" for body in bodies).encode()

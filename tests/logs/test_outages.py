@@ -25,14 +25,9 @@ def test_windows_are_of_the_clock_of_the_log_or_of_the_start_or_regular():
 
 
 @pytest.mark.parametrize(("outages", "words", "log"), [
-    ("20-30", "outage '20-30': allowed is BEGIN:END in seconds", LOG), ("+20:30", "a plus sign both", LOG),
-    ("30:20", "an end after it", LOG), ([(20.0,)], "(20.0,): allowed are a begin and an end", LOG), (3.0, "list of these", LOG),
-    ("100:130", "100 to 130 s: allowed is a part of the replay, which covers 0 to 120 s", LOG), ([7.0], "outage 7.0: ", LOG),
-    ("every=20", "length below every", LOG), ("every=20,lenght=5", "'lenght' is unknown; did you mean 'length'", LOG),
-    ("every=20,length=20", "a length below every", LOG), ("every=nan,length=20", "seconds above 0", LOG),
-    ("every=200,length=20", "lasts 120 s, which no whole outage", LOG), ("20.1:20.9", "no fix of the log is in it", LOG),
-    (["20:30", "25:40"], "20 to 30 s and 25 to 40 s overlap", LOG), ("0:120", "withhold every fix", EARLY),
-    ("20:30", "the log has none", replace(LOG, gnss=None)), ("20:30", "1600000120 s on the clock of the log; +20:+30 c", LATER),
+    ([(20.0,)], "(20.0,): allowed are a begin and an end", LOG), (3.0, "list of these", LOG), ([7.0], "outage 7.0: ", LOG),
+    ("0:120", "withhold every fix", EARLY), ("20:30", "the log has none", replace(LOG, gnss=None)),
+    ("20:30", "1600000120 s on the clock of the log; +20:+30 c", LATER),
 ])  # fmt: skip
 def test_what_is_no_outage_is_refused_in_one_sentence(outages, words, log):
     with pytest.raises(InputError) as caught:

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import subprocess
 import sys
 from dataclasses import replace
 
@@ -11,6 +10,7 @@ import fmpy
 import numpy as np
 import pytest
 from live_pages import unpacked
+from peers import ran
 from places import ROOT
 
 import insenv
@@ -38,17 +38,13 @@ CAR = {
 def installed(tmp_path_factory):
     target = tmp_path_factory.mktemp("target")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation"]
-    done = subprocess.run([*pip, "--target", target, PACKAGE], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    ran(*pip, "--target", target, PACKAGE)
     paths = [str(target), str(ROOT), str(ROOT / "tests" / "helpers")]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def call(installed, *command):
-    command = [sys.executable, *map(str, command)]
-    done = subprocess.run(command, capture_output=True, text=True, env=installed, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return ran(sys.executable, *command, env=installed)
 
 
 @pytest.fixture

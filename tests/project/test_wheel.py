@@ -1,21 +1,19 @@
 """The wheel, made from the sdist and installed into an empty folder, holds what the commands need."""
 
 import os
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+from peers import ran
 from places import ROOT
 
 pytestmark = pytest.mark.slow
 
 
 def run(*command, **options):
-    done = subprocess.run([sys.executable, "-m", *map(str, command)], capture_output=True, text=True, **options)
-    assert done.returncode == 0, f"{command} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
-    return done.stdout
+    return ran(sys.executable, "-m", *command, **options)
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +45,7 @@ def test_the_installed_wheel_runs_and_its_examples_come_out(wheel, tmp_path):
     work.mkdir()
     run("pip", "install", "--quiet", "--no-deps", "--no-index", "--target", target, wheel)
     given = {"cwd": work, "env": {**os.environ, "PYTHONPATH": str(target), "INSENV_BACKEND": "interpreter"}}
-    where = [sys.executable, "-c", "import insenv; print(insenv.__file__)"]
-    assert Path(subprocess.check_output(where, text=True, **given).strip()).is_relative_to(target)
+    assert Path(ran(sys.executable, "-c", "import insenv; print(insenv.__file__)", **given).strip()).is_relative_to(target)
     assert "ship-swaying" in run("insenv", "list", **given)
     run("insenv", "run", "ship-swaying", "--duration", 20, "--out", "out", **given)
     assert any((work / "out").glob("*.npz"))

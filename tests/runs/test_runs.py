@@ -28,13 +28,9 @@ def test_a_scenario_is_a_name_a_path_an_object_or_values():
 @pytest.mark.parametrize(("wrong", "message"), [
     (lambda: insenv.run(3), "scenario = 3"),
     (lambda: insenv.run(SHIP, []), "no estimator"),
-    (lambda: insenv.run(VALUES), "names no estimator"),
-    (lambda: insenv.run(SHIP, "loosely-coupled"), "needs GNSS"),
-    (lambda: insenv.run("car-city-drive", "q-method"), "in place"),
     (lambda: insenv.run(SHIP, [ANALYTIC, "analytic"]), "two estimators have the id 'analytic'"),
     (lambda: insenv.run(SHIP, "q-method", seed="3"), "seed = '3'"),
     (lambda: insenv.replay(None, "q-method"), "log = None"),
-    (lambda: insenv.replay("none.toml", "q-method"), "none.toml: file not found"),
     (lambda: insenv.campaign(SHIP, "q-method", "8"), "runs = '8'"),
     (lambda: insenv.export_fmu("q-method", "x.fmu", platforms=[3]), "platforms = [3]"),
 ])  # fmt: skip

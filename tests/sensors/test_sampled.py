@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from sensor_plant import INSTRUMENTS, plant, simulate
 
-from insenv.base.errors import InputError
 from insenv.core.codegen import native_source
-from insenv.scenario import load
 from insenv.sensors.registry import registered
 
 
@@ -39,15 +37,3 @@ def test_every_figure_of_a_grade_is_a_key_and_has_a_source(id: str) -> None:
     for grade in section.grades.values():
         assert all(name in section.model_fields and grade.source(name) for name in grade.figures)
         section(grade=grade.name).rows(100.0)
-
-
-@pytest.mark.parametrize(("id", "section", "message"), [
-    ("barometer", {"interval_s": 0.0333}, r"barometer\.interval_s = 0\.0333 s"),  # no whole number of samples
-    ("odometer", {"latency_s": 0.2}, r"odometer\.latency_s = 0\.2 s"),  # longer than the interval
-    ("magnetometer", {"grade": "rm310"}, r"magnetometer\.grade = 'rm310'.*did you mean 'rm3100'"),
-    ("dvl", {"outages_s": [[5.0, 2.0]]}, r"dvl\.outages_s.*from 5 s to 2 s"),
-])  # fmt: skip
-def test_wrong_values(id: str, section: dict, message: str) -> None:
-    car = load("car-city-drive").model_dump(mode="json", exclude_unset=True)
-    with pytest.raises(InputError, match=message):
-        load({**car, "rate_hz": 100.0, id: section})

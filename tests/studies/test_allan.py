@@ -228,13 +228,8 @@ def test_the_longest_rest_is_used():
 
 def test_no_rest_is_refused_and_a_named_part_is_warned_of():
     log = log_of(moving(unit_rates(np.random.default_rng(2), 8000), 0, 8000))
-    for given, message in (
-        ({}, "no 10 s without motion"),
-        ({"from_s": 10.0, "to_s": 12.0}, "allowed is 1000 samples and 10 s"),
-        ({"from_s": 10.0, "to_s": 2.0}, "ends after it begins"),
-    ):
-        with pytest.raises(InputError, match=message):
-            insenv.allan(log, **given)
+    with pytest.raises(InputError, match="no 10 s without motion"):
+        insenv.allan(log)
     found = insenv.allan(log, from_s=100.0, to_s=200.0)
     assert "the vehicle moves" in found.warnings[0]
     assert "# measured" not in grade_text(found)

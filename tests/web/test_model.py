@@ -1,6 +1,7 @@
 """The WebAssembly of pages, in wasmtime and in the worker in Node, gives the numbers of `insenv run` to the bit."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,39 +39,12 @@ def test_equals_run(page, seed):
             np.testing.assert_allclose(shown[f"{member.prefix}sigma"][:, place], result.sigma[channel], rtol=1e-12)
 
 
+WORKER = Path(__file__).with_name("host.cjs").read_text("utf-8")
 CHANGED = {
     "start.latitude_deg": -41.3, "start.heading_deg": 123.4, "vehicle.sway.roll.0.amplitude_deg": 7.7,
     "vehicle.sway.roll.0.period_s": 9.1, "vehicle.sway.pitch.0.phase_deg": 33.3, "imu.grade": "tactical",
     "knowledge.heading_error_deg": -1.7, "knowledge.tilt_sigma_deg": 0.3,
 }  # fmt: skip
-
-
-WORKER = """
-const { Session } = require("./worker.cjs"), fs = require("fs");
-const [live, messages] = JSON.parse(fs.readFileSync("given.json")), records = [], clouds = [], errors = [];
-let ended;
-const end = new Promise((resolve) => { ended = resolve; });
-const session = new Session((message) => {
-  if (message.got === "error") errors.push(message.message);
-  if (message.got === "reset") records.length = 0;
-  if (message.records) records.push(Buffer.from(message.records.buffer));
-  if (message.got === "cloud") clouds.push({ ...message, errors: message.errors.map((one) => [...one]) });
-  if (message.got === "toml") fs.writeFileSync("scenario.toml", message.text);
-  if (message.got === "end") ended();
-});
-(async () => {
-  await session.receive({ do: "load", live });
-  for (const message of messages) {
-    await session.receive(message);
-    while (session.cloud) await new Promise((resume) => setTimeout(resume, 5));
-  }
-  await session.receive({ do: "run", speed: null });
-  await end;
-  await session.receive({ do: "toml" });
-  fs.writeFileSync("records.bin", Buffer.concat(records));
-  process.stdout.write(JSON.stringify({ clouds, errors }), () => process.exit(0));
-})();
-"""
 
 
 def reset(seed, **values):

@@ -3,11 +3,10 @@
 import base64
 import hashlib
 import re
-import subprocess
 
 import pytest
 from live_pages import in_node, unpacked
-from peers import program
+from peers import program, ran
 from places import ROOT
 
 from insenv.base.errors import InsenvError
@@ -55,6 +54,4 @@ def test_modules_are_joined_after_those_that_they_import(tmp_path):
 
 @pytest.mark.slow
 def test_types():
-    compiler = program("tsc", how="npm install -g typescript")
-    done = subprocess.run([compiler, "-p", str(ROOT / "web")], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout
+    ran(program("tsc", how="npm install -g typescript"), "-p", ROOT / "web")

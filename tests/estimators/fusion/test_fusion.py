@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from changed_scenario import changed
-from command_line import call
 from driven import columns_of, fed_outputs
 from peers import package
 from places import ROOT
@@ -66,28 +65,13 @@ def test_what_a_state_stands_for_is_not_counted_twice():
     assert prepared(known, table, UNIT)["rotation_error"] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize(("states", "aids", "words"), [
-    (["gyro_scal"], ["gnss"], "'gyro_scal'.* 'gyro_scale'"),
-    (["gyro_scale", "gyro_scale"], ["gnss"], "state 'gyro_scale' is given twice"),
-    ([], [], "at least one of gnss"),
-    (["odometer_scale"], ["gnss"], "'odometer_scale' is not observable without odometer"),
-    ([3], ["gnss"], "class ErrorState"),
-    (None, ["gnss"], "a list of names"),
+@pytest.mark.parametrize(("states", "words"), [
+    (["gyro_scal"], "'gyro_scal'.* 'gyro_scale'"), (["gyro_scale", "gyro_scale"], "state 'gyro_scale' is given twice"),
+    ([3], "class ErrorState"), (None, "a list of names"),
 ])  # fmt: skip
-def test_wrong_states_and_aids_are_named(states, aids, words):
+def test_wrong_states_are_named(states, words):
     with pytest.raises(InputError, match=words):
-        fusion(states, aids)
-
-
-def test_an_aid_without_its_instrument_is_refused():
-    with pytest.raises(InputError, match=r"needs odometer: scenario .car-survey. has no \[odometer\]"):
-        insenv.run("car-survey", fusion([], ["gnss", "odometer"]), duration_s=2)
-    with pytest.raises(InputError, match=r"'fusion' needs an instrument: scenario 'ship-underway' has none of \[gnss\]"):
-        insenv.run(load("ship-underway").model_copy(update={"gnss": None}), "fusion", duration_s=2)
-    status, _, said = call("replay", "examples/logs/plain.toml", "-e", "fusion", "--set", 'fusion.aids=["dvl"]')
-    assert status == 2 and "needs dvl: the log has no [dvl]" in said
-    status, _, said = call("run", "car-survey", "-e", "fusion", "--set", "fusion.odometer_gate=3")
-    assert status == 2 and "odometer_gate is set" in said
+        fusion(states, ["gnss"])
 
 
 def with_barometer_alone(level_deg):

@@ -106,8 +106,6 @@ def test_a_log_without_attitude_is_aligned():
 
 
 def test_what_a_mooring_does_not_go_with_is_said():
-    with pytest.raises(InputError, match="the smoother does not take the aid 'moored'; use the filter"):
-        insenv.run("ship-slow-surge", "fusion-smoother", duration_s=5)
     with pytest.raises(InputError, match="with the aids gnss, moored: allowed is moored, alone or with barometer"):
         fusion(["sway", "mooring_centre", "azimuth_rate"], ["gnss", "moored"])
     (result,) = insenv.run(changed("ship-slow-surge", imu={"grade": "tactical"}, rate_hz=20.0), "fusion", duration_s=30).results

@@ -1,5 +1,7 @@
 """The unit: what its frames hold, when they are due, what its status says, and its answers to commands."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from changed_scenario import changed
@@ -8,9 +10,15 @@ from streamed_vehicle import quiet, steps
 from vectornav_host import INS, commands, read
 
 from insenv.base.errors import InputError
+from insenv.base.toml import read_toml
 from insenv.mavlink.vectornav import MODELS, Unit
 
-OLDER = ["75,3,8,34,072E,0106,0612", "76,3,80,4E,0002,0010,20B8,0018"]
+OLDER = {
+    "vn300": (["75,3,8,34,072E,0106,0612", "76,3,80,4E,0002,0010,20B8,0018"], {"342e0706011206": 40, "4e02001000b8201800": 10}),
+    "vn100": (["75,3,1,14,073E,0004"], {"143e070400": 40, "1101000601": 40}),
+}
+"""Masks of older drivers by model, and the packets of two seconds by their headers."""
+REFUSED = read_toml(Path(__file__).with_name("refused.toml"))
 GPS_MINUS_UNIX_2026 = 18 - 315964800
 
 
@@ -103,21 +111,17 @@ def test_a_slower_output_loses_no_increment():
     np.testing.assert_allclose(forces.sum(axis=0) / 50.0, [*sums[3:], *sums[:3]], rtol=1e-5, atol=1e-5)  # at 50 Hz
 
 
-@pytest.mark.parametrize("model", ["vn300", "vn100"])
+@pytest.mark.parametrize("model", OLDER)
 def test_masks_of_older_drivers_and_a_rate_above_that_of_the_samples(model):
     vehicle = quiet(hz=20)
     unit = unit_of(vehicle, model)
-    wanted = OLDER if model == "vn300" else ["75,3,1,14,073E,0004"]
-    answers(unit, commands(*(f"VNWRG,{text}" for text in wanted), "VNWRG,77,0,1,01,0001"))
+    masks, expected = OLDER[model]
+    answers(unit, commands(*(f"VNWRG,{text}" for text in masks), "VNWRG,77,0,1,01,0001"))
     found = read(sent(unit, vehicle, 2.0))
-    expected = {"342e0706011206": 40, "4e02001000b8201800": 10} if model == "vn300" else {"143e070400": 40, "1101000601": 40}
     assert {header: len(each) for header, each in found.items()} == expected
     if model == "vn100":
         quaternion = vehicle.simulation.estimate["q_nb"]
         np.testing.assert_allclose(found["143e070400"][-1][-4:], quaternion[[1, 2, 3, 0]], rtol=1e-6, atol=1e-7)
-
-
-# --- status -------------------------------------------------------------------------------------------
 
 
 def test_the_status_aligns_tracks_loses_gnss_and_comes_back():
@@ -158,9 +162,6 @@ def test_failures_of_a_scenario_reach_the_bytes(changes, expected):
     assert status(vehicle) == expected
 
 
-# --- commands -----------------------------------------------------------------------------------------
-
-
 def test_the_commands_of_the_driver_are_answered_in_any_pieces():
     vehicle = quiet(hz=20)
     unit = unit_of(vehicle)
@@ -178,25 +179,9 @@ def test_the_commands_of_the_driver_are_answered_in_any_pieces():
     assert not unit.refused and len(read(sent(unit, vehicle, 1.0))) == 3
 
 
-@pytest.mark.parametrize(
-    ("model", "text", "code", "why"),
-    [
-        ("vn300", "VNWRG,75,3,8,01,0800", 7, "no field for bit 11 of group 1"),
-        ("vn300", "VNWRG,75,3,8,80,0001", 7, "group 8"),
-        ("vn100", "VNWRG,75,3,8,20,0001", 7, "VN-100 has no field for bit 0 of group 6"),
-        ("vn300", "VNWRG,75,3,0,01,0001", 7, "divisor from 1"),
-        ("vn300", "VNWRG,75,3,8,01,10001", 7, "16 bits"),
-        ("vn300", "VNWRG,75,3,8,01,-FFFF", 7, "16 bits"),
-        ("vn300", "VNWRG,75,3,8,31,0001", 5, "1 masks for 3 groups"),
-        ("vn300", "VNWRG,75,3", 5, "is not port, divisor, groups and masks"),
-        ("vn300", "VNWRG", 5, "no register"),
-        ("vn300", "VNWRG,05,921600", 8, "registers are"),
-        ("vn300", "VNRRG,06", 8, "registers are"),
-        ("vn300", "VNTAR", 4, "knows VNASY"),
-        ("vn300", "VNASY,2", 4, "knows VNASY"),
-    ],
-)
-def test_what_a_unit_lacks_is_refused_and_said(model, text, code, why):
+@pytest.mark.parametrize("line", REFUSED)
+def test_what_a_unit_lacks_is_refused_and_said(line):
+    (model, text), (code, why) = line.split(), REFUSED[line]
     unit = Unit(MODELS[model], 200.0)
     before = dict(unit.registers)
     assert answers(unit, commands(text)) == commands(f"VNERR,{code:02X}").decode()

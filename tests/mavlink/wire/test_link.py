@@ -33,12 +33,6 @@ def test_addresses(text, kind, host, port):
     assert (address.kind, address.host, address.port) == (kind, host, port) and parse_address(str(address)) == address
 
 
-def test_errors_of_wrong_addresses_name_what_is_allowed():
-    for text in ("udp:1:2", "udpout:127.0.0.1:0", "udpout:h:65536", "udpin:::1:5", "serial:/dev/x:0"):
-        with pytest.raises(InputError, match=r"address .*(must be|written in brackets)"):
-            parse_address(text)
-
-
 def test_links_that_cannot_be_opened_are_errors(opened, monkeypatch):
     port = opened("udpin:127.0.0.1:0").address.port
     for address, message in (
