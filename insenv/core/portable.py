@@ -50,7 +50,7 @@ PIECE = 400
 """Statements of a piece: its local variables are what a function has on the stack."""
 STRAIGHT = 1500
 """Instructions up to which a step that always runs is one piece, which writes its results directly into the state."""
-_KEYWORDS = frozenset(
+KEYWORDS = frozenset(
     re.findall(
         r"\w+",
         """
@@ -93,7 +93,7 @@ def c_files(model: Model, portable: Portable) -> dict[str, str]:
         raise InputError(f"model {model.id!r} is random: allowed as C is a model without random numbers")
     for table in (model.parameters, model.inputs, model.outputs):
         for row in table:
-            if row.name in _KEYWORDS or not row.name.isascii():
+            if row.name in KEYWORDS or not row.name.isascii():
                 raise InputError(f"row {row.name!r} of model {model.id!r}: allowed in C is a name in ASCII that is no keyword")
         if not table.size:
             raise InputError(f"model {model.id!r} has no parameters, inputs or outputs: its C would have an empty struct")

@@ -24,6 +24,8 @@ from insenv.core.tables import Vector
 from insenv.export.board.exporter import RUN
 
 TIMEOUT_S = 10.0
+STATUSES = 6
+"""The last of the statuses of a filter."""
 """Longest time without an answer."""
 BAUD = 115_200
 _PORTS = "allowed is tcp:HOST:PORT or serial:DEVICE[:BAUD]"
@@ -158,7 +160,8 @@ def _ask(line: Port, request: bytes, what: str) -> None:
         raise InsenvError(f"{what}: the port is gone: {error}") from None
     status = _read(line, 1)[0]
     if status:
-        raise InsenvError(f"{what}: the filter answers with status {status} (the list is in its header)")
+        other = "another program than test/port.c answers" if status > STATUSES else "the list is in its header"
+        raise InsenvError(f"{what}: the filter answers with status {status} ({other})")
 
 
 def _read(line: Port, size: int) -> bytes:
@@ -170,6 +173,6 @@ def _read(line: Port, size: int) -> bytes:
         except OSError:
             part = b""
         if not part:
-            raise InsenvError(f"no answer within {TIMEOUT_S:g} s: does test/port.c run on the board?")
+            raise InsenvError(f"no answer within {TIMEOUT_S:g} s: does test/port.c of this export run on the board?")
         got += part
     return got

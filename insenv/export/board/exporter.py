@@ -11,7 +11,7 @@ from pathlib import Path
 from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, cannot_write
 from insenv.base.shipped import __version__
-from insenv.core.portable import Portable, c_files, identifier
+from insenv.core.portable import KEYWORDS, Portable, c_files, identifier
 from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
@@ -25,6 +25,8 @@ SAMPLES = 300
 EVERY = 10
 """Samples from one of their expected outputs to the next."""
 RUN = "test/run.bin"
+LIBRARY = frozenset({"sqrt", "floor", "fabs", "memcpy", "real", "main"})
+"""Names of functions and types beside those of the filter."""
 _TEMPLATES = {
     "Makefile": "Makefile",
     "CMakeLists.txt": "CMakeLists.txt",
@@ -59,7 +61,7 @@ def export_c(
     seed: int | None = None,
     duration_s: float | None = None,
     settings: Settings | None = None,
-    start: str = "coarse",
+    start: str | None = None,
     whole_run: bool = False,
     measure: bool = True,
 ) -> BoardFiles:
@@ -74,7 +76,7 @@ def export_c(
     name: prefix of all names in C; None: the estimator's id.
     seed, duration_s: of the simulated run, s; None: the scenario's.
     settings: parameters by estimator id, as of `insenv.run`.
-    start: of a log, as of `insenv.replay`.
+    start: of a log, as of `insenv.replay`; None: coarse.
     whole_run: whether the whole run is written too (`RUN`, 8 bytes a number), not only its first `SAMPLES` samples.
     measure: whether size, stack and instructions on a Cortex-M7 are measured, where its compiler and qemu are installed.
 
@@ -114,6 +116,8 @@ def export_c(
 def _checked_name(name: object) -> str:
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
         raise InputError(f"name = {name!r}: allowed is a C identifier: letters, digits and '_', a letter first")
+    if name in KEYWORDS | LIBRARY:
+        raise InputError(f"name = {name!r}: allowed is a name that means nothing in C, C++ or the library that the filter uses")
     return name
 
 

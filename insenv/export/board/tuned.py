@@ -58,7 +58,7 @@ def tuned(
     seed: int | None = None,
     duration_s: float | None = None,
     settings: Settings | None = None,
-    start: str = "coarse",
+    start: str | None = None,
 ) -> Tuned:
     """The estimator as `insenv run` or `insenv replay` runs it; arguments and errors are those of `export_c`."""
     family = get(estimator)
@@ -67,7 +67,9 @@ def tuned(
     if isinstance(source, RecordedLog) or is_log(source):
         if seed is not None or duration_s is not None:
             raise InputError("seed and duration_s: allowed with a scenario; a log is used as it is")
-        return _on_log(family, source, settings, start)
+        return _on_log(family, source, settings, start or "coarse")
+    if start is not None:
+        raise InputError(f"start = {start!r}: allowed with a log; a scenario states its start in [start] and [knowledge]")
     return _on_scenario(family, USUAL[family.kind] if source is None else source, seed, duration_s, settings)
 
 

@@ -13,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -135,7 +136,7 @@ class Address:
     port: int
 
     def __str__(self) -> str:
-        return f"{self.kind}:{endpoint(self.host, self.port)}"
+        return f"{self.kind}:{self.host}:{self.port}" if self.kind == "serial" else f"{self.kind}:{endpoint(self.host, self.port)}"
 
 
 def endpoint(host: str, port: int) -> str:
@@ -158,7 +159,8 @@ def parse_address(text: str, baud: int = BAUD) -> Address:
     host, colon, port = rest.rpartition(":")
     if kind == "serial":
         device, rate = (host, port) if colon and port.isdigit() else (rest, str(baud))
-        if not device or not 0 < int(rate) <= 100_000_000:
+        no_rate = colon and device == rest and not Path(rest).exists()  # names of devices may hold colons
+        if not device or no_rate or not 0 < int(rate) <= 100_000_000:
             raise InputError(f"address {text!r}: must be {_form(kind)}, such as serial:/dev/ttyUSB0:{baud}")
         return Address(kind, device, int(rate))
     lowest = 1 if kind.endswith("out") else 0
