@@ -52,7 +52,7 @@ def export_c(
     settings: Settings = None,
     start: Annotated[
         Start | None,
-        typer.Option(help="Of a log: from the log alone (the default), from the state of its reference, or from its \\[initial]."),
+        typer.Option(help="Of a log: from the log alone (the default), from its reference, or from its \\[initial]."),
     ] = None,
     whole_run: Annotated[
         bool, typer.Option("--whole-run", help="Write the samples of the whole run too, for the test on the board.")
@@ -75,8 +75,8 @@ def export_c(
     taken, values = changed_log(Path(given), settings) if is_log(given) else changed_scenario(given, settings)
     with working(f"exporting {estimator}"):
         done = write(
-            estimator, taken, output=output, name=name, seed=seed, duration_s=duration, settings=values, start=start and start.value,
-            whole_run=whole_run, measure=not no_figures,
+            estimator, taken, output=output, name=name, seed=seed, duration_s=duration, settings=values,
+            start=start and start.value, whole_run=whole_run, measure=not no_figures,
         )  # fmt: skip
     content = {**asdict(done), "folder": str(done.folder)}
     run = f", and of the whole run, {done.run_samples}" if done.run_samples else ""

@@ -1,8 +1,8 @@
 """The heading of a start by the motion: found, and checked where one is given."""
 
+import re
 from dataclasses import replace
 
-import re
 import numpy as np
 import pytest
 from standing_car import HEADING, beyond, car_log, started
@@ -67,7 +67,8 @@ def test_the_motion_shows_the_heading_of_a_start(grade, velocity):
     for one in (log, under_way):
         result = replay(one, ["loosely-coupled"]).results[0]
         note = next(note for note in result.notes if "twelve were started" in note)
-        assert float(re.search(r"fixes after (\S+) s", note)[1]) < (38.0 if one is log else 65.0)  # the fixes together, none by itself
+        # the fixes together, none by itself
+        assert float(re.search(r"fixes after (\S+) s", note)[1]) < (38.0 if one is log else 65.0)
         assert abs(result.errors["heading_deg"][0]) < 3.0 * result.sigma["heading_deg"][0] < 33.0
         assert all(beyond(result, name, result.time > 30.0) < 0.02 for name in ("roll_deg", "pitch_deg", "heading_deg"))
 

@@ -101,7 +101,8 @@ def output_of(text: str, model: Model) -> Output:
     numbers = [bit + 1 for bit in range(8) if groups >> bit & 1]
     in_range = 0 <= port <= 3 and 1 <= divisor <= 0xFFFF and 1 <= groups <= 0xFF
     if not in_range or not all(0 <= mask <= 0xFFFF for mask in masks):
-        raise CommandError(BAD_VALUE, f"{text!r}: allowed is a port from 0 to 3, a divisor from 1 to 65535, groups from 01 to FF, masks of 16 bits")
+        allowed = "a port from 0 to 3, a divisor from 1 to 65535, groups from 01 to FF, masks of 16 bits"
+        raise CommandError(BAD_VALUE, f"{text!r}: allowed is {allowed}")
     if len(masks) != len(numbers):
         raise CommandError(TOO_FEW, f"{text!r} has {len(masks)} masks for {len(numbers)} groups")
     fields: list[Field] = []

@@ -136,7 +136,8 @@ class Address:
     port: int
 
     def __str__(self) -> str:
-        return f"{self.kind}:{self.host}:{self.port}" if self.kind == "serial" else f"{self.kind}:{endpoint(self.host, self.port)}"
+        where = f"{self.host}:{self.port}" if self.kind == "serial" else endpoint(self.host, self.port)
+        return f"{self.kind}:{where}"
 
 
 def endpoint(host: str, port: int) -> str:
