@@ -3,7 +3,9 @@
 An alignment in place on a swaying base converges steeply, and the size of the sway is not known in advance. Answers are
 therefore stored at times that grow by the factor `GROWTH`, and the present one is compared with the last `ANSWERS`. The
 difference of two efficient estimates has the difference of their variances as its variance, so a change of up to `EXPECTED`
-standard deviations is noise, which is stated already; the rest is motion that has not averaged out.
+standard deviations is noise, which is stated already; the rest is motion that has not averaged out. What motion of bounded
+size leaves in an answer falls with time, of level as 1 / time and of heading faster, so a change since an earlier answer counts
+in the proportion of its time to now.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame
 from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA
 
-ANSWERS = 2  # stored: a single one may agree by chance
+ANSWERS = 6  # stored: few of them may agree with the present one by chance, as a slow motion swings
 GROWTH = 1.25  # of the time from one stored answer to the next
 FIRST = 1.0  # s: time of the first stored answer
 EXPECTED = 1.0  # standard deviations
@@ -64,7 +66,8 @@ def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any]) -> Any:
     for i in range(ANSWERS):
         moved = attitude.rotate_inverse(back, attitude.error_rotation_vector(answer, x.answers[i, :].T))
         expected = EXPECTED**2 * maximum(sigma(x.answer_times[i]) ** 2 - now**2, 0.0)
-        excess = maximum(excess, moved**2 - expected)
+        aged = select(x.answer_times[i] > 0, x.answer_times[i] / maximum(x.time, FIRST), 1.0)  # 1: not stored yet
+        excess = maximum(excess, aged**2 * (moved**2 - expected))
     unsettled = ca.logic_and(lost > 0, x.time < SETTLED * lost)
     rough = ca.vertcat(UNSETTLED_TILT, UNSETTLED_TILT, LARGEST_HEADING_SIGMA)
     return select(unsettled, maximum(rough, now), ca.sqrt(now**2 + excess))
