@@ -14,9 +14,9 @@ are estimate minus truth, C_hat_eb = (I - [phi x]) C_eb; the biases are those st
 Correction to the paper: its observation z = -v_ins with H = [I 0 0 0] (26) contradicts the sign of its (8) and (12).
 With dv = estimate minus truth, z is +v_ins (minus the velocity known from outside).
 
-Start: from a coarse alignment by the q-method over the first `coarse_time` seconds (any attitude, any sway), with the
-accuracy that it states and the correlation of its errors with the biases; or, with `coarse_time` = 0, from the stated
-attitude. On a moving base always from the stated attitude.
+Start: from a coarse alignment by the q-method over the first `coarse_time` seconds (any attitude, any sway), or for longer
+while motion of the base leaves it uncertain of heading, with the accuracy that it states and the correlation of its errors
+with the biases; or, with `coarse_time` = 0, from the stated attitude. On a moving base always from the stated attitude.
 
 Observation: the mean velocity over a window, which is zero (or the velocity itself, against that of a fix). Attitude,
 velocity and biases are fed back at the end of a window only, so over T the mean error is H x with H = [I, -T/2 [f x],
@@ -61,6 +61,8 @@ AXIS_E = ca.SX([0, 0, geodesy.OMEGA_IE])  # rad/s
 GATE = 3.0  # a velocity beyond this many standard deviations counts as sway at once
 SWAYING = 5.0  # sway of this many times velocity_sigma selects the long windows
 COARSE_TIME = 120.0  # s: the q-method's filters have settled after 80
+COARSE_HEADING = 0.175  # rad: the coarse alignment goes on while motion of the base leaves more: the filter is of first order
+COARSE_MORE = 5.0  # s: until it is asked again
 UNKNOWN_VELOCITY = 1.0  # m/s: that of a sway, after the coarse alignment
 LINE = 2.0  # a straight line takes up to half of the variance of a slow sway's velocity
 
@@ -228,10 +230,15 @@ def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
     rough = q_method.output(p, x)
     gravity = ca.sqrt(ca.sumsqr(x.gravity_e))
     known = aligned(rough["attitude_sigma"], p.latitude, gravity, p.gyro_bias_sigma, p.accel_bias_sigma)
+    variance = rough["attitude_sigma"][2] ** 2
+    by_sensors = q_method.sensor_variance(p, x)[2]  # less a longer alignment does not reach
+    uncertain = ca.logic_and(variance > COARSE_HEADING**2, variance > 4.0 * by_sensors)
     return {
         **_filter_start(p, q_en, rough["q_nb"], known, UNKNOWN_VELOCITY),
         "velocity_e": ca.SX.zeros(3),
-        **dict.fromkeys(("coarse", "coarse_over", "holding", "pair_due"), 0),
+        "coarse": uncertain,
+        "coarse_spent": x.coarse_spent - uncertain * COARSE_MORE,
+        **dict.fromkeys(("coarse_over", "holding", "pair_due"), 0),
     }
 
 

@@ -28,7 +28,6 @@ which is the paper's integral.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -127,20 +126,20 @@ def answer(x: Any) -> Any:
     return largest_eigenvector(davenport(x.profile))
 
 
-def sensor_sigma(p: Any, x: Any, time: Any) -> Any:
-    """Standard deviations of attitude about n (3, rad) that sensor errors set after `time` seconds."""
+def sensor_variance(p: Any, x: Any) -> Any:
+    """Variance of attitude about n (3, rad^2) that errors of the sensors set after the time so far."""
     # mean time of the early vectors after the start, and of the late ones before now
-    ends = time / ca.sqrt(4 + (time / p.memory_time) ** 2)
-    age = (time - ends + LATE * ends) / (1 + LATE)
-    return inertial_vectors.stated_sigma(p, x, time, DELAY * p.smoothing_time, age, age)
+    ends = x.time / ca.sqrt(4 + (x.time / p.memory_time) ** 2)
+    age = (x.time - ends + LATE * ends) / (1 + LATE)
+    return inertial_vectors.stated_sigma(p, x, x.time, DELAY * p.smoothing_time, age, age) ** 2
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now."""
-    q, lost, sigma = answer(x), DELAY * p.smoothing_time, partial(sensor_sigma, p, x)
+    q = answer(x)
     return {
         "q_nb": frozen_frame.q_nb(x, q),
-        "attitude_sigma": settling.stated(x, q, lost, sigma),
+        "attitude_sigma": settling.stated(x, q, DELAY * p.smoothing_time, sensor_variance(p, x)),
     }
 
 
@@ -151,7 +150,11 @@ MODEL = Model(
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
     outputs=rows.ALIGNMENT,
-    steps={"sample": Step(sample), "smooth": Step(smooth, when="smoothing_due"), "keep": settling.keeping(answer)},
+    steps={
+        "sample": Step(sample),
+        "smooth": Step(smooth, when="smoothing_due"),
+        "keep": settling.keeping(answer, sensor_variance),
+    },
     output=output,
     start=start,
 )

@@ -56,7 +56,7 @@ from insenv.core.elementary import maximum, minimum, polynomial
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows
+from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows, settling
 from insenv.estimators.parts.inertial_vectors import davenport
 
 DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butterworth, sixth order: cos 15, 45, 75 deg
@@ -236,8 +236,8 @@ def profile_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return changed | sums | profile_update(x, *profile_observation(x.q_start, profile, spread))
 
 
-def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
-    """Attitude now.
+def steady_variance(p: Any, x: Any, lags: tuple[float, float]) -> Any:
+    """Variance of attitude about n (3, rad^2) if the base only sways: the limit that the sensors set, and P.
 
     lags: age of the estimated vertical as a share of the time, at worst (large gyro biases delay the filter) and on
     average.
@@ -248,10 +248,17 @@ def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
     alike = 1 + CORRELATION * p.smoothing_time * x.samples / maximum(x.time, 1e-9)
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
     by_filter = 4 * ca.diag(C_n0n.T @ symmetric.full(x.covariance, 3) @ C_n0n) * alike * SURPLUS**2
-    by_filter *= (1 + by_filter[2] / LINEAR**2) ** 2
+    return limit**2 + by_filter * (1 + by_filter[2] / LINEAR**2) ** 2
+
+
+def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
+    """Attitude now; lags: as of `steady_variance`."""
+    steady = steady_variance(p, x, lags)
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
-        "attitude_sigma": minimum(ca.sqrt(limit**2 + by_filter), LARGEST_SIGMA),
+        "attitude_sigma": minimum(
+            ca.sqrt(steady + settling.moved(x, x.q_start, DELAY * p.smoothing_time, steady)), LARGEST_SIGMA
+        ),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,
     }
@@ -260,14 +267,21 @@ def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
 def _estimator(
     id: str, title: str, step: Callable[[Any, Any, Any], dict[str, Any]], further: Table, lags: tuple[float, float]
 ) -> Estimator:
+    def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
+        changed = step(p, x, u)
+        return {**changed, "answer_due": settling.due(x, changed["time"])}
+
     model = Model(
         id=id,
         title=title,
         parameters=PARAMETERS,
-        state=inertial_vectors.CARRIED + WINDOW + further + FILTER,
+        state=inertial_vectors.CARRIED + WINDOW + further + FILTER + settling.STATE,
         inputs=rows.SAMPLE_INPUTS,
         outputs=OUTPUTS,
-        steps={"sample": Step(step)},
+        steps={
+            "sample": Step(sample),
+            "keep": settling.keeping(lambda x: x.q_start, lambda p, x: minimum(steady_variance(p, x, lags), LARGEST_SIGMA**2)),
+        },
         output=lambda p, x: output(p, x, lags),
         start=start,
     )

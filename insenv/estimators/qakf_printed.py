@@ -113,6 +113,11 @@ def sample(p: Any, x: Any, u: Any, improved: bool) -> dict[str, Any]:
     return {**changed, **updated(p, x, H), "answer_due": settling.due(x, changed["time"])}
 
 
+def sensor_variance(p: Any, x: Any) -> Any:
+    """Variance of attitude about n (3, rad^2) that errors of the sensors set after the time so far."""
+    return inertial_vectors.stated_sigma(p, x, x.time, 0.0, x.time / 2, x.time / 2) ** 2
+
+
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now."""
     # the rotation about n at the start that a change of Q is: 2 (dQ conj(Q)), its vector part
@@ -122,7 +127,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
     by_filter = ca.diag(C_n0n.T @ covariance @ C_n0n)
 
-    stated = settling.stated(x, x.q_start, 0.0, lambda time: inertial_vectors.stated_sigma(p, x, time, 0.0, time / 2, time / 2))
+    stated = settling.stated(x, x.q_start, 0.0, sensor_variance(p, x))
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
         "attitude_sigma": minimum(ca.sqrt(stated**2 + by_filter), qakf.LARGEST_SIGMA),
@@ -144,7 +149,7 @@ def _estimator(id: str, title: str, further: Table) -> Estimator:
         outputs=qakf.OUTPUTS,
         steps={
             "sample": Step(partial(sample, improved="integral" in further)),
-            "keep": settling.keeping(lambda x: x.q_start),
+            "keep": settling.keeping(lambda x: x.q_start, sensor_variance),
         },
         output=output,
         start=qakf.start,

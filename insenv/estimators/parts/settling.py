@@ -5,7 +5,7 @@ therefore stored at times that grow by the factor `GROWTH`, and the present one 
 difference of two efficient estimates has the difference of their variances as its variance, so a change of up to `EXPECTED`
 standard deviations is noise, which is stated already; the rest is motion that has not averaged out. What motion of bounded
 size leaves in an answer falls with time, of level as 1 / time and of heading faster, so a change since an earlier answer counts
-in the proportion of its time to now.
+in the proportion of the time in that answer to the time in this one.
 """
 
 from __future__ import annotations
@@ -27,12 +27,14 @@ GROWTH = 1.25  # of the time from one stored answer to the next
 FIRST = 1.0  # s: time of the first stored answer
 EXPECTED = 1.0  # standard deviations
 SETTLED = 1.6  # an answer counts from this multiple of the time that the windows lose
+STATED = 2.0  # an answer is stated from this multiple: there is an earlier one that counts
 UNSETTLED_TILT = 0.05  # rad: level before that, from the mean force of a base that sways
 
 STATE = Table((
     Row("answers", "The last answers kept, youngest first: take b components at the start to n at the start", "1",
         (ANSWERS, 4)),
     Row("answer_times", "Their times", "s", (ANSWERS,)),
+    Row("answer_variances", "Variances about n that errors of the sensors set then", "rad^2", (ANSWERS, 3), "n"),
     Row("answer_due", "1 when the answer is to be kept", "1"),
 ))  # fmt: skip
 
@@ -42,32 +44,45 @@ def due(x: Any, time: Any) -> Any:
     return time >= maximum(GROWTH * x.answer_times[0], FIRST)
 
 
-def keeping(answer: Callable[[Any], Any]) -> Step:
-    """The step that keeps an answer; answer: ``x -> (4)``, a unit quaternion."""
+def keeping(answer: Callable[[Any], Any], variance: Callable[[Any, Any], Any]) -> Step:
+    """The step that keeps an answer.
+
+    answer: ``x -> (4)``, a unit quaternion.  variance: ``p, x -> (3)``, what its errors have without motion, rad^2.
+    """
 
     def keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
         return {
             "answers": ca.vertcat(answer(x).T, x.answers[:-1, :]),
             "answer_times": ca.vertcat(x.time, x.answer_times[:-1]),
+            "answer_variances": ca.vertcat(variance(p, x).T, x.answer_variances[:-1, :]),
             "answer_due": 0,
         }
 
     return Step(keep, when="answer_due")
 
 
-def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any]) -> Any:
-    """Stated standard deviations of attitude about n (3, rad).
+def moved(x: Any, answer: Any, lost: Any, variance: Any) -> Any:
+    """Variance of attitude about n (3, rad^2) by which the answer has moved beyond what errors of the sensors explain.
 
-    answer: that of now (4). lost: time that the windows leave out of the run, s. sigma: standard deviations (3, rad)
-    that sensor errors set after a time (s).
+    answer: that of now (4).  lost: time that the windows leave out of the run, s.  variance: that of the answer's errors
+    without motion (3, rad^2).
     """
-    now, back = sigma(x.time), frozen_frame.q_n0n(x.half_turn, x.axis_n)
+    back = frozen_frame.q_n0n(x.half_turn, x.axis_n)
     excess = ca.SX.zeros(3)
     for i in range(ANSWERS):
-        moved = attitude.rotate_inverse(back, attitude.error_rotation_vector(answer, x.answers[i, :].T))
-        expected = EXPECTED**2 * maximum(sigma(x.answer_times[i]) ** 2 - now**2, 0.0)
-        aged = select(x.answer_times[i] > 0, x.answer_times[i] / maximum(x.time, FIRST), 1.0)  # 1: not stored yet
-        excess = maximum(excess, aged**2 * (moved**2 - expected))
-    unsettled = ca.logic_and(lost > 0, x.time < SETTLED * lost)
+        change = attitude.rotate_inverse(back, attitude.error_rotation_vector(answer, x.answers[i, :].T))
+        expected = EXPECTED**2 * maximum(x.answer_variances[i, :].T - variance, 0.0)
+        counts = x.answer_times[i] >= SETTLED * lost
+        share = counts * (x.answer_times[i] - lost) / maximum(x.time - lost, FIRST)  # 0: not kept yet
+        excess = maximum(excess, share**2 * (change**2 - expected))
+    return excess
+
+
+def stated(x: Any, answer: Any, lost: Any, variance: Any) -> Any:
+    """Stated standard deviations of attitude about n (3, rad).
+
+    answer, lost, variance: as of `moved`.
+    """
+    early = ca.logic_and(lost > 0, x.time < STATED * lost)
     rough = ca.vertcat(UNSETTLED_TILT, UNSETTLED_TILT, LARGEST_HEADING_SIGMA)
-    return select(unsettled, maximum(rough, now), ca.sqrt(now**2 + excess))
+    return select(early, maximum(rough, ca.sqrt(variance)), ca.sqrt(variance + moved(x, answer, lost, variance)))
