@@ -1,7 +1,7 @@
 /** The end of a live run: the tables that `insenv run` prints. */
 
 import { fill, h } from "./dom.js";
-import { healthNow, notesAtEnd, statisticsOf, unjudged } from "./judge.js";
+import { healthNow, notesAtEnd, statisticsOf, steepPitch } from "./judge.js";
 import { number, significant } from "./numbers.js";
 import { summaryTable } from "./tables.js";
 
@@ -51,7 +51,7 @@ function endTable(live, estimator, group, at, history, changes, last) {
   const before = last && statisticsOf(estimator, at, last);
   const [ratio] = columns.filter((name) => name.startsWith("rms/"));
   const yardstick = ratio?.slice("rms/".length);
-  const left = unjudged(live, estimator, at, history).channels;
+  const left = steepPitch(live, estimator, at, history).channels;
   const rows = statistics.map((one, place) => {
     const judged = !left.includes(one.channel);
     const kinds = { ...one, limit: judged ? (limit[one.channel] ?? null) : null, [LAST]: before?.[place].rms };

@@ -6,9 +6,9 @@ import { controlPanel } from "./controls.js";
 import { button, h } from "./dom.js";
 import { driver } from "./drive.js";
 import { showEnd } from "./ending.js";
-import { loadRule } from "./health.js";
 import { lastRun } from "./ghost.js";
 import { makeHistory } from "./history.js";
+import { loadRules } from "./judge.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
 import { changed, changesOf, conditions, copy, cutNow, download, notesOf, outagesOf, preparedState, shared } from "./livestate.js";
@@ -282,7 +282,7 @@ export function livePage(live) {
   requestAnimationFrame(paint);
   onTheme(views.ask);
   controls.show(state.seed, state.values);
-  Promise.allSettled([loadRule(live.rule), followed]).then(() => session.send({ do: "load", live }));
+  Promise.allSettled([loadRules(live.rules), followed]).then(() => session.send({ do: "load", live }));
 
   const hide = (/** @type {number} */ group, /** @type {boolean} */ shown) => {
     panels.show(group, shown);
