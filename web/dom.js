@@ -49,6 +49,27 @@ export function button(text, act, attributes = {}) {
   return h("button", { type: "button", onclick: act, ...attributes }, text);
 }
 
+/** What keys do, alone, as a listener: zoom, show all, and others by name.
+ * @param {() => void} closer
+ * @param {() => void} farther
+ * @param {() => void} all
+ * @param {Record<string, () => void>} others */
+export function zoomKeys(closer, farther, all, others) {
+  /** @type {Record<string, () => void>} */
+  const acts = { "+": closer, "=": closer, "-": farther, 0: all, Escape: all, ...others };
+  return (/** @type {KeyboardEvent} */ event) => {
+    if (!acts[event.key] || chorded(event)) return;
+    event.preventDefault();
+    acts[event.key]();
+  };
+}
+
+/** Whether a key is pressed with one that gives it another meaning.
+ * @param {KeyboardEvent} event */
+export function chorded(event) {
+  return event.ctrlKey || event.metaKey || event.altKey;
+}
+
 /** Call `act` at most once a frame, however often it is asked for.
  * @param {() => void} act
  * @returns {() => void} */

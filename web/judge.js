@@ -1,12 +1,12 @@
 /** What the records of a live page say of its estimators, by the rules of insenv/evaluation, compiled (insenv/web/judging.py). */
 
 import { bytesOf } from "./arrays.js";
+import { firstWhere } from "./history.js";
 import { significant } from "./numbers.js";
 import { filled, worded } from "./words.js";
 
 /**
  * @typedef {import("./history.js").Recorded} Recorded
- * @typedef {(name: string) => any} At  the row of an output
  * @typedef {object} Health  of an estimator
  * @property {string} verdict
  * @property {string[]} lines
@@ -50,14 +50,13 @@ function longer(values, size, other) {
  * The health of an estimator over the records; null if it tells none, or if nothing was measured.
  * @param {any} live
  * @param {any} estimator  of `live.estimators`
- * @param {At} at
  * @param {Recorded} history
  * @returns {Health | null} */
-export function healthNow({ rules }, { prefix, health }, at, history) {
+export function healthNow({ rules }, { prefix, health }, history) {
   if (!health) return null;
   /** @param {string} id @param {string} what @param {string[]} names */
   const toldBy = (id, what, names) => {
-    const rows = names.map((name) => at(prefix + name));
+    const rows = names.map((name) => history.at(prefix + name));
     const sums = (/** @type {number} */ record) =>
       rows.flatMap((row, place) => {
         const values = Array.from({ length: row.size }, (_, k) => history.value(row.at + k, record));
@@ -85,15 +84,7 @@ export function healthNow({ rules }, { prefix, health }, at, history) {
 function measured(rules, records, count, sums) {
   const last = records - 1;
   if (last < 0 || !count(last)) return null;
-  const firstWith = (/** @type {number} */ some) => {
-    let [low, high] = [0, last];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (count(middle) >= some) high = middle;
-      else low = middle + 1;
-    }
-    return low;
-  };
+  const firstWith = (/** @type {number} */ some) => firstWhere(last, (record) => count(record) >= some);
   const block = count(last) / rules.blocks;
   const ends = Array.from({ length: rules.blocks }, (_, k) => (block < 2 ? last : firstWith((k + 1) * block)));
   return evaluate(rules, "instrument", ...[...ends, firstWith(rules.late * count(last))].flatMap(sums));
@@ -103,22 +94,21 @@ function measured(rules, records, count, sums) {
  * What must be said of a run at its end, as `insenv run` says it.
  * @param {any} live
  * @param {any} estimator  of `live.estimators`
- * @param {At} at
  * @param {Recorded} history
  * @param {boolean} known  whether the settings are those of the document, on which some of it depends
  * @returns {string[]} */
-export function notesAtEnd(live, estimator, at, history, known) {
+export function notesAtEnd(live, estimator, history, known) {
   const { rules } = live;
-  const notes = known ? foundOf(rules, estimator, at, history) : [];
-  const health = healthNow(live, estimator, at, history);
+  const notes = known ? foundOf(rules, estimator, history) : [];
+  const health = healthNow(live, estimator, history);
   if (estimator.health?.fixes) notes.push(...ofFixes(rules, health, !known || estimator.health.slow));
   const worst = health?.aids.filter((one) => one.wrong) ?? [];
   worst.sort((one, other) => other.ratio - one.ratio || (one.id < other.id ? 1 : -1));
   notes.push(...worst.map((one) => filled(rules["aid-misfit"], one)));
-  if (known && estimator.health?.less) notes.push(...countedLess(rules, estimator, at, history));
-  const steep = steepPitch(live, estimator, at, history);
+  if (known && estimator.health?.less) notes.push(...countedLess(rules, estimator, history));
+  const steep = steepPitch(live, estimator, history);
   if (steep.said) notes.push(filled(rules["steep-pitch"], steep));
-  const ratios = statisticsOf(estimator, at, history)
+  const ratios = statisticsOf(estimator, history)
     .filter(({ channel, stated }) => stated !== null && !steep.channels.includes(channel))
     .map(({ channel, rms, stated }) => ({ what: channel.replace(/_.*/, ""), ...evaluate(rules, "larger_error", rms, stated ?? 0) }))
     .filter((/** @type {any} */ one) => one.said)
@@ -143,15 +133,14 @@ function ofFixes(rules, health, slow) {
 /** Whether the position is worse than one fix: see insenv/evaluation/health.py.
  * @param {any} rules
  * @param {any} estimator
- * @param {At} at
  * @param {Recorded} history
  * @returns {string[]} */
-function countedLess(rules, { prefix }, at, history) {
-  const count = (/** @type {number} */ record) => history.value(at(`${prefix}fix_count`).at, record);
+function countedLess(rules, { prefix }, history) {
+  const count = (/** @type {number} */ record) => history.value(history.at(`${prefix}fix_count`).at, record);
   const fixed = Array.from({ length: history.count() }, (_, record) => record).filter((k) => k > 0 && count(k) > count(k - 1));
   const recent = fixed.slice(Math.floor(fixed.length / 2));
   const medians = ["gnss_position_sigma", `${prefix}position_sigma`].map((name) =>
-    [0, 1, 2].map((axis) => median(recent.map((record) => history.value(at(name).at + axis, record)))),
+    [0, 1, 2].map((axis) => median(recent.map((record) => history.value(history.at(name).at + axis, record)))),
   );
   const numbers = evaluate(rules, "counted_less", ...medians[1], ...medians[0]);
   return numbers.said ? [filled(rules["fixes-count-less"], numbers)] : [];
@@ -169,11 +158,10 @@ function median(values) {
  * The largest pitch of a run in degrees, and the errors that are none of the attitude because it comes near 90 deg.
  * @param {any} live
  * @param {any} estimator
- * @param {At} at
  * @param {Recorded} history
  * @returns {{said: number, pitch: number, channels: string[]}} */
-export function steepPitch({ rules }, { channels, from_s }, at, history) {
-  const { said, pitch } = evaluate(rules, "steep_pitch", over(at("attitude").at + 1, at, history, from_s).max);
+export function steepPitch({ rules }, { channels, from_s }, history) {
+  const { said, pitch } = evaluate(rules, "steep_pitch", over(history.at("attitude").at + 1, history, from_s).max);
   const steep = channels.includes("pitch_deg") ? said : 0;
   return { said: steep, pitch, channels: steep ? ["roll_deg", "heading_deg"] : [] };
 }
@@ -181,16 +169,15 @@ export function steepPitch({ rules }, { channels, from_s }, at, history) {
 /** The findings of an estimator that hold: of those about one row, the first (insenv/estimators/contract.py).
  * @param {any} rules
  * @param {any} estimator
- * @param {At} at
  * @param {Recorded} history
  * @returns {string[]} */
-function foundOf(rules, { prefix, findings }, at, history) {
+function foundOf(rules, { prefix, findings }, history) {
   const last = history.count() - 1;
   const size = rules.sizes.elements;
   const byRow = new Map();
   for (const { row, elements, limit, sentence } of findings) {
     const [places, about, scale] = [0, 1, 2].map((part) => elements.map((/** @type {number[]} */ one) => one[part]));
-    const values = places.map((/** @type {number} */ k) => history.value(at(prefix + row).at + k, last));
+    const values = places.map((/** @type {number} */ k) => history.value(history.at(prefix + row).at + k, last));
     const columns = [longer(values, size, 0), longer(about, size, 0), longer(scale, size, 1)];
     const { said, ratio } = evaluate(rules, "departure", ...columns.flat(), limit);
     if (said && !byRow.has(row)) byRow.set(row, filled(sentence, { ratio: significant(ratio, 3) }));
@@ -200,11 +187,10 @@ function foundOf(rules, { prefix, findings }, at, history) {
 
 /** Root mean square and largest magnitude of an output from a time on.
  * @param {number} place
- * @param {At} at
  * @param {Recorded} history
  * @param {number} from  s */
-function over(place, at, history, from) {
-  const time = at("time").at;
+function over(place, history, from) {
+  const time = history.at("time").at;
   let [sum, count, max] = [0, 0, 0];
   for (let record = 0; record < history.count(); record++) {
     if (history.value(time, record) < from - 1e-9) continue;
@@ -219,18 +205,17 @@ function over(place, at, history, from) {
 /**
  * The errors of an estimator: at the end, and rms, largest and stated rms from `from_s` on.
  * @param {any} estimator
- * @param {At} at
  * @param {Recorded} history
  * @returns {{channel: string, final: number, rms: number, max: number, stated: number | null}[]} */
-export function statisticsOf({ prefix, channels, stated, from_s: from }, at, history) {
+export function statisticsOf({ prefix, channels, stated, from_s: from }, history) {
   return channels.map((/** @type {string} */ channel, /** @type {number} */ k) => {
-    const place = at(`${prefix}error`).at + k;
+    const place = history.at(`${prefix}error`).at + k;
     const own = stated.indexOf(channel);
     return {
       channel,
       final: history.value(place, history.count() - 1),
-      ...over(place, at, history, from),
-      stated: own < 0 ? null : over(at(`${prefix}sigma`).at + own, at, history, from).rms,
+      ...over(place, history, from),
+      stated: own < 0 ? null : over(history.at(`${prefix}sigma`).at + own, history, from).rms,
     };
   });
 }

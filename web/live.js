@@ -32,7 +32,7 @@ export function livePage(live) {
   const rows = new Map(live.tables.outputs.map((/** @type {any} */ row) => [row.name, row]));
   const at = (/** @type {string} */ name) => /** @type {any} */ (rows.get(name));
   const session = startSession();
-  const history = makeHistory(live.sizes.y, Math.ceil(live.samples / live.every) + 2);
+  const history = makeHistory(at, live.sizes.y, Math.ceil(live.samples / live.every) + 2);
   const span = makeSpan(0, SHORTEST);
   const panels = livePanels(live, span);
   const views = vehicleViews(live, at, history);
@@ -218,7 +218,7 @@ export function livePage(live) {
     ended = true;
     const last = ghost.run();
     const whole = last && last.history.count() === history.count();
-    showEnd(end, live, at, history, compare(), whole ? { history: last.history, told: ghost.told() } : null);
+    showEnd(end, live, history, compare(), whole ? { history: last.history, told: ghost.told() } : null);
     show();
   });
   session.on("cloud", (message) => {

@@ -1,6 +1,6 @@
 /** The WebAssembly of a live page, and what its document says of parameters: seeds, controls, outages. */
 
-import { bytesOf } from "./arrays.js";
+import { bytesOf, numbersOf, piped } from "./arrays.js";
 import { checkWindows } from "./checks.js";
 import { beyond, oneOf, rangesOf } from "./words.js";
 
@@ -11,22 +11,6 @@ const FORMS = {
   degrees: (value, scale) => (value * Math.PI) / scale,
   inverse: (value, scale) => scale * (1 / value),
 };
-
-/** Float64 numbers of base64 text, little endian.
- * @param {string} text
- * @returns {Float64Array} */
-function numbersOf(text) {
-  const bytes = bytesOf(text);
-  return new Float64Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
-}
-
-/** The bytes of a gzip file.
- * @param {Uint8Array<ArrayBuffer>} bytes
- * @returns {Promise<Uint8Array<ArrayBuffer>>} */
-async function unzipped(bytes) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
 
 /** The module, and what the document says of it. */
 export class Machine {
@@ -45,7 +29,7 @@ export class Machine {
   /** @param {any} live
    * @returns {Promise<Machine>} */
   static async load(live) {
-    const module = new WebAssembly.Module(await unzipped(bytesOf(live.wasm)));
+    const module = new WebAssembly.Module(await piped(bytesOf(live.wasm), new DecompressionStream("gzip")));
     return new Machine(live, new WebAssembly.Instance(module));
   }
 

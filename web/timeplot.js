@@ -1,7 +1,8 @@
 /** A panel over time: curves, bands, limits, shading, zoom by pointer and keys, the values under the pointer. */
 
 import { columns, layout, ranged } from "./curves.js";
-import { h, onceAFrame } from "./dom.js";
+import { h, onceAFrame, zoomKeys } from "./dom.js";
+import { firstWhere } from "./history.js";
 import { minus, number, plain, tick, ticks } from "./numbers.js";
 import { marks, rangeOf, symlog } from "./scale.js";
 import { TIME, along } from "./span.js";
@@ -56,7 +57,8 @@ export function timePlot(panel, span, names, axis = TIME) {
   const range = (/** @type {any} */ u) => {
     const [from, to] = span.shown();
     const x = /** @type {number[]} */ (u.data[0]);
-    const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log, panel.level ?? null);
+    const firstFrom = (/** @type {number} */ time) => firstWhere(x.length, (place) => x[place] >= time);
+    const [low, high] = rangeOf(counted(), firstFrom(from), firstFrom(to + 1e-9) - 1, panel.log, panel.level ?? null);
     return [panel.positive ? 0 : low, panel.most ?? high];
   };
   let pointed = /** @type {number | null} */ (null); // time of the cursor, s
@@ -232,33 +234,6 @@ function read(u, readout, owners, names, axis) {
 
 /** @param {import("./span.js").Span} span */
 function keys(span) {
-  /** @type {Record<string, () => void>} */
-  const acts = {
-    "+": () => span.zoom(0.5),
-    "=": () => span.zoom(0.5),
-    "-": () => span.zoom(2),
-    0: () => span.reset(),
-    Escape: () => span.reset(),
-    ArrowLeft: () => span.move(-0.2),
-    ArrowRight: () => span.move(0.2),
-  };
-  return (/** @type {KeyboardEvent} */ event) => {
-    const act = acts[event.key];
-    if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
-    event.preventDefault();
-    act();
-  };
-}
-
-/** The first place of sorted values that is not below `value`.
- * @param {ArrayLike<number>} sorted
- * @param {number} value */
-function firstFrom(sorted, value) {
-  let [low, high] = [0, sorted.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (sorted[middle] < value) low = middle + 1;
-    else high = middle;
-  }
-  return low;
+  const arrows = { ArrowLeft: () => span.move(-0.2), ArrowRight: () => span.move(0.2) };
+  return zoomKeys(() => span.zoom(0.5), () => span.zoom(2), span.reset, arrows);
 }

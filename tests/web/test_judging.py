@@ -90,10 +90,11 @@ def test_the_sentences_are_those_of_a_run(scenario, id, scales, wander, codes, t
     code = """(async () => {
       await module_judge.loadRules(given[0]);
       return given[1].map((records) => {
-        const history = { count: () => records.length, value: (place, record) => records[record][place] };
-        const [one, at] = [{ ...given[2], from_s: 0.5 * records.length }, (name) => given[3][name]];
-        const found = module_judge.healthNow({ rules: given[0] }, one, at, history);
-        return [found && [found.verdict, ...found.lines], module_judge.notesAtEnd({ rules: given[0] }, one, at, history, true)];
+        const value = (place, record) => records[record][place];
+        const history = { at: (name) => given[3][name], count: () => records.length, value };
+        const one = { ...given[2], from_s: 0.5 * records.length };
+        const found = module_judge.healthNow({ rules: given[0] }, one, history);
+        return [found && [found.verdict, ...found.lines], module_judge.notesAtEnd({ rules: given[0] }, one, history, true)];
       });
     })()"""
     members = [SimpleNamespace(estimator=estimator)]
