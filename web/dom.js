@@ -33,6 +33,17 @@ export function fill(element, ...children) {
   );
 }
 
+/** A panel with its title, the unit of what it shows, and what stands beside them.
+ * @param {string} kind  further classes
+ * @param {string} title
+ * @param {string} unit  "1" or empty: none
+ * @param {Child} beside
+ * @param {...Child} children */
+export function panelOf(kind, title, unit, beside, ...children) {
+  const shown = unit !== "" && unit !== "1" && h("span", { class: "unit" }, ` ${unit}`);
+  return h("div", { class: `panel${kind && ` ${kind}`}` }, h("div", { class: "head" }, h("h3", {}, title, shown), beside), children);
+}
+
 /** The JSON document of a kind that this page holds, or null.
  * @param {string} kind
  * @returns {any} */

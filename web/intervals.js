@@ -1,6 +1,6 @@
 /** Values with their intervals beside a line at 1, on a logarithmic scale: factors, and ratios of after to before. */
 
-import { h } from "./dom.js";
+import { h, panelOf } from "./dom.js";
 import { number } from "./numbers.js";
 import { scrolled, withUnit } from "./tables.js";
 
@@ -29,11 +29,6 @@ export function intervalsPanel({ title, rows }) {
     const figure = h("td", { class: "figure" }, number(value), " ", ends);
     return h("tr", {}, h("th", { scope: "row" }, parts, unit), h("td", { class: "drawn" }, line), figure);
   });
-  const element = h(
-    "div",
-    { class: "panel intervals" },
-    h("div", { class: "head" }, h("h3", {}, title)),
-    scrolled(title, h("tbody", {}, drawn)),
-  );
+  const element = panelOf("intervals", title, "", null, scrolled(title, h("tbody", {}, drawn)));
   return { element, show: () => {} };
 }

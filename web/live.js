@@ -13,11 +13,11 @@ import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
 import { changed, changesOf, conditions, copy, cutNow, download, notesOf, outagesOf, preparedState, shared } from "./livestate.js";
 import { notesPanel } from "./notes.js";
-import { origin } from "./origin.js";
+import { heading, origin } from "./origin.js";
 import { startSession } from "./session.js";
 import { makeSpan, spanControls } from "./span.js";
 import { storyStrip } from "./story.js";
-import { onTheme, themeButton } from "./theme.js";
+import { onTheme } from "./theme.js";
 import { firstSpeed, transport } from "./transport.js";
 import { vehicleViews } from "./views.js";
 
@@ -336,7 +336,7 @@ export function livePage(live) {
   return h(
     "div",
     { class: "frame live" },
-    heading(live, () => session.send({ do: "toml" })),
+    head(live, () => session.send({ do: "toml" })),
     main,
     h(
       "footer",
@@ -371,15 +371,10 @@ function besideVehicle(plot, views) {
 /** The head of the page.
  * @param {any} live
  * @param {() => void} toml  ask for the scenario file */
-function heading(live, toml) {
+function head(live, toml) {
   // from a file the address leads nobody else here: its scenario does
   const link = shared() && button("Copy link", () => copy(link), { class: "quiet" });
   const ids = live.estimators.map((/** @type {any} */ one) => one.id).join(", ");
-  const facts = `${live.name} \u00b7 ${live.duration_s} s at ${live.rate_hz} Hz \u00b7 ${ids}`;
-  return h(
-    "header",
-    {},
-    h("div", {}, h("h1", {}, live.title || live.name), h("p", { class: "facts" }, facts)),
-    h("div", { class: "tools" }, link, button("Download as scenario", toml, { class: "quiet", id: "toml" }), themeButton()),
-  );
+  const facts = [live.name, `${live.duration_s} s at ${live.rate_hz} Hz`, ids];
+  return heading(live.title || live.name, "", facts, [link, button("Download as scenario", toml, { class: "quiet", id: "toml" })]);
 }

@@ -1,7 +1,7 @@
 /** The track seen from above, north up, on a grid of 1, 2 or 5 times a power of ten metres: zoom by wheel, pinch and keys. */
 
 import { sharpCanvas } from "./canvas.js";
-import { button, h, onceAFrame, zoomKeys } from "./dom.js";
+import { button, h, onceAFrame, panelOf, zoomKeys } from "./dom.js";
 import { minus, number, roundDown, tick } from "./numbers.js";
 import { colour, faint, groupColour, onTheme } from "./theme.js";
 
@@ -40,12 +40,7 @@ export function trackPlot(title, scene, label, moving = false) {
   );
   const { element: canvas, size } = sharp;
   const readout = h("output", { class: "readout" });
-  const element = h(
-    "div",
-    { class: "panel tall" },
-    h("div", { class: "head" }, h("h3", {}, title, h("span", { class: "unit" }, " m")), readout),
-    canvas,
-  );
+  const element = panelOf("tall", title, "m", readout, canvas);
   const follow = button("Follow", () => setFollowing(!following), { class: "quiet follow", id: "follow", "aria-pressed": "false" });
   if (moving) element.append(follow);
   /** @type {Set<number>} */

@@ -137,8 +137,8 @@ class LiveHealth:
 
     @property
     def contradicted(self) -> bool:
-        """Whether the median test ratios over the latest fixes contradict it (`insenv.evaluation.contradiction.contradicts`), or
-        the filter has started anew by them less than `HOLD_S` ago."""
+        """Whether the latest fixes contradict it (`insenv.evaluation.contradiction.contradicts`), or the filter has started
+        anew by them less than `HOLD_S` ago."""
         if self._time - self._restarted_at < HOLD_S:
             return True
         if len(self._ratios) < FIXES:
