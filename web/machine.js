@@ -21,7 +21,10 @@ export class Machine {
     this.exports = /** @type {any} */ (instance.exports);
     this.free = (this.exports.__heap_base.value + 15) & ~15;
     this.start = { p: numbersOf(live.start.p), known: numbersOf(live.start.known), u: numbersOf(live.start.u) };
-    this.drawn = this.drawAll(live.seeds);
+    const range = (/** @type {number[]} */ [first, last]) => Array.from({ length: last - first + 1 }, (_, k) => first + k);
+    /** @type {number[]} those that the page offers */
+    this.seeds = live.seeds.numbers.flatMap(range);
+    this.drawn = this.drawAll(live.seeds.others);
     /** @type {Map<string, any>} */
     this.controls = new Map((live.controls ?? []).map((/** @type {any} */ control) => [control.key, control]));
   }
@@ -48,13 +51,12 @@ export class Machine {
   }
 
   /** The standard normals behind the start errors of all seeds: computed, and those of the document that the module does not compute.
-   * @param {{numbers: number[][], others: string[]}} seeds
+   * @param {string[]} others  their places, and what is there
    * @returns {Float64Array} */
-  drawAll({ numbers, others }) {
-    const seeds = numbers.flatMap(([first, last]) => Array.from({ length: last - first + 1 }, (_, k) => first + k));
+  drawAll(others) {
     const [place] = this.reserve([9]);
-    const all = new Float64Array(9 * seeds.length);
-    seeds.forEach((seed, k) => {
+    const all = new Float64Array(9 * this.seeds.length);
+    this.seeds.forEach((seed, k) => {
       this.exports.normals(seed, place);
       all.set(new Float64Array(this.exports.memory.buffer, place, 9), 9 * k);
     });
@@ -67,15 +69,9 @@ export class Machine {
    * @param {number} seed
    * @returns {Float64Array} */
   normals(seed) {
-    let before = 0;
-    for (const [first, last] of this.live.seeds.numbers) {
-      if (seed >= first && seed <= last && Number.isInteger(seed)) {
-        const at = 9 * (before + seed - first);
-        return this.drawn.subarray(at, at + 9);
-      }
-      before += last - first + 1;
-    }
-    throw new Error(`seed = ${seed}: allowed is ${rangesOf(this.live.seeds.numbers)}`);
+    const place = this.seeds.indexOf(seed);
+    if (place < 0) throw new Error(`seed = ${seed}: allowed is ${rangesOf(this.live.seeds.numbers)}`);
+    return this.drawn.subarray(9 * place, 9 * place + 9);
   }
 
   /** Set what controls stand for.  Options go before numbers: those may replace numbers of a grade.
