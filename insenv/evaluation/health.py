@@ -132,9 +132,10 @@ class AidHealth:
         count, refused = map(int, sums[-1, :2])
         if not count:
             return None
-        place, factor, (nis, *groups) = of_records(sums)
-        verdict = VERDICTS[place]
-        return cls(count, refused, nis, tuple(groups), verdict, factor if verdict in WRONG else 1.0)
+        judgement = of_records(sums)
+        place, _, (nis, *groups) = judgement
+        factor = float(of_instrument(judgement, count, refused)["ratio"])
+        return cls(count, refused, nis, tuple(groups), VERDICTS[place], factor)
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""

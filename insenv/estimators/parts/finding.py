@@ -35,7 +35,8 @@ class Finding:
         """What `departure` gives for outputs (by row name, time along the first axis) at their end."""
         values = np.ravel(outputs[self.row][-1])
         about, scale, _ = np.broadcast_arrays(self.about, self.scale, values)
-        return departure(values, about, scale, self.limit)
+        numbers = departure(values, about, scale, self.limit)
+        return {"said": bool(numbers["said"]), "ratio": float(numbers["ratio"])}
 
     @property
     def remark(self) -> Remark:
