@@ -1,6 +1,6 @@
 /** The state of a live page in its address: a link repeats the run. Commands stand there deflated, each with what it changes. */
 
-import { bytesOf, textOf } from "./arrays.js";
+import { bytesOf, piped, textOf } from "./arrays.js";
 import { checkCommands, checkWindows } from "./checks.js";
 import { beyond, given } from "./words.js";
 
@@ -39,7 +39,7 @@ function differences(commands) {
  * @param {string} text
  * @returns {Promise<string>} */
 async function packed(text) {
-  const bytes = await piped(new Blob([text]), new CompressionStream("deflate-raw"));
+  const bytes = await piped(text, new CompressionStream("deflate-raw"));
   return textOf(bytes).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 }
 
@@ -47,13 +47,7 @@ async function packed(text) {
  * @returns {Promise<string>} */
 async function unpacked(text) {
   const bytes = bytesOf(text.replaceAll("-", "+").replaceAll("_", "/").padEnd(4 * Math.ceil(text.length / 4), "="));
-  return new TextDecoder().decode(await piped(new Blob([/** @type {BlobPart} */ (bytes)]), new DecompressionStream("deflate-raw")));
-}
-
-/** @param {Blob} blob
- * @param {CompressionStream | DecompressionStream} stream */
-async function piped(blob, stream) {
-  return new Uint8Array(await new Response(blob.stream().pipeThrough(/** @type {any} */ (stream))).arrayBuffer());
+  return new TextDecoder().decode(await piped(bytes, new DecompressionStream("deflate-raw")));
 }
 
 /** The state that an address holds. Rejects with an Error with one sentence for what it cannot mean.

@@ -12,6 +12,21 @@ export function bytesOf(text) {
   return bytes;
 }
 
+/** Float64 numbers of a text in base64.
+ * @param {string} text
+ * @returns {Float64Array} */
+export function numbersOf(text) {
+  return new Float64Array(bytesOf(text).slice().buffer);
+}
+
+/** What a stream makes of bytes: packs or unpacks them.
+ * @param {BlobPart} bytes
+ * @param {CompressionStream | DecompressionStream} stream */
+export async function piped(bytes, stream) {
+  const made = new Blob([bytes]).stream().pipeThrough(/** @type {any} */ (stream));
+  return new Uint8Array(await new Response(made).arrayBuffer());
+}
+
 /** Bytes as a text in base64.
  * @param {Uint8Array} bytes
  * @returns {string} */

@@ -90,16 +90,7 @@ export function cloudPanel(live, start) {
         group: -1,
         y: x.map((/** @type {number} */ time) => between(live.limit.time_s, limit, time)),
       });
-    const panel = {
-      title: `${title} error of ${units.length} units`,
-      unit,
-      threshold: thresholdOf(live, name),
-      log: false,
-      from_s: null,
-      shade: [],
-      x,
-      curves,
-    };
+    const panel = { title: `${title} error of ${units.length} units`, unit, threshold: thresholdOf(live, name), x, curves };
     const plot = timePlot(
       panel,
       makeSpan(0, x.at(-1) ?? 1),

@@ -80,38 +80,17 @@ function section(key) {
  * @param {(value: number) => void} take */
 function seedRow(live, take) {
   const ranges = live.seeds.numbers;
-  const input = h("input", {
-    id: "seed",
-    type: "number",
-    min: ranges[0][0],
-    max: ranges.at(-1)[1],
-    step: 1,
-    "aria-describedby": "seed-wrong",
-  });
-  const wrong = h("p", { class: "wrong", role: "alert", id: "seed-wrong" });
-  let used = live.seed;
-  const give = () => {
-    const value = Number(input.value);
+  const read = (/** @type {string} */ text) => {
+    const value = Number(text);
     const whole = Number.isInteger(value);
-    const offered =
-      input.value.trim() !== "" &&
-      whole &&
-      ranges.some((/** @type {number[]} */ [first, last]) => value >= first && value <= last);
-    const allowed = `${whole ? "" : "a whole number, "}${rangesOf(ranges)}`;
-    wrong.textContent = offered ? "" : `${given("seed", input.value)}: allowed is ${allowed}. ${stillUsed(String(used))}`;
-    if (!offered) return;
-    used = value;
-    take(value);
+    const within = (/** @type {number[]} */ [first, last]) => value >= first && value <= last;
+    if (text.trim() !== "" && whole && ranges.some(within)) return value;
+    throw new Error(`${given("seed", text)}: allowed is ${whole ? "" : "a whole number, "}${rangesOf(ranges)}`);
   };
-  input.addEventListener("change", give);
-  const next = button(
-    "Next",
-    () => {
-      input.value = String(Number(input.value) + 1);
-      give();
-    },
-    { class: "quiet", title: "The next unit and weather" },
-  );
+  const bounds = { type: "number", min: ranges[0][0], max: ranges.at(-1)[1], step: 1 };
+  const { input, wrong, give, show } = field("seed", { ...bounds, "aria-describedby": "seed-wrong" }, read, String, take);
+  const more = () => give(String(Number(input.value) + 1));
+  const next = button("Next", more, { class: "quiet", title: "The next unit and weather" });
   const element = h(
     "div",
     { class: "control" },
@@ -119,14 +98,37 @@ function seedRow(live, take) {
     h("div", { class: "pair" }, input, next),
     wrong,
   );
-  return {
-    element,
-    show: (/** @type {number} */ value) => {
-      used = value;
-      input.value = String(value);
+  return { element, show };
+}
+
+/** A field for a number, and the sentence on what is wrong with what it holds.
+ * @param {string} id
+ * @param {Record<string, any>} attributes
+ * @param {(text: string) => number} read  throws an Error with one sentence for a value that is not allowed
+ * @param {(value: number | null) => string} said  a value in that sentence
+ * @param {(value: number) => void} take */
+function field(id, attributes, read, said, take) {
+  const input = h("input", { id, ...attributes });
+  const wrong = h("p", { class: "wrong", role: "alert", id: `${id}-wrong` });
+  let used = /** @type {number | null} */ (null);
+  const give = (/** @type {string} */ text) => {
+    input.value = text;
+    try {
+      const value = read(text);
       wrong.textContent = "";
-    },
+      used = value;
+      take(value);
+    } catch (error) {
+      wrong.textContent = `${error instanceof Error ? error.message : error}. ${stillUsed(said(used))}`;
+    }
   };
+  input.addEventListener("change", () => give(input.value));
+  const show = (/** @type {number | null} */ value) => {
+    used = value;
+    input.value = value === null ? "" : String(value);
+    wrong.textContent = "";
+  };
+  return { input, wrong, give, show };
 }
 
 /** One of several sets of numbers.
@@ -146,16 +148,18 @@ function choice(control, take) {
 function amount(control, take) {
   const { key, label, unit, meaning, low, high, minimum, maximum } = control;
   const id = `control-${key}`;
-  const bounds = `${meaning}; ${minimum} to ${maximum}${unit ? ` ${unit}` : ""}`;
-  const input = h("input", {
-    id,
+  const of = unit ? ` ${unit}` : "";
+  const bounds = `${meaning}; ${minimum} to ${maximum}${of}`;
+  const attributes = {
     type: "text",
     inputmode: "decimal",
     autocomplete: "off",
     placeholder: "drawn",
     "aria-describedby": `${id}-bounds`,
     title: bounds,
-  });
+  };
+  const said = (/** @type {number | null} */ value) => (value === null ? `the value ${input.placeholder}` : `${value}${of}`);
+  const { input, wrong, give, show } = field(id, attributes, (text) => checked(control, text), said, take);
   const slider = h("input", {
     type: "range",
     min: low,
@@ -164,20 +168,6 @@ function amount(control, take) {
     "aria-label": `${label}, slider`,
     title: bounds,
   });
-  const wrong = h("p", { class: "wrong", role: "alert" });
-  let used = /** @type {number | null} */ (control.value);
-  const give = (/** @type {string} */ text) => {
-    try {
-      const value = checked(control, text);
-      wrong.textContent = "";
-      used = value;
-      take(value);
-    } catch (error) {
-      const now = used === null ? `the value ${input.placeholder}` : `${used}${unit ? ` ${unit}` : ""}`;
-      wrong.textContent = `${error instanceof Error ? error.message : error}. ${stillUsed(now)}`;
-    }
-  };
-  input.addEventListener("change", () => give(input.value));
   const step = roundDown(Math.max((high - low) / 400, 1e-12));
   const rounded = () => String(Number((Math.round(Number(slider.value) / step) * step).toPrecision(10)));
   slider.addEventListener("input", () => (input.value = rounded()));
@@ -194,11 +184,9 @@ function amount(control, take) {
   return {
     element,
     show: (/** @type {any} */ value) => {
-      used = value ?? null;
-      input.value = used === null ? "" : String(used);
+      show(value ?? null);
       input.placeholder = control.value === null ? "drawn" : "of the set";
       slider.value = String(value ?? (low + high) / 2);
-      wrong.textContent = "";
     },
   };
 }

@@ -33,6 +33,17 @@ export function fill(element, ...children) {
   );
 }
 
+/** A panel with its title, the unit of what it shows, and what stands beside them.
+ * @param {string} kind  further classes
+ * @param {string} title
+ * @param {string} unit  "1" or empty: none
+ * @param {Child} beside
+ * @param {...Child} children */
+export function panelOf(kind, title, unit, beside, ...children) {
+  const shown = unit !== "" && unit !== "1" && h("span", { class: "unit" }, ` ${unit}`);
+  return h("div", { class: `panel${kind && ` ${kind}`}` }, h("div", { class: "head" }, h("h3", {}, title, shown), beside), children);
+}
+
 /** The JSON document of a kind that this page holds, or null.
  * @param {string} kind
  * @returns {any} */
@@ -47,6 +58,27 @@ export function embedded(kind) {
  * @param {Record<string, any>} [attributes] */
 export function button(text, act, attributes = {}) {
   return h("button", { type: "button", onclick: act, ...attributes }, text);
+}
+
+/** What keys do, alone, as a listener: zoom, show all, and others by name.
+ * @param {() => void} closer
+ * @param {() => void} farther
+ * @param {() => void} all
+ * @param {Record<string, () => void>} others */
+export function zoomKeys(closer, farther, all, others) {
+  /** @type {Record<string, () => void>} */
+  const acts = { "+": closer, "=": closer, "-": farther, 0: all, Escape: all, ...others };
+  return (/** @type {KeyboardEvent} */ event) => {
+    if (!acts[event.key] || chorded(event)) return;
+    event.preventDefault();
+    acts[event.key]();
+  };
+}
+
+/** Whether a key is pressed with one that gives it another meaning.
+ * @param {KeyboardEvent} event */
+export function chorded(event) {
+  return event.ctrlKey || event.metaKey || event.altKey;
 }
 
 /** Call `act` at most once a frame, however often it is asked for.

@@ -1,6 +1,6 @@
 /** Driving: the commands of a vehicle by keys, and by dragging on a pad with mouse or finger. */
 
-import { button, h } from "./dom.js";
+import { button, chorded, h } from "./dom.js";
 import { fixed } from "./numbers.js";
 
 const TICK_MS = 50; // between two commands
@@ -90,7 +90,7 @@ export function driver(live, command, cut, undo) {
   const named = (/** @type {KeyboardEvent} */ event) => (event.key.length === 1 ? event.key.toLowerCase() : event.key);
   pad.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
     const key = named(event);
-    if (!(key in TURN || key in PUSH) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!(key in TURN || key in PUSH) || chorded(event)) return;
     event.preventDefault();
     if (event.repeat) return;
     held.add(key);

@@ -1,7 +1,7 @@
 /** The end of a live run: the tables that `insenv run` prints. */
 
 import { fill, h } from "./dom.js";
-import { healthNow, notesAtEnd, statisticsOf, unjudged } from "./judge.js";
+import { healthNow, notesAtEnd, statisticsOf, steepPitch } from "./judge.js";
 import { number, significant } from "./numbers.js";
 import { summaryTable } from "./tables.js";
 
@@ -10,13 +10,12 @@ const LAST = "last run";
 /** Fill the section at the end of a run.
  * @param {HTMLElement} section
  * @param {any} live
- * @param {(name: string) => any} at
  * @param {import("./history.js").Recorded} history
  * @param {{settings: boolean, commands: boolean}} changes  of the scenario as it stands: its limit is known, and all its notes
  * @param {{history: import("./history.js").Recorded, told: string} | null} last  the last run, if it ended */
-export function showEnd(section, live, at, history, changes, last) {
+export function showEnd(section, live, history, changes, last) {
   const tables = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) =>
-    endTable(live, one, group, at, history, changes, last?.history ?? null),
+    endTable(live, one, group, history, changes, last?.history ?? null),
   );
   const columns = new Set(tables.flatMap((/** @type {any} */ one) => one.columns));
   const meanings = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
@@ -36,22 +35,21 @@ export function showEnd(section, live, at, history, changes, last) {
  * @param {any} live
  * @param {any} estimator
  * @param {number} group
- * @param {(name: string) => any} at
  * @param {import("./history.js").Recorded} history
  * @param {{settings: boolean, commands: boolean}} changes
  * @param {import("./history.js").Recorded | null} last */
-function endTable(live, estimator, group, at, history, changes, last) {
+function endTable(live, estimator, group, history, changes, last) {
   const { settled } = estimator;
-  const statistics = statisticsOf(estimator, at, history);
+  const statistics = statisticsOf(estimator, history);
   const prepared = !changes.settings && !changes.commands;
   const limit = prepared ? estimator.limit : {};
   /** @type {string[]} */
   const columns = [...estimator.columns[prepared ? "prepared" : "changed"]];
   if (last) columns.splice(columns.indexOf("rms") + 1, 0, LAST);
-  const before = last && statisticsOf(estimator, at, last);
+  const before = last && statisticsOf(estimator, last);
   const [ratio] = columns.filter((name) => name.startsWith("rms/"));
   const yardstick = ratio?.slice("rms/".length);
-  const left = unjudged(live, estimator, at, history).channels;
+  const left = steepPitch(live, estimator, history).channels;
   const rows = statistics.map((one, place) => {
     const judged = !left.includes(one.channel);
     const kinds = { ...one, limit: judged ? (limit[one.channel] ?? null) : null, [LAST]: before?.[place].rms };
@@ -60,10 +58,10 @@ function endTable(live, estimator, group, at, history, changes, last) {
     const known = own && settled && judged && !(yardstick === "limit" && own < live.limit.floor[one.channel]);
     return { channel: one.channel, cells: [...cells, ...(ratio ? [known ? one.rms / own : null] : [])] };
   });
-  const health = healthNow(live, estimator, at, history);
+  const health = healthNow(live, estimator, history);
   const below = estimator.from_s > 0 ? [`Statistics from ${significant(estimator.from_s, 6)} s on`] : [];
   if (health) below.push(`Health: ${health.lines[0]}`, ...health.lines.slice(1));
-  below.push(...notesAtEnd(live, estimator, at, history, !changes.settings));
+  below.push(...notesAtEnd(live, estimator, history, !changes.settings));
   return {
     caption: estimator.id,
     columns,

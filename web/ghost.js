@@ -2,6 +2,7 @@
 
 import { button, h } from "./dom.js";
 import { conditions } from "./livestate.js";
+import { swatch } from "./theme.js";
 
 const NAMED = 3; // settings that are named, of those that differ
 
@@ -37,7 +38,7 @@ export function lastRun(live, draw) {
   const element = h(
     "div",
     { class: "entry last", hidden: true },
-    h("i", { class: "swatch line thin", "aria-hidden": "true" }),
+    swatch("line thin"),
     text,
     button("Forget", () => show(null), { class: "quiet", id: "forget" }),
   );

@@ -1,8 +1,8 @@
 /** Values with their intervals beside a line at 1, on a logarithmic scale: factors, and ratios of after to before. */
 
-import { h } from "./dom.js";
+import { h, panelOf } from "./dom.js";
 import { number } from "./numbers.js";
-import { withUnit } from "./tables.js";
+import { scrolled, withUnit } from "./tables.js";
 
 /** @typedef {{name: string, value: number | null, low: number | null, high: number | null}} Interval */
 
@@ -29,12 +29,6 @@ export function intervalsPanel({ title, rows }) {
     const figure = h("td", { class: "figure" }, number(value), " ", ends);
     return h("tr", {}, h("th", { scope: "row" }, parts, unit), h("td", { class: "drawn" }, line), figure);
   });
-  const table = h("table", {}, h("tbody", {}, drawn));
-  const element = h(
-    "div",
-    { class: "panel intervals" },
-    h("div", { class: "head" }, h("h3", {}, title)),
-    h("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": title }, table),
-  );
+  const element = panelOf("intervals", title, "", null, scrolled(title, h("tbody", {}, drawn)));
   return { element, show: () => {} };
 }

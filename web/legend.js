@@ -1,7 +1,7 @@
 /** The legend: what the colours and lines mean; estimators can be hidden. */
 
-import { h } from "./dom.js";
-import { colour, groupColour, onTheme } from "./theme.js";
+import { button, h } from "./dom.js";
+import { colour, groupColour, swatch } from "./theme.js";
 
 /**
  * @param {{name: string, first?: boolean}[]} groups  the estimators (or what else has a colour); one without a name is not listed;
@@ -13,32 +13,21 @@ export function legend(groups, others, show) {
   const listed = [...groups.entries()].sort(([, a], [, b]) => Number(b.first ?? false) - Number(a.first ?? false));
   const entries = listed.map(([group, { name }]) => {
     if (!name) return null;
-    const swatch = h("i", { class: "swatch line", "aria-hidden": "true" });
-    const button = h(
-      "button",
-      { type: "button", class: "entry", "aria-pressed": "true", title: `Show or hide ${name}` },
-      swatch,
-      name,
-    );
-    button.addEventListener("click", () => {
-      const shown = button.getAttribute("aria-pressed") !== "true";
-      button.setAttribute("aria-pressed", String(shown));
+    const sample = swatch("line", () => groupColour(group));
+    if (groups.length === 1) return h("span", { class: "entry" }, sample, name);
+    const toggle = () => {
+      const shown = element.getAttribute("aria-pressed") !== "true";
+      element.setAttribute("aria-pressed", String(shown));
       show(group, shown);
-    });
-    const paint = () => (swatch.style.background = groupColour(group));
-    onTheme(paint);
-    paint();
-    return groups.length > 1 ? button : h("span", { class: "entry" }, swatch, name);
+    };
+    const element = button(name, toggle, { class: "entry", "aria-pressed": "true", title: `Show or hide ${name}` });
+    element.prepend(sample);
+    return element;
   });
   for (const { kind, text } of others) {
-    const swatch = h("i", { class: `swatch ${kind}`, "aria-hidden": "true" });
-    if (kind === "cross") swatch.textContent = "\u00d7";
-    const paint = () => {
-      if (kind === "band") swatch.style.background = `${colour("c0")}33`;
-    };
-    onTheme(paint);
-    paint();
-    entries.push(h("span", { class: "entry" }, swatch, text));
+    const sample = swatch(kind, kind === "band" ? () => `${colour("c0")}33` : undefined);
+    if (kind === "cross") sample.textContent = "\u00d7";
+    entries.push(h("span", { class: "entry" }, sample, text));
   }
   return h("div", { class: "legend", role: "group", "aria-label": "Legend" }, entries);
 }

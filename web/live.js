@@ -6,18 +6,18 @@ import { controlPanel } from "./controls.js";
 import { button, h } from "./dom.js";
 import { driver } from "./drive.js";
 import { showEnd } from "./ending.js";
-import { loadRule } from "./health.js";
 import { lastRun } from "./ghost.js";
 import { makeHistory } from "./history.js";
+import { loadRules } from "./judge.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
 import { changed, changesOf, conditions, copy, cutNow, download, notesOf, outagesOf, preparedState, shared } from "./livestate.js";
 import { notesPanel } from "./notes.js";
-import { origin } from "./origin.js";
+import { heading, origin } from "./origin.js";
 import { startSession } from "./session.js";
 import { makeSpan, spanControls } from "./span.js";
 import { storyStrip } from "./story.js";
-import { onTheme, themeButton } from "./theme.js";
+import { onTheme } from "./theme.js";
 import { firstSpeed, transport } from "./transport.js";
 import { vehicleViews } from "./views.js";
 
@@ -32,7 +32,7 @@ export function livePage(live) {
   const rows = new Map(live.tables.outputs.map((/** @type {any} */ row) => [row.name, row]));
   const at = (/** @type {string} */ name) => /** @type {any} */ (rows.get(name));
   const session = startSession();
-  const history = makeHistory(live.sizes.y, Math.ceil(live.samples / live.every) + 2);
+  const history = makeHistory(at, live.sizes.y, Math.ceil(live.samples / live.every) + 2);
   const span = makeSpan(0, SHORTEST);
   const panels = livePanels(live, span);
   const views = vehicleViews(live, at, history);
@@ -218,7 +218,7 @@ export function livePage(live) {
     ended = true;
     const last = ghost.run();
     const whole = last && last.history.count() === history.count();
-    showEnd(end, live, at, history, compare(), whole ? { history: last.history, told: ghost.told() } : null);
+    showEnd(end, live, history, compare(), whole ? { history: last.history, told: ghost.told() } : null);
     show();
   });
   session.on("cloud", (message) => {
@@ -282,7 +282,7 @@ export function livePage(live) {
   requestAnimationFrame(paint);
   onTheme(views.ask);
   controls.show(state.seed, state.values);
-  Promise.allSettled([loadRule(live.rule), followed]).then(() => session.send({ do: "load", live }));
+  Promise.allSettled([loadRules(live.rules), followed]).then(() => session.send({ do: "load", live }));
 
   const hide = (/** @type {number} */ group, /** @type {boolean} */ shown) => {
     panels.show(group, shown);
@@ -336,7 +336,7 @@ export function livePage(live) {
   return h(
     "div",
     { class: "frame live" },
-    heading(live, () => session.send({ do: "toml" })),
+    head(live, () => session.send({ do: "toml" })),
     main,
     h(
       "footer",
@@ -371,15 +371,10 @@ function besideVehicle(plot, views) {
 /** The head of the page.
  * @param {any} live
  * @param {() => void} toml  ask for the scenario file */
-function heading(live, toml) {
+function head(live, toml) {
   // from a file the address leads nobody else here: its scenario does
   const link = shared() && button("Copy link", () => copy(link), { class: "quiet" });
   const ids = live.estimators.map((/** @type {any} */ one) => one.id).join(", ");
-  const facts = `${live.name} \u00b7 ${live.duration_s} s at ${live.rate_hz} Hz \u00b7 ${ids}`;
-  return h(
-    "header",
-    {},
-    h("div", {}, h("h1", {}, live.title || live.name), h("p", { class: "facts" }, facts)),
-    h("div", { class: "tools" }, link, button("Download as scenario", toml, { class: "quiet", id: "toml" }), themeButton()),
-  );
+  const facts = [live.name, `${live.duration_s} s at ${live.rate_hz} Hz`, ids];
+  return heading(live.title || live.name, "", facts, [link, button("Download as scenario", toml, { class: "quiet", id: "toml" })]);
 }

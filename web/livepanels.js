@@ -34,17 +34,7 @@ export function livePanels(live, span) {
   let limited = true;
 
   const add = (/** @type {string} */ title, /** @type {string} */ unit, /** @type {any} */ more) => {
-    const panel = {
-      title,
-      unit,
-      threshold: null,
-      log: false,
-      from_s: null,
-      shade: /** @type {[number, number][]} */ ([]),
-      x,
-      curves: /** @type {any[]} */ ([]),
-      ...more,
-    };
+    const panel = { title, unit, shade: /** @type {[number, number][]} */ ([]), x, curves: /** @type {any[]} */ ([]), ...more };
     const made = { panel, feeds: /** @type {any[]} */ ([]), last: /** @type {any[]} */ ([]), plot: null, due: false, seen: false };
     panels.push(made);
     return made;

@@ -19,14 +19,14 @@ export function changed(live, before, values) {
   return now;
 }
 
-/** The times without GNSS, s.
+/** The times without a sensor, s.
  * @param {any} live
  * @param {Record<string, any>} values
+ * @param {string} sensor
  * @returns {[number, number][]} */
-export function outagesOf(live, values) {
-  return live.outages
-    .filter((/** @type {any} */ one) => one.sensor === "gnss")
-    .flatMap((/** @type {any} */ { sensor, key }) => values[key] ?? live.values[sensor]?.outages_s ?? []);
+export function outagesOf(live, values, sensor = "gnss") {
+  const outage = live.outages.find((/** @type {any} */ one) => one.sensor === sensor);
+  return outage ? (values[outage.key] ?? live.values[sensor]?.outages_s ?? []) : [];
 }
 
 /** Since when each sensor is cut off at a time, s; null: it is not.
@@ -36,9 +36,8 @@ export function outagesOf(live, values) {
  * @returns {Record<string, number | null>} */
 export function cutNow(live, values, time) {
   return Object.fromEntries(
-    live.outages.map((/** @type {any} */ { sensor, key }) => {
-      const windows = values[key] ?? live.values[sensor]?.outages_s ?? [];
-      const now = windows.find((/** @type {number[]} */ [begin, end]) => time >= begin - 0.01 && time < end);
+    live.outages.map((/** @type {any} */ { sensor }) => {
+      const now = outagesOf(live, values, sensor).find(([begin, end]) => time >= begin - 0.01 && time < end);
       return [sensor, now ? now[0] : null];
     }),
   );

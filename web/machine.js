@@ -1,6 +1,6 @@
 /** The WebAssembly of a live page, and what its document says of parameters: seeds, controls, outages. */
 
-import { bytesOf } from "./arrays.js";
+import { bytesOf, numbersOf, piped } from "./arrays.js";
 import { checkWindows } from "./checks.js";
 import { beyond, oneOf, rangesOf } from "./words.js";
 
@@ -12,22 +12,6 @@ const FORMS = {
   inverse: (value, scale) => scale * (1 / value),
 };
 
-/** Float64 numbers of base64 text, little endian.
- * @param {string} text
- * @returns {Float64Array} */
-function numbersOf(text) {
-  const bytes = bytesOf(text);
-  return new Float64Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
-}
-
-/** The bytes of a gzip file.
- * @param {Uint8Array<ArrayBuffer>} bytes
- * @returns {Promise<Uint8Array<ArrayBuffer>>} */
-async function unzipped(bytes) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
 /** The module, and what the document says of it. */
 export class Machine {
   /** @param {any} live  the document
@@ -37,7 +21,10 @@ export class Machine {
     this.exports = /** @type {any} */ (instance.exports);
     this.free = (this.exports.__heap_base.value + 15) & ~15;
     this.start = { p: numbersOf(live.start.p), known: numbersOf(live.start.known), u: numbersOf(live.start.u) };
-    this.drawn = this.drawAll(live.seeds);
+    const range = (/** @type {number[]} */ [first, last]) => Array.from({ length: last - first + 1 }, (_, k) => first + k);
+    /** @type {number[]} those that the page offers */
+    this.seeds = live.seeds.numbers.flatMap(range);
+    this.drawn = this.drawAll(live.seeds.others);
     /** @type {Map<string, any>} */
     this.controls = new Map((live.controls ?? []).map((/** @type {any} */ control) => [control.key, control]));
   }
@@ -45,7 +32,7 @@ export class Machine {
   /** @param {any} live
    * @returns {Promise<Machine>} */
   static async load(live) {
-    const module = new WebAssembly.Module(await unzipped(bytesOf(live.wasm)));
+    const module = new WebAssembly.Module(await piped(bytesOf(live.wasm), new DecompressionStream("gzip")));
     return new Machine(live, new WebAssembly.Instance(module));
   }
 
@@ -64,13 +51,12 @@ export class Machine {
   }
 
   /** The standard normals behind the start errors of all seeds: computed, and those of the document that the module does not compute.
-   * @param {{numbers: number[][], others: string[]}} seeds
+   * @param {string[]} others  their places, and what is there
    * @returns {Float64Array} */
-  drawAll({ numbers, others }) {
-    const seeds = numbers.flatMap(([first, last]) => Array.from({ length: last - first + 1 }, (_, k) => first + k));
+  drawAll(others) {
     const [place] = this.reserve([9]);
-    const all = new Float64Array(9 * seeds.length);
-    seeds.forEach((seed, k) => {
+    const all = new Float64Array(9 * this.seeds.length);
+    this.seeds.forEach((seed, k) => {
       this.exports.normals(seed, place);
       all.set(new Float64Array(this.exports.memory.buffer, place, 9), 9 * k);
     });
@@ -83,15 +69,9 @@ export class Machine {
    * @param {number} seed
    * @returns {Float64Array} */
   normals(seed) {
-    let before = 0;
-    for (const [first, last] of this.live.seeds.numbers) {
-      if (seed >= first && seed <= last && Number.isInteger(seed)) {
-        const at = 9 * (before + seed - first);
-        return this.drawn.subarray(at, at + 9);
-      }
-      before += last - first + 1;
-    }
-    throw new Error(`seed = ${seed}: allowed is ${rangesOf(this.live.seeds.numbers)}`);
+    const place = this.seeds.indexOf(seed);
+    if (place < 0) throw new Error(`seed = ${seed}: allowed is ${rangesOf(this.live.seeds.numbers)}`);
+    return this.drawn.subarray(9 * place, 9 * place + 9);
   }
 
   /** Set what controls stand for.  Options go before numbers: those may replace numbers of a grade.

@@ -1,8 +1,20 @@
-/** What a page comes from, for a reader who was sent it. */
+/** What every page has at its head and at its foot. */
 
 import { h } from "./dom.js";
+import { themeButton } from "./theme.js";
 
-/** @param {string} version */
+/** The head of a page.
+ * @param {string} name
+ * @param {string} title  below the name; empty: none
+ * @param {string[]} facts
+ * @param {import("./dom.js").Child[]} tools */
+export function heading(name, title, facts, tools) {
+  const texts = [h("h1", {}, name), title !== "" && h("p", { class: "title" }, title), h("p", { class: "facts" }, facts.join(" \u00b7 "))];
+  return h("header", {}, h("div", {}, texts), h("div", { class: "tools" }, tools, themeButton()));
+}
+
+/** What a page comes from, for a reader who was sent it.
+ * @param {string} version */
 export function origin(version) {
   return h(
     "p",

@@ -3,8 +3,8 @@
 import { fill, h } from "./dom.js";
 import { healthNow } from "./judge.js";
 import { fixed, minus, number, plain } from "./numbers.js";
-import { badge } from "./tables.js";
-import { groupColour, onTheme } from "./theme.js";
+import { badge, scrolled } from "./tables.js";
+import { groupColour, swatch } from "./theme.js";
 
 /** The table of numbers now.
  * @param {any} live
@@ -25,11 +25,8 @@ export function readings(live, at) {
   };
   const several = live.estimators.length > 1;
   const named = (/** @type {string} */ id, /** @type {number} */ group) => {
-    const swatch = h("i", { class: "swatch line", "aria-hidden": "true" });
-    const paint = () => (swatch.style.background = groupColour(group));
-    onTheme(paint);
-    paint();
-    return h("th", { scope: "row", class: "of", title: id }, swatch, h("span", { class: "hidden" }, id));
+    const sample = swatch("line", () => groupColour(group));
+    return h("th", { scope: "row", class: "of", title: id }, sample, h("span", { class: "hidden" }, id));
   };
   // one line an estimator: the table is as wide for several as for one
   const rows = channels.map((channel) => {
@@ -58,16 +55,7 @@ export function readings(live, at) {
   const element = h(
     "section",
     { class: "readings" },
-    h(
-      "div",
-      { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers now" },
-      h(
-        "table",
-        {},
-        h("thead", {}, head),
-        rows.map((lines) => h("tbody", {}, lines)),
-      ),
-    ),
+    scrolled("Numbers now", h("thead", {}, head), ...rows.map((lines) => h("tbody", {}, lines))),
     health,
   );
   return {
@@ -78,7 +66,7 @@ export function readings(live, at) {
         if (one.cell.textContent !== text) one.cell.textContent = text;
       }
       filters.forEach((/** @type {any} */ one, /** @type {number} */ place) => {
-        const found = healthNow(live, one, at, history);
+        const found = healthNow(live, one, history);
         const state = found && badge(found.verdict, found.lines[0]);
         fill(health[place], found ? `${one.id} ` : `${one.id}:`, state, ` ${found ? besideVerdict(found.lines) : "nothing measured yet"}`);
       });

@@ -4,10 +4,9 @@ import { arraysOf, drawn } from "./arrays.js";
 import { h } from "./dom.js";
 import { intervalsPanel } from "./intervals.js";
 import { legend, othersOf } from "./legend.js";
-import { origin } from "./origin.js";
+import { heading, origin } from "./origin.js";
 import { TIME, makeSpan, spanControls } from "./span.js";
 import { summaryTable } from "./tables.js";
-import { themeButton } from "./theme.js";
 import { timePlot } from "./timeplot.js";
 import { trackPlot } from "./track.js";
 
@@ -52,7 +51,7 @@ export function reportPage(report, live = null) {
   return h(
     "div",
     { class: "frame" },
-    heading(report, live),
+    heading(report.name, report.title, report.facts, [live]),
     h(
       "main",
       {},
@@ -81,24 +80,6 @@ function drawnPanel(panel, array, span, names, axis) {
   if (panel.type === "track") return track(panel, array, span, names);
   if (panel.type === "intervals") return intervalsPanel(panel);
   return timePlot(decoded(panel, array), span, names, axis);
-}
-
-/** The head of a page.
- * @param {any} report
- * @param {Node | null} live */
-function heading(report, live) {
-  return h(
-    "header",
-    {},
-    h(
-      "div",
-      {},
-      h("h1", {}, report.name),
-      h("p", { class: "title" }, report.title),
-      h("p", { class: "facts" }, report.facts.join(" \u00b7 ")),
-    ),
-    h("div", { class: "tools" }, live, themeButton()),
-  );
 }
 
 /** A panel over time with its values in place of the numbers of its arrays.

@@ -2,7 +2,7 @@
 
 import { h } from "./dom.js";
 import { minus, plain } from "./numbers.js";
-import { groupColour, onTheme } from "./theme.js";
+import { groupColour, swatch } from "./theme.js";
 
 const HEALTH = "Health: ";
 
@@ -11,6 +11,13 @@ const HEALTH = "Health: ";
 export function withUnit(text) {
   const found = /^(.*) \[(.*)\]$/.exec(text);
   return found ? [found[1], h("span", { class: "unit" }, ` ${found[2]}`)] : [text];
+}
+
+/** A table that scrolls sideways where it is too wide.
+ * @param {string} label  what a screen reader tells
+ * @param {...Node} parts */
+export function scrolled(label, ...parts) {
+  return h("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": label }, h("table", {}, parts));
 }
 
 /** The verdict on a filter as a word in its colour; one whose innovations are smaller than stated is called cautious.
@@ -25,12 +32,7 @@ export function badge(verdict, line) {
 /** The table of an estimator.
  * @param {any} table  see web/README.md */
 export function summaryTable(table) {
-  const swatch = table.group === null ? null : h("i", { class: "swatch line", "aria-hidden": "true" });
-  if (swatch) {
-    const paint = () => (swatch.style.background = groupColour(table.group));
-    onTheme(paint);
-    paint();
-  }
+  const sample = table.group === null ? null : swatch("line", () => groupColour(table.group));
   const health = table.below.find((/** @type {string} */ line) => line.startsWith(HEALTH)) ?? "";
   const state = table.state && badge(table.state, health.slice(HEALTH.length));
   const head = h(
@@ -50,12 +52,8 @@ export function summaryTable(table) {
   return h(
     "section",
     { class: `summary${table.wide ? " wide" : ""}` },
-    h("h2", {}, swatch, table.caption, state),
-    h(
-      "div",
-      { class: "scroll", tabindex: "0", role: "group", "aria-label": `Figures of ${table.caption}` },
-      h("table", {}, h("thead", {}, head), h("tbody", {}, rows)),
-    ),
+    h("h2", {}, sample, table.caption, state),
+    scrolled(`Figures of ${table.caption}`, h("thead", {}, head), h("tbody", {}, rows)),
     h(
       "div",
       {},

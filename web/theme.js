@@ -41,6 +41,18 @@ export function onTheme(act) {
   listeners.add(act);
 }
 
+/** A sample of how something is drawn; its colour follows the theme.
+ * @param {string} kind  a class of the style sheet
+ * @param {() => string} [paint] */
+export function swatch(kind, paint) {
+  const element = h("i", { class: `swatch ${kind}`, "aria-hidden": "true" });
+  if (!paint) return element;
+  const show = () => (element.style.background = paint());
+  onTheme(show);
+  show();
+  return element;
+}
+
 function changed() {
   known = new Map();
   for (const act of listeners) act();

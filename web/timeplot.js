@@ -1,7 +1,8 @@
 /** A panel over time: curves, bands, limits, shading, zoom by pointer and keys, the values under the pointer. */
 
 import { columns, layout, ranged } from "./curves.js";
-import { h, onceAFrame } from "./dom.js";
+import { h, onceAFrame, panelOf, zoomKeys } from "./dom.js";
+import { firstWhere } from "./history.js";
 import { minus, number, plain, tick, ticks } from "./numbers.js";
 import { marks, rangeOf, symlog } from "./scale.js";
 import { TIME, along } from "./span.js";
@@ -13,14 +14,14 @@ import { colour, groupColour, onTheme } from "./theme.js";
  * @typedef {object} Panel
  * @property {string} title
  * @property {string} unit
- * @property {number | null} threshold
- * @property {boolean} log
- * @property {number | null} from_s
+ * @property {number | null} [threshold]  up to which the scale is linear; null: it is linear throughout
+ * @property {boolean} [log]
+ * @property {number | null} [from_s]  where the statistics begin
  * @property {boolean} [positive]  the vertical scale begins at 0
  * @property {number | null} [most]  where the vertical scale ends; null: beyond the largest value
  * @property {number | null} [level]  what is expected, of a logarithmic scale
  * @property {boolean} [wraps]  angles in degrees: lines have a gap where they wrap
- * @property {[number, number][]} shade
+ * @property {[number, number][]} [shade]
  * @property {number[]} x
  * @property {Curve[]} curves
  *
@@ -44,11 +45,11 @@ const HEIGHT = 184;
  * @returns {TimePlot}
  */
 export function timePlot(panel, span, names, axis = TIME) {
+  const { threshold = null, log = false } = panel;
   let curves = panel.curves;
   const readout = h("output", { class: "readout" });
   const area = h("div", { class: "plot", tabindex: "0", role: "img", "aria-label": describe(panel, names, axis), onkeydown: keys(span) });
-  const title = h("h3", {}, panel.title, panel.unit !== "1" && h("span", { class: "unit" }, ` ${panel.unit}`));
-  const element = h("div", { class: "panel" }, h("div", { class: "head" }, title, readout), area);
+  const element = panelOf("", panel.title, panel.unit, readout, area);
   /** @type {Set<number>} */
   const hidden = new Set();
   const { series, bands, owners } = layout(curves, hidden, panel.wraps);
@@ -56,13 +57,13 @@ export function timePlot(panel, span, names, axis = TIME) {
   const range = (/** @type {any} */ u) => {
     const [from, to] = span.shown();
     const x = /** @type {number[]} */ (u.data[0]);
-    const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log, panel.level ?? null);
+    const firstFrom = (/** @type {number} */ time) => firstWhere(x.length, (place) => x[place] >= time);
+    const [low, high] = rangeOf(counted(), firstFrom(from), firstFrom(to + 1e-9) - 1, log, panel.level ?? null);
     return [panel.positive ? 0 : low, panel.most ?? high];
   };
   let pointed = /** @type {number | null} */ (null); // time of the cursor, s
   const point = () => pointed !== null && plot.setCursor({ left: plot.valToPos(pointed, "x"), top: 0 });
-  const threshold = panel.threshold;
-  const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 100, ...symlog(threshold) };
+  const scale = threshold === null ? (log ? { distr: 3 } : {}) : { distr: 100, ...symlog(threshold) };
   const plot = new uPlot(
     {
       width: 300,
@@ -72,7 +73,7 @@ export function timePlot(panel, span, names, axis = TIME) {
       scales: { x: { time: false, range: () => span.shown(), ...(axis.log ? { distr: 3 } : {}) }, y: { auto: true, range, ...scale } },
       axes: [
         { ...scaleOf(30, (u, _, low, high) => axis.log ? marks(low, high, null, true, 0) : ticks(low, high, u.width / 90, axis.whole)), gap: 6 },
-        { ...scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)), values: apart },
+        { ...scaleOf(54, (u, _, low, high) => marks(low, high, threshold, log, 5)), values: apart },
       ],
       series: [{}, ...series],
       bands,
@@ -161,7 +162,7 @@ function apart(u, values) {
 /** Shade times without fixes and before the statistics; draw the line of zero (of the expected value on a logarithmic scale).
  * @param {any} u
  * @param {Panel} panel */
-function background(u, panel) {
+function background(u, { threshold = null, log = false, from_s: from = null, shade = [], level = null }) {
   const { ctx, bbox } = u;
   ctx.save();
   ctx.beginPath();
@@ -172,14 +173,14 @@ function background(u, panel) {
     ctx.fillStyle = paint;
     ctx.fillRect(left, bbox.top, right - left, bbox.height);
   };
-  if (panel.from_s !== null) block(panel.from_s, u.scales.x.max, colour("statistics"));
-  for (const [from, to] of panel.shade) block(from, Math.min(to, u.scales.x.max), colour("outage"));
-  if (panel.threshold !== null && u.scales.y.max > panel.threshold) {
-    const [top, bottom] = [u.valToPos(panel.threshold, "y", true), u.valToPos(-panel.threshold, "y", true)];
+  if (from !== null) block(from, u.scales.x.max, colour("statistics"));
+  for (const [begin, end] of shade) block(begin, Math.min(end, u.scales.x.max), colour("outage"));
+  if (threshold !== null && u.scales.y.max > threshold) {
+    const [top, bottom] = [u.valToPos(threshold, "y", true), u.valToPos(-threshold, "y", true)];
     ctx.fillStyle = colour("linear");
     ctx.fillRect(bbox.left, top, bbox.width, bottom - top);
   }
-  const base = panel.log ? (panel.level ?? null) : 0;
+  const base = log ? level : 0;
   if (base !== null && u.scales.y.min < base && u.scales.y.max > base) {
     const height = Math.round(u.valToPos(base, "y", true)) + 0.5;
     ctx.strokeStyle = colour("zero");
@@ -232,33 +233,6 @@ function read(u, readout, owners, names, axis) {
 
 /** @param {import("./span.js").Span} span */
 function keys(span) {
-  /** @type {Record<string, () => void>} */
-  const acts = {
-    "+": () => span.zoom(0.5),
-    "=": () => span.zoom(0.5),
-    "-": () => span.zoom(2),
-    0: () => span.reset(),
-    Escape: () => span.reset(),
-    ArrowLeft: () => span.move(-0.2),
-    ArrowRight: () => span.move(0.2),
-  };
-  return (/** @type {KeyboardEvent} */ event) => {
-    const act = acts[event.key];
-    if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
-    event.preventDefault();
-    act();
-  };
-}
-
-/** The first place of sorted values that is not below `value`.
- * @param {ArrayLike<number>} sorted
- * @param {number} value */
-function firstFrom(sorted, value) {
-  let [low, high] = [0, sorted.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (sorted[middle] < value) low = middle + 1;
-    else high = middle;
-  }
-  return low;
+  const arrows = { ArrowLeft: () => span.move(-0.2), ArrowRight: () => span.move(0.2) };
+  return zoomKeys(() => span.zoom(0.5), () => span.zoom(2), span.reset, arrows);
 }

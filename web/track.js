@@ -1,7 +1,7 @@
 /** The track seen from above, north up, on a grid of 1, 2 or 5 times a power of ten metres: zoom by wheel, pinch and keys. */
 
 import { sharpCanvas } from "./canvas.js";
-import { button, h, onceAFrame } from "./dom.js";
+import { button, h, onceAFrame, panelOf, zoomKeys } from "./dom.js";
 import { minus, number, roundDown, tick } from "./numbers.js";
 import { colour, faint, groupColour, onTheme } from "./theme.js";
 
@@ -40,12 +40,7 @@ export function trackPlot(title, scene, label, moving = false) {
   );
   const { element: canvas, size } = sharp;
   const readout = h("output", { class: "readout" });
-  const element = h(
-    "div",
-    { class: "panel tall" },
-    h("div", { class: "head" }, h("h3", {}, title, h("span", { class: "unit" }, " m")), readout),
-    canvas,
-  );
+  const element = panelOf("tall", title, "m", readout, canvas);
   const follow = button("Follow", () => setFollowing(!following), { class: "quiet follow", id: "follow", "aria-pressed": "false" });
   if (moving) element.append(follow);
   /** @type {Set<number>} */
@@ -92,23 +87,13 @@ export function trackPlot(title, scene, label, moving = false) {
     readout.textContent = Number.isFinite(x) ? `east ${minus(number(east))}  north ${minus(number(north))}` : "";
   });
   canvas.addEventListener("dblclick", reset);
-  canvas.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
-    /** @type {Record<string, () => void>} */
-    const acts = {
-      "+": () => zoom(1.5),
-      "=": () => zoom(1.5),
-      "-": () => zoom(1 / 1.5),
-      0: reset,
-      Escape: reset,
-      ArrowLeft: () => move(-40, 0),
-      ArrowRight: () => move(40, 0),
-      ArrowUp: () => move(0, 40),
-      ArrowDown: () => move(0, -40),
-    };
-    if (!acts[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
-    event.preventDefault();
-    acts[event.key]();
-  });
+  const arrows = {
+    ArrowLeft: () => move(-40, 0),
+    ArrowRight: () => move(40, 0),
+    ArrowUp: () => move(0, 40),
+    ArrowDown: () => move(0, -40),
+  };
+  canvas.addEventListener("keydown", zoomKeys(() => zoom(1.5), () => zoom(1 / 1.5), reset, arrows));
   onTheme(now); // at once: for paper there is no further frame
   return {
     element,

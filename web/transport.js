@@ -1,6 +1,6 @@
 /** The bar that runs a simulation: run, pause, step, reset, speed, the clock, and the share that is done. */
 
-import { button, h } from "./dom.js";
+import { button, chorded, h } from "./dom.js";
 import { clock } from "./numbers.js";
 
 const SPEEDS = [1, 2, 5, 10, 30, 100];
@@ -52,7 +52,7 @@ export function transport(live, acts) {
   done.addEventListener("input", () => acts.back(Number(done.value)));
   addEventListener("keydown", (event) => {
     const own = event.target instanceof Element && event.target.closest(OWN_SPACE);
-    if (event.key !== " " || own || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key !== " " || own || chorded(event)) return;
     event.preventDefault();
     if (!event.repeat) play.click();
   });

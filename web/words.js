@@ -2,15 +2,30 @@
 
 import { significant } from "./numbers.js";
 
-/** A sentence with values for the names in braces; behind a name may be a number of digits, as in Python: "{mean:.2g}".
- * @param {string} sentence
- * @param {Record<string, unknown>} values  strings and numbers; others that no name in braces asks for may be among them
+/** A text with values for the names in braces: the form and what it means are those of `filled` in insenv/base/remarks.py.
+ * @param {string} text
+ * @param {Record<string, any>} values  strings and numbers; others that no name in braces asks for may be among them
  * @returns {string} */
-export function filled(sentence, values) {
-  return sentence.replace(/\{(\w+)(?::\.(\d)g)?\}/g, (whole, name, digits) => {
+export function filled(text, values) {
+  for (let before = ""; before !== text; ) {
+    before = text;
+    text = text.replace(/\{(\w+)\|((?:[^{}]|\{\w+(?::[^{}|]*)?\})*)\}/g, (whole, name, texts) =>
+      name in values ? texts.split("|")[values[name]] : whole,
+    );
+  }
+  return text.replace(/\{(\w+)(?::\.?(\d)(g| digits))?\}/g, (whole, name, digits, form) => {
     const value = values[name] ?? whole;
-    return digits && typeof value === "number" ? significant(value, Number(digits)) : String(value);
+    if (!digits || typeof value !== "number") return String(value);
+    return form === "g" || value < 10 ** digits - 0.5 ? significant(value, Number(digits)) : value.toFixed(0);
   });
+}
+
+/** The values, and by name these texts filled in, each with the values and the texts before it.
+ * @param {Record<string, string>} texts
+ * @param {Record<string, any>} values
+ * @returns {Record<string, any>} */
+export function worded(texts, values) {
+  return Object.entries(texts).reduce((made, [name, text]) => ({ ...made, [name]: filled(text, made) }), values);
 }
 
 /** Texts one after the other, "or" before the last.

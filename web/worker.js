@@ -192,9 +192,9 @@ class Session {
     const records = samples / every;
     let sparse = Math.ceil(records / CLOUD_RECORDS);
     while (records % sparse) ++sparse;
-    const offered = this.live.seeds.numbers.flatMap(([first, last]) => Array.from({ length: last - first + 1 }, (_, k) => first + k));
-    const first = Math.max(0, Math.min(offered.indexOf(this.seed), offered.length - units));
-    this.cloud = { seeds: offered.slice(first, first + units), done: 0, every: every * sparse, records: null };
+    const { seeds } = this.machine;
+    const first = Math.max(0, Math.min(seeds.indexOf(this.seed), seeds.length - units));
+    this.cloud = { seeds: seeds.slice(first, first + units), done: 0, every: every * sparse, records: null };
     this.puff(this.cloud);
   }
 

@@ -2,6 +2,9 @@
 
 The rule is a function that returns the values of the names in braces, or None where there is nothing to say; `remark` makes of
 it a function that returns the sentences.  The code is stable, so that programs need not read the text.
+
+A text is filled in by `filled`.  Texts are data, and rules give numbers (`insenv.web.judging` lists those of a live page), so
+that a page says what a run says without a sentence of its own.
 """
 
 from __future__ import annotations
@@ -15,7 +18,10 @@ Arguments = ParamSpec("Arguments")
 Values = Mapping[str, Any]
 TEXTS: dict[str, str] = {}
 """Text of every remark of the package that has been imported, by code."""
-_NAMED = re.compile(r"\{(\w+)(?::[^{}]*)?\}")
+_NAMED = re.compile(r"\{(\w+)(?::([^{}|]*))?\}")
+_CHOICE = re.compile(r"\{(\w+)\|((?:[^{}]|\{\w+(?::[^{}|]*)?\})*)\}")
+"""One in which no other choice stands."""
+_DIGITS = " digits"
 
 
 LATE_S = 1e6
@@ -27,6 +33,38 @@ def clock(time_s: float, digits: int = 6) -> str:
     if abs(time_s) < LATE_S:
         return f"{time_s:.{digits}g}"
     return f"{time_s:.3f}".rstrip("0").rstrip(".")
+
+
+def figure(value: float, digits: int = 3) -> str:
+    """So many significant digits, and no exponent of a large value."""
+    return f"{value:.{digits}g}" if value < 10**digits - 0.5 else f"{value:.0f}"
+
+
+def filled(text: str, values: Values) -> str:
+    """The text with values for the names in braces; other braces stay.
+
+    Behind a name may be a format of Python, or "{name:3 digits}" (`figure`).  "{name|A|B}" is A if the value is 0, B if it is
+    1.  web/words.js does the same.
+    """
+    before = ""
+    while before != text:
+        before, text = text, _CHOICE.sub(lambda it: it[2].split("|")[int(values[it[1]])] if it[1] in values else it[0], text)
+    return _NAMED.sub(lambda it: _formatted(it, values) if it[1] in values else it[0], text)
+
+
+def _formatted(place: re.Match[str], values: Values) -> str:
+    named = place[2] or ""
+    if named.endswith(_DIGITS):
+        return figure(values[place[1]], int(named.removesuffix(_DIGITS)))
+    return place[0].format(**values)
+
+
+def worded(texts: Mapping[str, str], values: Values) -> dict[str, Any]:
+    """The values, and by name these texts filled in, each with the values and the texts before it."""
+    made = dict(values)
+    for name, text in texts.items():
+        made[name] = filled(text, made)
+    return made
 
 
 class Remark(str):
@@ -47,8 +85,8 @@ class Remark(str):
         return type(self)(self.code, f"{who}: {self}")
 
     def filled(self, **values: Any) -> Remark:
-        """With values for the names in braces; other braces stay."""
-        return type(self)(self.code, _NAMED.sub(lambda it: it[0].format(**values) if it[1] in values else it[0], self))
+        """With values for the names in braces (`filled`)."""
+        return type(self)(self.code, filled(self, values))
 
 
 class Caveat(Remark):

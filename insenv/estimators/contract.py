@@ -452,8 +452,8 @@ class Estimator:
         held: dict[str, tuple[Remark, float]] = {}
         with naming(f"estimator {self.id!r}, findings"):
             for finding in self.to_find(parameters):
-                if isinstance(finding, Finding) and (ratio := finding.ratio(outputs)) >= finding.limit:
-                    held.setdefault(finding.row, (finding.remark, ratio))
+                if isinstance(finding, Finding) and (numbers := finding.numbers(outputs))["said"]:
+                    held.setdefault(finding.row, (finding.remark, numbers["ratio"]))
         return held
 
     def to_find(self, parameters: Mapping[str, Any]) -> tuple[Finding | Reached, ...]:

@@ -121,7 +121,7 @@ def contradictions(time: Vector, outputs: Mapping[str, Array]) -> list[Contradic
     median = _medians(ratios, width)
     size = np.abs(median)
     intervals = []
-    for group in _groups(size.max(axis=1) > RATIO, width):
+    for group in _groups(contradicts(median), width):
         window, component = np.unravel_index(int(np.argmax(size[group])), (len(group), 6))
         first = int(group[window])
         intervals.append(
@@ -134,6 +134,11 @@ def contradictions(time: Vector, outputs: Mapping[str, Array]) -> list[Contradic
             )
         )
     return intervals
+
+
+def contradicts(medians: Array) -> NDArray[np.bool_]:
+    """Whether the median test ratio of a component (..., components) is beyond `RATIO`."""
+    return np.asarray(np.abs(medians).max(axis=-1) > RATIO)
 
 
 def jumps(time: Vector, outputs: Mapping[str, Array]) -> list[Jump]:

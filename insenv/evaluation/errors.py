@@ -16,8 +16,8 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError, nearest
-from insenv.base.remarks import Doubt, Remark, declared, remark
-from insenv.core.elementary import sin_cos, wrap_angle
+from insenv.base.remarks import Doubt, Remark, declared, filled, remark
+from insenv.core.elementary import select, sin_cos, wrap_angle
 from insenv.core.model import Values
 from insenv.core.tables import Array, Table
 from insenv.estimators import Estimator
@@ -214,7 +214,8 @@ class Result:
             return None
         true_deg = np.degrees(attitude.numeric.to_euler(self.outputs["q_nb"])[1]) - self.errors["pitch_deg"]
         pitch = np.abs(true_deg[self._late])
-        return {"pitch": pitch.max()} if np.any(pitch > STEEP) else None
+        numbers = steep_pitch(np.max(pitch, initial=0.0))
+        return numbers if numbers["said"] else None
 
     def too_sure(self) -> tuple[Remark, ...]:
         """An rms error is more than `TOO_SURE` times its stated sigma; not said of a run that is too short."""
@@ -257,11 +258,29 @@ class Result:
         return f"{self.estimator}: final error {', '.join(final)}" if final else f"{self.estimator}: no reference"
 
 
+# Rules of numbers or symbols: Python evaluates them after a run, a live page runs them compiled (`insenv.web.judging`).
+
+
+def steep_pitch(pitch: Any) -> dict[str, Any]:
+    """Whether the largest pitch of a run, deg, is near 90 deg."""
+    return {"said": pitch > STEEP, "pitch": pitch}
+
+
+def larger_error(rms: Any, stated: Any) -> dict[str, Any]:
+    """Whether an rms error is more than `TOO_SURE` times its stated sigma, unless that is 0, and the ratio of the two."""
+    return {"said": (stated > 0.0) * (stated * TOO_SURE < rms), "ratio": rms / select(stated > 0.0, stated, 1.0)}
+
+
+RATIO = "{what} {ratio:.3g}"
+"""One of the `ratios` of "too-sure"; what: its channel without the unit."""
+
+
 @remark("too-sure", "the errors are larger than this estimator states, rms over stated sigma: {ratios}")
 def too_sure(rms: Mapping[str, float], stated: Mapping[str, float]) -> dict[str, str] | None:
     """Rms errors that are more than `TOO_SURE` times the stated sigma, by channel."""
-    worst = {name: rms[name] / sigma for name, sigma in stated.items() if 0.0 < sigma * TOO_SURE < rms[name]}
-    return {"ratios": ", ".join(f"{name.rpartition('_')[0]} {ratio:.3g}" for name, ratio in worst.items())} if worst else None
+    numbers = {name: larger_error(rms[name], sigma) for name, sigma in stated.items()}
+    worst = [filled(RATIO, {"what": name.rpartition("_")[0], **each}) for name, each in numbers.items() if each["said"]]
+    return {"ratios": ", ".join(worst)} if worst else None
 
 
 def rms(channels: Mapping[str, Array], where: Any = ...) -> dict[str, float]:

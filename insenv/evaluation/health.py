@@ -4,24 +4,30 @@ A filter that reports its health sums the squared test ratios over every measure
 (`insenv.estimators.parts.rows.FIX_HEALTH`) and of every other aid (`insenv.estimators.parts.rows.aid_health`), so records may
 be sparse.  `insenv.evaluation.nis` judges each instrument; the filter has the worst of these verdicts.
 
+The rules (`of_instrument`, `of_filter`, `of_fixes`, `counted_less`) take numbers or symbols and give numbers, also those that
+choose among words: Python evaluates them after a run and while a vehicle is streamed, a live page runs them compiled
+(`insenv.web.judging`).
+
 What it cannot see: an innovation is the difference of estimate and measurement.  An error of the fixes that is slow enough for
 the estimate to follow is in neither, and makes the NIS smaller than 1 (`slow_errors`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
 
-from insenv.base.remarks import Doubt, Remark, declared, remark
+from insenv.base.remarks import Doubt, Remark, declared, filled, remark, worded
+from insenv.core.elementary import maximum, select
 from insenv.core.tables import Array
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation.nis import APART as APART
 from insenv.evaluation.nis import BLOCKS as BLOCKS
-from insenv.evaluation.nis import NO_NIS, NOTABLE, Nis, of_records, sums_of
+from insenv.evaluation.nis import NO_NIS, NOTABLE, Judgement, Nis, of_records, sums_of
 from insenv.evaluation.nis import VERDICTS as VERDICTS
 from insenv.evaluation.nis import WRONG as WRONG
 from insenv.evaluation.nis import Verdict as Verdict
@@ -29,17 +35,72 @@ from insenv.evaluation.nis import Verdict as Verdict
 GROUPS = ("position", "velocity")
 CONTRADICTED = "contradicted"
 """Verdict on a filter whose innovations are as it states, and whose estimate something else contradicts."""
-LINES = {
-    "called": "{verdict}, factor {factor}",
-    "summary": "{called}: {share} % of {count} {what} refused, {nis}",
-    "whole-and-gnss": "{called}; gnss: {of_gnss}",
-    "nis": "NIS {mean} ({low:.3g} to {high:.3g})",
-    "none-used": "none used",
-    "untested": "untested: none of {count} {what} was compared with an estimate",
-    "smaller": ", innovations smaller than stated",
-    "within": f" within {100 * (NOTABLE - 1):.0f} % of sigma",
+NAMES = (*VERDICTS, CONTRADICTED)
+"""Of a filter's verdict, by its place."""
+
+# The lines that tell a health, from the numbers of the rules: see `insenv.base.remarks.worded`.
+
+_CALLED = {
+    "verdict": f"{{place|{'|'.join(NAMES)}}}",
+    "factor": "{ratio:3 digits}",
+    "called": "{wrong|{verdict}|{verdict}, factor {factor}}",
 }
-"""What the line of an instrument is made of."""
+UNTESTED = "untested: none of {count} {what} was compared with an estimate"
+INSTRUMENT = {
+    **_CALLED,
+    "qualified": f"{{outside||, innovations smaller than stated| within {100 * (NOTABLE - 1):.0f} % of sigma}}",
+    "nis": "{used|none used|NIS {whole:3 digits} ({low:.3g} to {high:.3g})}",
+    "summary": f"{{tested|{UNTESTED}|{{called}}{{qualified}}: {{share:2 digits}} % of {{count}} {{what}} refused, {{nis}}}}",
+    "look": "{caused||. Look at {causes}}",
+}
+"""Of an instrument; what: its measurements; causes: what to look at, if it is `caused`."""
+FILTER = {**_CALLED, "line": "{first|{called}|{of_gnss}|{called}; gnss: {of_gnss}}"}
+"""Of a filter; of_gnss: the summary of GNSS."""
+OR_AIDS = "{others||, and at the other aids, whose stated sigmas may be too small: {aids}}"
+
+Numbers = dict[str, Any]
+
+
+def of_instrument(judgement: Judgement, count: Any, refused: Any) -> Numbers:
+    """What is told of an instrument with so many measurements, at least one, of which `refused` are refused.
+
+    smaller, mean: whether innovations of its first group are notably smaller than stated, and their NIS.
+    """
+    place, rms, (whole, first, *_) = judgement
+    wrong = _wrong(place)
+    outside = select(whole.mean < whole.low, 1, select(whole.mean > whole.high, 2, 0))
+    return {
+        "place": place,
+        "wrong": wrong,
+        "ratio": select(wrong, rms, 1.0),
+        "tested": place > 0,
+        "count": count,
+        "refused": refused,
+        "share": 100 * refused / count,
+        "used": whole.mean >= 0,
+        "whole": whole.mean,
+        "low": whole.low,
+        "high": whole.high,
+        "outside": (place == 1) * outside,
+        "smaller": first.below,
+        "mean": first.mean,
+    }
+
+
+def of_filter(places: Sequence[Any], ratios: Sequence[Any], fixes: Any, contradicted: Any) -> Numbers:
+    """What is told of a filter: it has the worst verdict of its instruments, and the largest factor.
+
+    places, ratios: of its instruments, GNSS first; 0 and 1 of one without measurements.  fixes: their number.
+    first: which line comes first, of the filter, of GNSS, or both.
+    """
+    worst = reduce(maximum, places)
+    place = select(contradicted * (_wrong(worst) == 0), len(VERDICTS), worst)
+    first = select(fixes > 0, select(place == places[0], 1, 2), 0)
+    return {"place": place, "wrong": _wrong(place), "ratio": reduce(maximum, ratios, 1.0), "first": first}
+
+
+def _wrong(place: Any) -> Any:
+    return sum(place == VERDICTS.index(verdict) for verdict in WRONG)
 
 
 @dataclass(frozen=True)
@@ -71,9 +132,10 @@ class AidHealth:
         count, refused = map(int, sums[-1, :2])
         if not count:
             return None
-        place, factor, (nis, *groups) = of_records(sums)
-        verdict = VERDICTS[place]
-        return cls(count, refused, nis, tuple(groups), verdict, factor if verdict in WRONG else 1.0)
+        judgement = of_records(sums)
+        place, _, (nis, *groups) = judgement
+        factor = float(of_instrument(judgement, count, refused)["ratio"])
+        return cls(count, refused, nis, tuple(groups), VERDICTS[place], factor)
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
@@ -87,18 +149,17 @@ class AidHealth:
 
     def summary(self, what: str = "measurements") -> str:
         """One line: verdict, share refused, NIS with bounds; what: its measurements."""
-        if self.verdict == "untested":
-            return LINES["untested"].format(count=self.measurements, what=what)
-        nis, share = self.nis, 100 * self.refused / self.measurements
-        outside = "smaller" if nis.mean < nis.low else "within" if nis.mean > nis.high else ""
-        qualified = LINES[outside] if outside and self.verdict == "consistent" else ""
-        return LINES["summary"].format(
-            called=_called(self.verdict, self.factor) + qualified,
-            share=f"{share:.2g}" if share < 99.5 else "100",
-            count=self.measurements,
-            what=what,
-            nis=LINES["nis"].format(mean=figure(nis.mean), low=nis.low, high=nis.high) if nis.mean >= 0 else LINES["none-used"],
-        )
+        return str(self.worded(what)["summary"])
+
+    @property
+    def numbers(self) -> Numbers:
+        """What the rule gives."""
+        judgement = (VERDICTS.index(self.verdict), self.factor, [self.nis, *self.groups])
+        return of_instrument(judgement, self.measurements, self.refused)
+
+    def worded(self, what: str = "measurements", causes: str = "") -> dict[str, Any]:
+        """The numbers and the texts that are made of them; causes: what to look at where its measurements do not fit."""
+        return worded(INSTRUMENT, {**self.numbers, "what": what, "causes": causes, "caused": causes != ""})
 
 
 NO_FIXES = AidHealth(0, 0, NO_NIS, (NO_NIS, NO_NIS), "untested", 1.0)
@@ -123,9 +184,15 @@ class Health:
     groups = property(lambda self: dict(zip(GROUPS, self.gnss.groups, strict=True)))
 
     @property
+    def numbers(self) -> Numbers:
+        """What the rule gives."""
+        each = (self.gnss, *self.aids.values())
+        places, ratios = [VERDICTS.index(one.verdict) for one in each], [one.factor for one in each]
+        return of_filter(places, ratios, self.fixes, bool(self.contradicted))
+
+    @property
     def verdict(self) -> str:
-        worst = max((self.gnss.verdict, *(aid.verdict for aid in self.aids.values())), key=VERDICTS.index)
-        return CONTRADICTED if self.contradicted and worst not in WRONG else worst
+        return NAMES[self.numbers["place"]]
 
     @property
     def wrong(self) -> bool:
@@ -138,7 +205,7 @@ class Health:
 
     @property
     def factor(self) -> float:
-        return max(self.gnss.factor, *(aid.factor for aid in self.aids.values()), 1.0)
+        return float(self.numbers["ratio"])
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
@@ -161,14 +228,9 @@ class Health:
     @property
     def lines(self) -> tuple[str, ...]:
         """The lines of `summary`."""
-        called = _called(self.verdict, self.factor)
-        named = tuple(f"{id}: {aid.summary()}" for id, aid in self.aids.items())
-        if not self.fixes:
-            return (called, *named)
-        of_gnss = self.gnss.summary("fixes")
-        if self.verdict != self.gnss.verdict:
-            of_gnss = LINES["whole-and-gnss"].format(called=called, of_gnss=of_gnss)
-        return (of_gnss, *named)
+        of_gnss = self.gnss.summary("fixes") if self.fixes else ""
+        line = worded(FILTER, {**self.numbers, "of_gnss": of_gnss})["line"]
+        return (line, *(f"{id}: {aid.summary()}" for id, aid in self.aids.items()))
 
     @property
     def apart(self) -> tuple[str, ...]:
@@ -186,10 +248,9 @@ class Health:
         models_slow_errors: whether the filter models slow errors of the fixes, which then cause no note.
         causes: by id of an aid, what to look at where its measurements do not fit.
         """
-        wrong = sorted((aid.factor, id) for id, aid in self.aids.items() if aid.verdict in WRONG)
-        of_aids = [aid_misfit(id, self.aids[id], (causes or {}).get(id, "")) for _, id in reversed(wrong)]
-        of_fixes = (*fixes_misfit(self), *(() if models_slow_errors else slow_errors(self)))
-        return (*of_fixes, *(said for one in of_aids for said in one))
+        worst_first = sorted(((aid.factor, id) for id, aid in self.aids.items()), reverse=True)
+        of_aids = [aid_misfit(id, self.aids[id], (causes or {}).get(id, "")) for _, id in worst_first]
+        return (*(fixes_remark(self, models_slow_errors) if self.fixes else ()), *(said for one in of_aids for said in one))
 
 
 _LOOK = (
@@ -197,21 +258,46 @@ _LOOK = (
     "the stated sigmas by more than that. Look at the grade of the inertial unit, the lever arm of the antenna, the time "
     "offset of the fixes, their stated sigmas and the start{or_aids}"
 )
-_FIXES = {
-    "diverged": declared("fixes-diverged", f"the filter has diverged from its fixes: {_LOOK}"),
-    "overconfident": declared("fixes-overconfident", f"the filter is overconfident: {_LOOK}"),
-}
-OR_AIDS, CAUSES = ", and at the other aids, whose stated sigmas may be too small: {aids}", ". Look at {causes}"
+FIX_REMARKS = (
+    declared("no-fix", "no fix was received: the estimate is that of the inertial unit alone"),
+    declared("no-fix-but-aids", "no fix was received: the estimate is that of the inertial unit and the other aids"),
+    declared("fixes-diverged", f"the filter has diverged from its fixes: {_LOOK}"),
+    declared("fixes-overconfident", f"the filter is overconfident: {_LOOK}"),
+    declared(
+        "fixes-slow-errors",
+        "positions scatter less than their sigmas say (mean NIS {mean:.2g}): their sigmas are too large, or part of their "
+        "error is slow. A slow error does not average out: the position may then be wrong by the whole sigma of a fix, "
+        "whatever the filter states",
+    ),
+)
+"""What there is to say of fixes, of which one thing at most is said (`of_fixes`)."""
 
 
-def fixes_misfit(health: Health) -> tuple[Remark, ...]:
-    """Fixes of GNSS that do not fit the filter."""
-    gnss = health.gnss
-    if gnss.verdict not in WRONG:
-        return ()
-    or_aids = OR_AIDS.format(aids=", ".join(health.aids)) if health.aids else ""
-    values = {"factor": figure(gnss.factor), "refused": gnss.refused, "count": gnss.measurements, "or_aids": or_aids}
-    return (_FIXES[gnss.verdict].filled(**values),)
+def of_fixes(fixes: Any, measured: Any, place: Any, smaller: Any, slow: Any) -> Numbers:
+    """Which of `FIX_REMARKS` is said of a filter that takes fixes, from 1 on; 0: none.
+
+    fixes, place, smaller: their number, and what is told of GNSS, 0 if there are none.  measured: whether any of its
+    instruments measured.  slow: whether it models slow errors of the fixes.
+    """
+    overconfident, diverged = (place == VERDICTS.index(verdict) for verdict in WRONG)
+    misfit = select(diverged, 3, select(overconfident, 4, select(smaller * (slow == 0), 5, 0)))
+    return {"said": select(fixes > 0, misfit, select(measured, 2, 1))}
+
+
+def no_fix(health: Health | None) -> tuple[Remark, ...]:
+    """A filter with GNSS and this health to which no fix came."""
+    return () if health and health.fixes else fixes_remark(health)
+
+
+def fixes_remark(health: Health | None, models_slow_errors: bool = False) -> tuple[Remark, ...]:
+    """What is said of the fixes of a filter with GNSS and this health; None: nothing was measured."""
+    values: dict[str, Any] = {"place": 0, "smaller": 0}
+    if health and health.fixes:
+        values = health.gnss.worded()
+        values["or_aids"] = filled(OR_AIDS, {"others": len(health.aids) > 0, "aids": ", ".join(health.aids)})
+    fixes = health.fixes if health else 0
+    said = of_fixes(fixes, health is not None, values["place"], values["smaller"], models_slow_errors)["said"]
+    return (FIX_REMARKS[said - 1].filled(**values),) if said else ()
 
 
 @remark(
@@ -221,34 +307,7 @@ def fixes_misfit(health: Health) -> tuple[Remark, ...]:
 )
 def aid_misfit(id: str, aid: AidHealth, causes: str) -> dict[str, Any] | None:
     """Measurements of an aid other than GNSS that do not fit; causes: what to look at."""
-    look = CAUSES.format(causes=causes) if causes else ""
-    factor = figure(aid.factor)
-    return {"id": id, "verdict": aid.verdict, "factor": factor, "refused": aid.refused, "count": aid.measurements, "look": look}
-
-
-@remark(
-    "fixes-slow-errors",
-    "positions scatter less than their sigmas say (mean NIS {mean:.2g}): their sigmas are too large, or part of their error is "
-    "slow. A slow error does not average out: the position may then be wrong by the whole sigma of a fix, whatever the filter "
-    "states",
-)
-def slow_errors(health: Health) -> dict[str, Any] | None:
-    """Positions whose innovations are smaller than stated, of a filter that fits its fixes."""
-    position = health.groups["position"]
-    return {"mean": position.mean} if health.gnss.verdict not in WRONG and position.below else None
-
-
-NO_FIX = declared("no-fix", "no fix was received: the estimate is that of the inertial unit alone")
-NO_FIX_BUT_AIDS = declared(
-    "no-fix-but-aids", "no fix was received: the estimate is that of the inertial unit and the other aids"
-)
-
-
-def no_fix(health: Health | None) -> tuple[Remark, ...]:
-    """A filter with GNSS and this health to which no fix came."""
-    if health is None:
-        return (NO_FIX,)
-    return () if health.fixes else (NO_FIX_BUT_AIDS,)
+    return {"id": id, **aid.worded(causes=causes)} if aid.verdict in WRONG else None
 
 
 def models_slow_errors(parameters: Mapping[str, Any]) -> bool:
@@ -283,9 +342,17 @@ def fixes_count_less(parameters: Mapping[str, Any], outputs: Mapping[str, Array]
     if not len(recent):
         return None
     recent = recent[len(recent) // 2 :]
-    stated, fix = np.median(outputs["position_sigma"][recent], axis=0), np.median(fix_sigma, axis=0)
-    worst = int(np.argmax(stated / fix))
-    return {"stated": stated[worst], "fix": fix[worst]} if stated[worst] > LARGER * fix[worst] else None
+    numbers = counted_less(np.median(outputs["position_sigma"][recent], axis=0), np.median(fix_sigma, axis=0))
+    return numbers if numbers["said"] else None
+
+
+def counted_less(stated: Any, fix: Any) -> Numbers:
+    """Whether a stated sigma of the position (3,) is larger than that of one fix (3,), and the two of the worst component."""
+    worst, one = stated[0], fix[0]
+    for other, of_fix in zip(stated[1:], fix[1:], strict=True):
+        larger = other / of_fix > worst / one
+        worst, one = select(larger, other, worst), select(larger, of_fix, one)
+    return {"said": worst > LARGER * one, "stated": worst, "fix": one}
 
 
 def health(outputs: Mapping[str, Array]) -> Health | None:
@@ -310,12 +377,3 @@ def course(outputs: Mapping[str, Array]) -> tuple[Array, Array]:
     squares, numbers, refused = (np.diff(total, prepend=np.nan) for total in (square, number, outputs["fix_refused_count"]))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(numbers > 0, np.sqrt(squares / numbers), np.nan), np.nan_to_num(refused)
-
-
-def figure(value: float) -> str:
-    """Three digits, and no exponent of a large value."""
-    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
-
-
-def _called(verdict: str, factor: float) -> str:
-    return LINES["called"].format(verdict=verdict, factor=figure(factor)) if verdict in WRONG else verdict

@@ -28,7 +28,7 @@ import numpy as np
 
 from insenv.core.tables import Table, Vector
 from insenv.estimators.parts.rows import FIX_HEALTH
-from insenv.evaluation.contradiction import FIXES, RATIO, SHORTEST_S
+from insenv.evaluation.contradiction import FIXES, SHORTEST_S, contradicts
 from insenv.evaluation.health import WRONG, health
 
 LONGEST_S = 10.0
@@ -137,10 +137,10 @@ class LiveHealth:
 
     @property
     def contradicted(self) -> bool:
-        """Whether the median test ratio of a component is beyond `RATIO` over the latest fixes, or the filter has started anew
-        by them less than `HOLD_S` ago."""
+        """Whether the latest fixes contradict it (`insenv.evaluation.contradiction.contradicts`), or the filter has started
+        anew by them less than `HOLD_S` ago."""
         if self._time - self._restarted_at < HOLD_S:
             return True
         if len(self._ratios) < FIXES:
             return False
-        return bool(np.max(np.abs(np.median(np.array([ratio for _, ratio in self._ratios]), axis=0))) > RATIO)
+        return bool(contradicts(np.median(np.array([ratio for _, ratio in self._ratios]), axis=0)))

@@ -12,7 +12,7 @@ that of independent components:
 
 This needs no model of the dependence.  It does not see one that is longer than a block.
 
-The rule, `judged`, takes numbers or symbols: Python evaluates it after a run, and a live page runs it compiled (`equation`).
+The rule, `judged`, takes numbers or symbols: Python evaluates it after a run, and a live page runs it compiled (`flat`).
 
 Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001), section 5.4.2;
 blocks: batch means, Law and Kelton, "Simulation Modeling and Analysis", section 9.5.3.
@@ -22,13 +22,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, reduce
+from functools import reduce
 from typing import Any, Literal, get_args
 
 import casadi as ca
 import numpy as np
 
-from insenv.core.elementary import maximum, polynomial, select
+from insenv.core.elementary import maximum, minimum, polynomial, select
 from insenv.core.tables import Array
 from insenv.evaluation.chi_square import bound_polynomial, quantile
 
@@ -74,9 +74,9 @@ class Nis:
         return self.mean > maximum(self.high, NOTABLE**2)
 
     @property
-    def below(self) -> bool:
+    def below(self) -> Any:
         """Whether it shows innovations that are notably smaller than stated."""
-        return bool(self.mean < min(self.low, NOTABLE**-2))
+        return self.mean < minimum(self.low, NOTABLE**-2)
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
@@ -180,22 +180,15 @@ def _bounds(degrees: float) -> tuple[float, float]:
     return low, high
 
 
-@lru_cache
-def equation(groups: int) -> ca.Function:
-    """`judged` for a live page: (sums at the ends of `BLOCKS` blocks, sums late), one row after another -> numbers.
+def flat(ends: Any, late: Any) -> Judgement:
+    """`judged` of symbols, as a live page has them: sums at the ends of `BLOCKS` blocks, one row after another, and late.
 
-    A run with fewer blocks repeats its last row.  Numbers: verdict, factor, then mean, low and high of each NIS.
+    A run with fewer blocks repeats its last row.
     """
-    width = 2 + 4 * groups
-    flat, late = ca.SX.sym("e", BLOCKS * width), ca.SX.sym("l", width)
-    ends = ca.reshape(flat, width, BLOCKS).T
-    blocks = ca.sum1(_steps(ends[:, 0]) > 0)
-    polynomials = [bound_polynomial(probability) for probability in PROBABILITIES]
+    rows = ca.reshape(ends, late.numel(), BLOCKS).T
+    return judged(rows, late, ca.sum1(_steps(rows[:, 0]) > 0), _polynomial_bounds)
 
-    def bounds(degrees: Any) -> tuple[Any, Any]:
-        low, high = (polynomial(1.0 / ca.sqrt(degrees), one) ** 3 for one in polynomials)
-        return low, high
 
-    verdict, factor, nis = judged(ends, late, blocks, bounds)
-    numbers = [number for one in nis for number in (one.mean, one.low, one.high)]
-    return ca.Function("judge", [flat, late], [ca.vertcat(verdict, factor, *numbers)], {"cse": True})
+def _polynomial_bounds(degrees: Any) -> tuple[Any, Any]:
+    low, high = (polynomial(1.0 / ca.sqrt(degrees), one) ** 3 for one in map(bound_polynomial, PROBABILITIES))
+    return low, high

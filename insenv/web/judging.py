@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from insenv.base.remarks import TEXTS
@@ -13,9 +14,10 @@ from insenv.core.compile import wasm, wasm_functions
 from insenv.core.runner import Progress
 from insenv.core.tables import Vector
 from insenv.estimators import Estimator, Finding
+from insenv.estimators.parts.finding import departure
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation import health, nis
-from insenv.evaluation.errors import STEEP, TOO_SURE, statistics_from
+from insenv.evaluation.errors import RATIO, larger_error, statistics_from, steep_pitch
 from insenv.evaluation.limits import FLOOR, Limit
 from insenv.report.tables import columns_of
 from insenv.scenario import Plant, limit_of, no_limit
@@ -23,44 +25,63 @@ from insenv.web.model import Member
 
 LIMIT_TIMES = 300
 """Number of times at which the limit is shown."""
-SAID = (
-    "no-fix",
-    "no-fix-but-aids",
-    "fixes-diverged",
-    "fixes-overconfident",
-    "fixes-slow-errors",
-    "fixes-count-less",
-    "aid-misfit",
-    "steep-pitch",
-    "too-sure",
-)
-"""Remarks that a page says by itself."""
+SAID = ("aid-misfit", "fixes-count-less", "steep-pitch", "too-sure")
+"""Remarks that a page says by itself, beside those on fixes."""
 
 
-def rule(groups: int) -> dict[str, Any]:
-    """What web/health.js and web/judge.js judge with: figures and sentences of `insenv.evaluation`, and its rule compiled.
+def rules(members: Sequence[Member]) -> dict[str, Any]:
+    """What web/judge.js judges the estimators of a page with: rules of `insenv.evaluation`, compiled, and their texts.
 
-    groups: the largest number of groups of components of an instrument of the page; 0: no estimator tells its health.
+    wasm: a function of each rule, from its arguments one after the other to the numbers `gives`.  sizes: of its longest
+    arguments, of which shorter ones are filled up.
     """
-    source = wasm_functions({"judge": nis.equation(groups)}, "el") if groups else ""
-    return {
-        "wasm": base64.b64encode(wasm(source)).decode() if source else None,
-        "groups": groups,
-        "sentences": {
-            **health.LINES,
-            "or-aids": health.OR_AIDS,
-            "causes": health.CAUSES,
-            **{code: TEXTS[code] for code in SAID},
-        },
-        "too_sure": TOO_SURE,
-        "larger": health.LARGER,
-        "steep": STEEP,
-        "blocks": nis.BLOCKS,
-        "notable": nis.NOTABLE,
-        "last": nis.LATE_SHARE,
-        "verdicts": nis.VERDICTS,
-        "wrong": nis.WRONG,
+    sizes = {
+        "groups": max((row.size for one in members for row in one.estimator.health_rows), default=1),
+        "instruments": 1 + max(len(reported_aids(one.estimator.model.outputs.names)) for one in members),
+        "elements": max(row.size for one in members for row in one.estimator.model.outputs),
     }
+    functions, gives = {}, {}
+    for name, (rule, takes) in _compiled(**sizes).items():
+        arguments = [ca.SX.sym("a", max(size, 1)) for size in takes]
+        numbers = rule(*(one if size else one[0] for one, size in zip(map(_listed, arguments), takes, strict=True)))
+        functions[name] = ca.Function(name, [ca.vertcat(*arguments)], [ca.vertcat(*numbers.values())], {"cse": True})
+        gives[name] = list(numbers)
+    return {
+        "wasm": base64.b64encode(wasm(wasm_functions(functions, "a"))).decode(),
+        "gives": gives,
+        "sizes": sizes,
+        "blocks": nis.BLOCKS,
+        "late": nis.LATE_SHARE,
+        "instrument": health.INSTRUMENT,
+        "filter": health.FILTER,
+        "or_aids": health.OR_AIDS,
+        "fixes": health.FIX_REMARKS,
+        "ratio": RATIO,
+        **{code: TEXTS[code] for code in SAID},
+    }
+
+
+def _compiled(groups: int, instruments: int, elements: int) -> dict[str, tuple[Callable[..., health.Numbers], list[int]]]:
+    """The rules by name, with the sizes of their arguments; 0: one number."""
+
+    def instrument(ends: list[Any], late: list[Any]) -> health.Numbers:
+        count, refused = ends[-len(late) :][:2]
+        return health.of_instrument(nis.flat(ca.vertcat(*ends), ca.vertcat(*late)), count, refused)
+
+    width = 2 + 4 * groups
+    return {
+        "instrument": (instrument, [nis.BLOCKS * width, width]),
+        "filter": (health.of_filter, [instruments, instruments, 0, 0]),
+        "fixes": (health.of_fixes, [0, 0, 0, 0, 0]),
+        "counted_less": (health.counted_less, [3, 3]),
+        "steep_pitch": (steep_pitch, [0]),
+        "larger_error": (larger_error, [0, 0]),
+        "departure": (departure, [elements, elements, elements, 0]),
+    }
+
+
+def _listed(symbols: ca.SX) -> list[ca.SX]:
+    return [symbols[place] for place in range(symbols.numel())]
 
 
 def health_rows(estimator: Estimator, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -75,11 +96,6 @@ def health_rows(estimator: Estimator, parameters: Mapping[str, Any]) -> dict[str
     fixes = FIX_HEALTH.names if estimator.reports_fixes else None
     slow, less = health.models_slow_errors(parameters), health.counts_fixes_less(parameters, estimator.model.outputs.names)
     return {"fixes": fixes, "aids": aids, "slow": slow, "less": less, "causes": dict(estimator.causes)}
-
-
-def groups_of(estimator: Estimator) -> int:
-    """The largest number of groups of components of its instruments; 0 if it does not tell its health."""
-    return max((row.size for row in estimator.health_rows if row.name.endswith("nis_used")), default=0)
 
 
 def findings(estimator: Estimator, parameters: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -32,7 +32,7 @@ from insenv.scenario.description import scenario_class
 from insenv.scenario.files import named_estimators
 from insenv.scenario.inputs import PREFIX, VALID, recording_interval
 from insenv.web.controls import Control, Option, Trials, with_values
-from insenv.web.judging import findings, groups_of, health_rows, judged, limit_along, limit_document, rule
+from insenv.web.judging import findings, health_rows, judged, limit_along, limit_document, rules
 from insenv.web.model import PageModel, page_model
 from insenv.web.start import known_vector, not_computed, reported_places, start_source
 
@@ -215,7 +215,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         ],
         "controls": [_control(control, live) for control in live.controls],
         "limit": limit_document(limit, plant.duration_s),
-        "rule": rule(max(groups_of(member.estimator) for member in live.page.members)),
+        "rules": rules(live.page.members),
         "channels": {name: {"label": label(name), "title": NAMES[name], "unit": unit_of(name)} for name in CHANNELS},
         "biases": {"rows": BIASES, "axes": AXES},
         "marked": MARKED,

@@ -117,6 +117,8 @@ def test_a_verdict_follows_from_each_group_and_from_the_end():
         lost = rng.normal(size=(1000, 6))
         lost[part] *= 30  # a filter that parts from its fixes at the end has diverged, one that does at the start has not
         assert health(of_fixes(lost)).verdict == verdict
+    small = health(of_fixes(0.5 * rng.normal(size=(2000, 6))))
+    assert [note.code for note in small.notes()] == ["fixes-slow-errors"] and small.notes(models_slow_errors=True) == ()
 
 
 def test_the_course_counts_every_fix():

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from insenv.base.remarks import Remark, coded
+from insenv.core.elementary import maximum
 from insenv.core.tables import Array
 
 
@@ -28,14 +31,26 @@ class Finding:
     about: ArrayLike = 0.0
     limit: float = 1.0
 
-    def ratio(self, outputs: Mapping[str, Array]) -> float:
-        """The largest distance over its scale of outputs (by row name, time along the first axis) at their end."""
-        return float(np.max(np.abs(np.ravel(outputs[self.row][-1]) - self.about) / self.scale))
+    def numbers(self, outputs: Mapping[str, Array]) -> dict[str, Any]:
+        """What `departure` gives for outputs (by row name, time along the first axis) at their end."""
+        values = np.ravel(outputs[self.row][-1])
+        about, scale, _ = np.broadcast_arrays(self.about, self.scale, values)
+        numbers = departure(values, about, scale, self.limit)
+        return {"said": bool(numbers["said"]), "ratio": float(numbers["ratio"])}
 
     @property
     def remark(self) -> Remark:
         """The sentence with its code."""
         return coded([self.sentence], "finding")[0]
+
+
+def departure(values: Iterable[Any], about: Iterable[Any], scale: Iterable[Any], limit: Any) -> dict[str, Any]:
+    """The largest distance of values from `about` over its scale, and whether it is said: from `limit` on.
+
+    Numbers or symbols: Python evaluates it after a run, a live page runs it compiled (`insenv.web.judging`).
+    """
+    ratio = reduce(maximum, [abs(value - middle) / one for value, middle, one in zip(values, about, scale, strict=True)], 0.0)
+    return {"said": ratio >= limit, "ratio": ratio}
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from insenv.base.installing import need
 from insenv.base.output import to_json
 from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
-from insenv.evaluation.health import CONTRADICTED, LINES, VERDICTS
+from insenv.evaluation.health import CONTRADICTED, UNTESTED, VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import data_frame
@@ -296,7 +296,7 @@ def campaign_arrays(campaign: Statistics) -> dict[str, NDArray[Any]]:
 def _health_of(shares: Mapping[str, Any], what: str) -> str:
     """Shares by verdict; those of untested and of contradicted runs only if there are any."""
     if shares["untested"] == 1.0:
-        return LINES["untested"].format(count="the", what=what)
+        return UNTESTED.format(count="the", what=what)
     verdicts = (*VERDICTS, CONTRADICTED)
     listed = [verdict for verdict in verdicts if verdict not in ("untested", CONTRADICTED) or shares[verdict]]
     counted = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in listed)
