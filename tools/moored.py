@@ -2,7 +2,7 @@
 
 python tools/moored.py [first seed]           the table of docs/estimators/fusion.md, ten minutes
 python tools/moored.py slow [first seed]      the other one: surges that are slower or larger than what fusion assumes
-python tools/moored.py fir [first seed]       that of inertial-fir.md: surges that pass its low-passes, two minutes
+python tools/moored.py q-method [first seed]  that of q-method.md, in surges of all periods, minutes; inertial-fir and ecef-kf alike
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ HEADER = "\n".join((
     "| sea | limit | `fusion` | beyond 3 sigma | " + " | ".join(f"`{id}`" for id in OTHERS) + " |",
     "|---" * (4 + len(OTHERS)) + "|",
 ))  # fmt: skip
-FIR_HEADER = "| surge | heading | tilt | heading, rms (stated), at 45 deg |\n|---|---|---|---|"
-FIR_SEED, FIR_FROM_S, LATITUDES_DEG = 985000, 200.0, (0.0, 45.0, 70.0)
+ALONE_HEADER = "| surge | heading | tilt | heading, rms (stated), at 45 deg |\n|---|---|---|---|"
+ALONE_SEED, LATITUDES_DEG = 985000, (0.0, 45.0, 70.0)
+FROM_S = {"inertial-fir": 200.0, "q-method": 120.0, "ecef-kf": 120.0}
 SLOW_HEADER = "| surge | limit | `fusion` | beyond 3 sigma: tilt, heading |\n|---|---|---|---|"
 
 
@@ -53,7 +54,7 @@ SEAS = {
     "`ship-irregular-sea`": values_of("ship-irregular-sea"),
     "the same, peak at 18 s": values_of("ship-irregular-sea", peak_period_s=18.0),
 }
-PASSED = {f"{a:g} m, {t:g} s": surging(a, t) for t in (12.0, 18.0, 25.0, 40.0, 60.0, 120.0) for a in (0.05, 0.3, 2.0)}
+SURGES = {f"{a:g} m, {t:g} s": surging(a, t) for t in (12.0, 18.0, 25.0, 40.0, 60.0, 120.0) for a in (0.05, 0.3, 2.0)}
 SLOW = {f"{size:g} m, {period:g} s": surging(size, period) for period in (30.0, 60.0, 120.0) for size in (0.05, 0.3, 1.0, 2.0)}
 
 
@@ -67,13 +68,13 @@ def campaign(values: dict[str, Any], id: str, first_seed: int) -> tuple[Any, ...
     return plan.times, *(np.concatenate([block[name] for block in blocks]) for name in ("error", "sigma"))
 
 
-def passed(values: dict[str, Any], first_seed: int) -> tuple[str, str, str]:
-    """Largest shares (%) of heading and tilt beyond 3 sigma by `inertial-fir` at any latitude, and its heading at the end."""
+def alone(values: dict[str, Any], id: str, first_seed: int) -> tuple[str, str, str]:
+    """Largest shares (%) of heading and tilt beyond 3 sigma by an alignment at any latitude, and its heading at the end."""
     shares, at_end = [], ""
     for latitude_deg in LATITUDES_DEG:
         values["start"]["latitude_deg"] = latitude_deg
-        times, error, sigma = campaign(values, "inertial-fir", first_seed)
-        late = times >= FIR_FROM_S
+        times, error, sigma = campaign(values, id, first_seed)
+        late = times >= FROM_S[id]
         shares.append([100 * np.mean(np.abs(error) > 3 * sigma, axis=0)[late][:, part].mean() for part in PARTS])
         if latitude_deg == 45.0:
             rms, stated = (np.sqrt(np.mean(part[:, -1, PARTS[0]] ** 2)) for part in (error, sigma))
@@ -101,13 +102,13 @@ def shown(value: float) -> str:
 
 
 if __name__ == "__main__":
-    mode = next((name for name in ("slow", "fir") if name in sys.argv), "")
+    mode = next((name for name in ("slow", *FROM_S) if name in sys.argv), "")
     seeds = [int(argument) for argument in sys.argv[1:] if argument != mode]
-    first = seeds[0] if seeds else FIR_SEED if mode == "fir" else FIRST_SEED
-    print({"": HEADER, "slow": SLOW_HEADER, "fir": FIR_HEADER}[mode])
-    for name, values in {"": SEAS, "slow": SLOW, "fir": PASSED}[mode].items():
-        if mode == "fir":
-            cells: tuple[str, ...] = passed(values, first)
+    first = seeds[0] if seeds else ALONE_SEED if mode in FROM_S else FIRST_SEED
+    print({"": HEADER, "slow": SLOW_HEADER}.get(mode, ALONE_HEADER))
+    for name, values in {"": SEAS, "slow": SLOW}.get(mode, SURGES).items():
+        if mode in FROM_S:
+            cells: tuple[str, ...] = alone(values, mode, first)
         else:
             limit, by_fusion, beyond = found(values, "fusion", first)
             others = [] if mode == "slow" else [found(values, id, first)[1] for id in OTHERS]
