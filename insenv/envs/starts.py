@@ -258,7 +258,7 @@ class Starts:
         """Draw the parameters of one episode per generator, (k, parameters.size); `complete` adds the rest."""
         ranges, pool = self.ranges, self._pool
         parameters, count = self._plant.parameters, len(generators)
-        seed, unit, heading, sea = _uniforms(generators, 4).T
+        seed, unit, heading, sea = uniforms_of(generators, 4).T
         seeds = seed * MAX_SEED  # whole numbers: a uniform is a multiple of 2^-53
         vectors = pool[(unit * len(pool)).astype(np.intp)]
         run_seeds = seeds if self._run_seed is None else _run_seeds(self._run_seed, count)
@@ -371,7 +371,7 @@ class InnerStarts(Starts):
         p = super().draw(generators)
         if self.mistuning and self._run_seed is None:  # the filter of a run has the data sheet
             place = self.task.model.parameters.slice("mistuning")
-            p[:, place] = -self.mistuning + 2.0 * self.mistuning * _uniforms(generators, place.stop - place.start)
+            p[:, place] = -self.mistuning + 2.0 * self.mistuning * uniforms_of(generators, place.stop - place.start)
         return p
 
     def complete(self, p: Array, x: Array) -> Array:
@@ -405,7 +405,7 @@ class InnerStarts(Starts):
         return self._estimator.model.parameters.pack(parameters)
 
 
-def _uniforms(generators: Sequence[np.random.Generator], count: int) -> Array:
+def uniforms_of(generators: Sequence[np.random.Generator], count: int) -> Array:
     """The next `count` uniforms in [0, 1) of each generator, (generators, count)."""
     return np.array([generator.random(count) for generator in generators])
 
