@@ -6,10 +6,9 @@ The decision, the evaluation of the filter and the reward are those of `insenv.e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 
@@ -17,8 +16,9 @@ from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.envs.checks import check_number, check_type, check_whole
+from insenv.envs.checks import check_number, check_type
 from insenv.envs.embedded_filter import (
+    LARGEST_RATIO,
     SCALE,
     SCALED,
     Inner,
@@ -30,12 +30,11 @@ from insenv.envs.embedded_filter import (
     within,
 )
 from insenv.envs.faults import FAULTS, NOISES, FaultyStarts, faulty
-from insenv.envs.setup import Arguments
 from insenv.envs.single import InertialEnv
 from insenv.envs.task import RESULT, Task, finite_action
-from insenv.envs.tuning import INFO, PARAMETERS, SCORE_INTERVAL, STATE, TUNED, next_decision, scored, scoring_steps
+from insenv.envs.tuning import INFO, PARAMETERS, STATE, TUNED, FilterTuning, next_decision, scored, scoring_steps
 from insenv.envs.vector import InertialVectorEnv
-from insenv.scenario import Scenario, ScenarioLike, plant_of
+from insenv.scenario import Scenario, plant_of
 
 SET = (*TUNED, "innovation_gate")
 """Parameters and inputs of the filter on which an action sets factors, in the order of its components."""
@@ -43,7 +42,6 @@ MISTRUSTED = 1e4
 """Factor on the reported standard deviation of what is not trusted."""
 FORGETTING = 0.05
 """Weight of the latest fix in the running mean of the squared test ratios."""
-LARGEST_RATIO = 100.0
 
 ACTIONS = Table((
     Row("log_scale", f"Logarithm of the factors on {', '.join(SET)}, in `decades`", "1", (7,), lower=-1.0, upper=1.0),
@@ -131,31 +129,17 @@ def _observed(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
-class FaultTuning(Arguments):
+class FaultTuning(FilterTuning):
     """The arguments and the task of `FaultTuningEnv` and `FaultTuningVectorEnv`."""
 
-    needs_gnss: ClassVar[bool] = True
-    scenario: ScenarioLike = field(default="car-city-drive", kw_only=False)
     samples_per_step: int = 200
     duration_s: float | None = 240.0
-    estimator: str = "loosely-coupled"
-    decades: float = 2.0
     spread_decades: float = 0.5
     faults: bool = True
-    consistency_weight: float = 0.5
-
-    def _constants(self, scenario: Scenario) -> Mapping[str, float]:
-        samples = check_whole("samples_per_step", self.samples_per_step)
-        return {
-            "decades": check_number("decades", self.decades, 0.0, 4.0),
-            "consistency_weight": check_number("consistency_weight", self.consistency_weight, 0.0, 1e3),
-            "score_samples": float(max(1, min(samples, round(SCORE_INTERVAL * scenario.rate_hz)))),
-        }
 
     def _task(self, scenario: Scenario) -> Task:
         check_number("spread_decades", self.spread_decades, 0.0, 2.0)
         check_type("faults", self.faults, bool, "True or False")
-        check_type("estimator", self.estimator, str, "the id of an estimator")
         return fault_tuning_task(plant_of(scenario)[0], self.estimator)
 
     def _starts(self, scenario: Scenario, *rest: Any) -> FaultyStarts:

@@ -213,28 +213,34 @@ SCORE_INTERVAL = 1.0
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
-class Tuning(Arguments):
-    """The arguments and the task of `TuningEnv` and `TuningVectorEnv`."""
+class FilterTuning(Arguments):
+    """The arguments of all environments in which an agent tunes a filter."""
 
     needs_gnss: ClassVar[bool] = True
     scenario: ScenarioLike = field(default="car-city-drive", kw_only=False)
-    samples_per_step: int = 2000
     estimator: str = "loosely-coupled"
     decades: float = 2.0
-    mistuning_decades: float = 1.5
     consistency_weight: float = 0.5
 
     def _constants(self, scenario: Scenario) -> Mapping[str, float]:
         samples = check_whole("samples_per_step", self.samples_per_step)
+        check_type("estimator", self.estimator, str, "the id of an estimator")
         return {
             "decades": check_number("decades", self.decades, 0.0, 4.0),
             "consistency_weight": check_number("consistency_weight", self.consistency_weight, 0.0, 1e3),
             "score_samples": float(max(1, min(samples, round(SCORE_INTERVAL * scenario.rate_hz)))),
         }
 
+
+@dataclass(kw_only=True, repr=False, eq=False)
+class Tuning(FilterTuning):
+    """The arguments and the task of `TuningEnv` and `TuningVectorEnv`."""
+
+    samples_per_step: int = 2000
+    mistuning_decades: float = 1.5
+
     def _task(self, scenario: Scenario) -> Task:
         check_number("mistuning_decades", self.mistuning_decades, 0.0, 4.0)
-        check_type("estimator", self.estimator, str, "the id of an estimator")
         return tuning_task(plant_of(scenario)[0], self.estimator)
 
     def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:

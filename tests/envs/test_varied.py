@@ -45,16 +45,22 @@ def test_the_run_of_a_seed_has_the_values_of_a_campaign(vary):
     assert not env.setup.task.model.parameters.unpack(env.snapshot().parameters)["gyro_bias"].any()
 
 
-def test_all_interfaces_draw_the_same_values_over_autoresets():
+def test_ranges_that_are_set_hold_for_all_episodes_that_follow():
+    """Over autoresets, in all interfaces, and in copies; varied keys too."""
+    vary = {"imu.gyro_bias_deg_h": (0.0, 9.0), "vehicle.sway.roll.0.amplitude_deg": [2, 8]}
+
     def varied(env):
-        env.unwrapped.set_ranges(vary={"imu.gyro_bias_deg_h": (0.0, 9.0), "vehicle.sway.roll.0.amplitude_deg": [2, 8]})
+        env.unwrapped.set_ranges(initial_error=(3.0, 4.0), imu="random", imu_sheet="middle", vary=vary)
         return env
 
     testing.check_rows(
         lambda: varied(gymnasium.make(SHIP, **SHORT)), lambda n, **more: varied(gymnasium.make_vec(SHIP, n, **SHORT, **more))
     )
     testing.check_pickling(lambda: varied(gymnasium.make(SHIP, **SHORT)))
-    starts = varied(gymnasium.make(SHIP, **SHORT)).unwrapped.setup.starts
+    env = varied(gymnasium.make(SHIP, **SHORT)).unwrapped
+    for _ in range(2):
+        assert env.named(env.reset()[0])["known_heading_sigma"] == pytest.approx(np.radians(4.0))
+    starts = env.setup.starts
     drawn = starts.draw([np.random.default_rng(seed) for seed in range(256)])
     bias, roll = (drawn[:, starts._plant.parameters.slice(name)][:, 0] for name in ("gyro_bias", "roll_amplitude"))
     turn = np.degrees(bias) * 3600.0
