@@ -331,7 +331,7 @@ class Starts:
         stated = varied.parameters_of(seeds, told=True) if varied.hidden else p[:, : parameters.size]
         place = parameters.slice("antenna_lever_arm_b") if "antenna_lever_arm_b" in parameters else slice(0)
         p[:, place] = stated[:, place]
-        if self.ranges.imu != "random":
+        if varied.tells and self.ranges.imu != "random":
             sheets = data_sheets(parameters.unpack(stated, IMU_PARAMETERS.names), in_place)
         if not varied.reports:
             return known_rows(section, model, p, x, sheets)

@@ -131,8 +131,9 @@ class Varied:
         rows = {}
         for section in sections:
             before = self._before.get(section) or self._before.setdefault(section, self._rows(section, self.scenario))
-            for name, value in self._rows(section, scenario).items():
-                if name not in before or not np.array_equal(value, before[name]):  # comparing is faster than packing
+            for name, value in self._rows(section, scenario).items():  # comparing is faster than packing
+                old: Any = before.get(name)
+                if not (value == old if isinstance(value, float) else np.array_equal(value, old)):
                     rows[name] = value
         return table.pack(rows, self._base)
 
