@@ -73,6 +73,7 @@ SPECS: dict[str, tuple[str, dict[str, object]]] = {
     "insenv/VehicleNavigation-v0": ("Navigation", {"scenario": "car-city-drive", "vehicle": "car"}),
     "insenv/AircraftNavigation-v0": ("Navigation", {"scenario": "aircraft-survey", "vehicle": "aircraft"}),
     "insenv/Tuning-v0": ("Tuning", {"scenario": "car-city-drive"}),
+    "insenv/FaultTuning-v0": ("FaultTuning", {"scenario": "car-city-drive"}),
     "insenv/Manoeuvre-v0": ("Manoeuvre", {"scenario": "car-unknown-heading"}),
 }
 IDS = tuple(SPECS)
@@ -104,5 +105,6 @@ _TASKS = {
     "Alignment": "estimate the attitude of a vehicle in place, and declare when aligned",
     "Navigation": "estimate attitude, velocity and position of a vehicle with GNSS",
     "Tuning": "tune the noise parameters of a filter while it runs",
+    "FaultTuning": "adapt a filter to instruments that are worse than their data sheets and fail for a while",
     "Manoeuvre": "move the vehicle such that the filter finds the heading",
 }

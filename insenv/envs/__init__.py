@@ -9,6 +9,7 @@ The ids are `IDS`.  An observation contains what a navigator knows and measures;
 from insenv.base.shipped import IDS, register
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
 from insenv.envs.estimation_task import estimate_action
+from insenv.envs.fault_tuning import FaultTuningEnv, FaultTuningVectorEnv
 from insenv.envs.knowledge import knowledge_of
 from insenv.envs.manoeuvre import ManoeuvreEnv, ManoeuvreVectorEnv
 from insenv.envs.single import InertialEnv, Snapshot
@@ -20,6 +21,8 @@ __all__ = [
     "IDS",
     "AlignmentEnv",
     "AlignmentVectorEnv",
+    "FaultTuningEnv",
+    "FaultTuningVectorEnv",
     "InertialEnv",
     "InertialVectorEnv",
     "ManoeuvreEnv",

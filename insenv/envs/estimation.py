@@ -142,16 +142,19 @@ class AlignmentEnv(Alignment, InertialEnv):
       engine and gusts. `initial_error`: standard deviations (tilt, heading) of the reported attitude, deg.
       `sway_phases`: whether the phases of sway, waves and engine are drawn. `mounting_deg`: roll and pitch of the mounted
       unit are drawn within plus and minus this angle, deg. None (False for the phases) keeps the scenario's value.
+    - `vary`: distributions by key of the scenario, from which each episode draws values: a pair (low, high), a list of
+      choices, or a text such as "lognormal(3, 0.5)" (docs/campaigns.md). `known`: which of these keys the reported knowledge
+      follows: False, True or a sequence of keys.
     - `gnss_outages_s`: pairs (begin, end) of outages, s, instead of those of the scenario. `reward`, `time_weight`: see
       Rewards.
     - `observation`: "samples" or "compact". `action`: "attitude" or "correction".
     - `dtype`: "float64" or "float32", of observations and actions; the model computes with float64.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
-    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, sway_phases, mounting_deg and gnss_outages_s for
-    the episodes that it starts, and `run_seed`: the seed of the `insenv run` that produces the same samples; nothing is drawn
-    then that the other options do not name. `env.unwrapped.set_ranges(...)` changes these arguments for all episodes that
-    follow.
+    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, sway_phases, mounting_deg, gnss_outages_s, vary
+    and known for the episodes that it starts, and `run_seed`: the seed of the `insenv run` that produces the same samples;
+    nothing is drawn then that the other options do not name. `env.unwrapped.set_ranges(...)` changes these arguments for all
+    episodes that follow.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is bit-identical to the single environment reset

@@ -13,7 +13,8 @@ from insenv import attitude, geodesy
 from insenv.core.model import Model
 from insenv.core.tables import Array, Row, Table
 from insenv.estimators.contract import ImuDataSheet, Knowledge
-from insenv.scenario import Scenario, reported_attitude, start_errors
+from insenv.scenario import reported_attitude, start_errors
+from insenv.scenario.description import KnowledgeSection
 from insenv.sensors.data_sheet import motion_errors
 from insenv.sensors.imu_tables import HUGE
 
@@ -50,13 +51,13 @@ KNOWN = Table((
 """Rows of the initial knowledge."""
 
 
-def known_rows(scenario: Scenario, model: Model, p: Array, x: Array, sheets: Mapping[str, Array]) -> Array:
+def known_rows(section: KnowledgeSection, model: Model, p: Array, x: Array, sheets: Mapping[str, Array]) -> Array:
     """Return the values of `KNOWN` for k episodes at their start, (k, KNOWN.size).
 
-    model: of a plant.  p (k, parameters), x (k, state): its vectors.  sheets: the data sheets of the episodes, (k,) or (1,)
+    section: of the scenario.  model: of a plant.
+    p (k, parameters), x (k, state): its vectors.  sheets: the data sheets of the episodes, (k,) or (1,)
     by field of `ImuDataSheet`.  The initial errors are those that `insenv.scenario.build` draws for the same seeds.
     """
-    section = scenario.knowledge
     names = [name for name in ("seed", "sample_interval", "antenna_lever_arm_b") if name in model.parameters]
     parameters = model.parameters.unpack(p, names)
     state = model.state.unpack(x, ("latitude", "longitude", "height", "velocity_n", "q_nb"))

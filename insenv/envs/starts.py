@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from math import pi, radians
 from typing import Any
 
@@ -20,13 +19,15 @@ from insenv.core.tables import Array, Table
 from insenv.envs.checks import as_numbers, check_choice, check_number, check_range, check_type, is_number, refused
 from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
+from insenv.envs.units import middle_unit, units_between, units_of
+from insenv.envs.varied import Varied, variations_of
+from insenv.estimators.contract import Knowledge
 from insenv.evaluation.limits import Limit
 from insenv.scenario import Scenario, limit_along, plant_of, prior_of
 from insenv.scenario.build import build, check_speed_of_sinusoids
-from insenv.scenario.description import MAX_SEED
+from insenv.scenario.description import MAX_SEED, KnowledgeSection
 from insenv.scenario.loop import PREFIX
 from insenv.sensors.data_sheet import data_sheets, imu_data_sheet
-from insenv.sensors.figures import window_rows
 from insenv.sensors.grade_file import grade_of
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 from insenv.sensors.sampled import OUTAGES
@@ -44,7 +45,8 @@ class Variation:
     """What varies between the episodes of every environment, besides the seed; None keeps the scenario's value.
 
     A random unit is one of those of `insenv.envs.starts`; `imu_sheet` is its data sheet.  `initial_error` is both reported
-    and used for the draw.
+    and used for the draw.  `vary`: keys of the scenario and the distributions from which each episode draws them
+    (`insenv.envs.varied`); `known`: which of them the initial knowledge follows.
     """
 
     imu: str | None = None
@@ -54,6 +56,8 @@ class Variation:
     sea_state: Range | None = None
     initial_error: Range | None = None
     gnss_outages_s: tuple[Range, ...] | None = None
+    vary: Mapping[str, Any] | None = None
+    known: bool | Sequence[str] = False
 
 
 @dataclass(kw_only=True)
@@ -98,6 +102,7 @@ class Ranges(Variation):
                 raise refused("gnss_outages_s", self.gnss_outages_s, "a sequence of pairs (begin, end), 0 <= begin < end, s")
             if len(pairs) > OUTAGES:
                 raise InputError(f"gnss_outages_s has {len(pairs)} outages: allowed are at most {OUTAGES}")
+        self.variations, self.told = variations_of(self.vary, self.known)
 
     @property
     def grades(self) -> tuple[str, str]:
@@ -125,7 +130,8 @@ class Ranges(Variation):
         if "run_seed" not in options:
             return replace(self, **values)
         imu = None if self.imu == "random" else self.imu
-        unchanged = {name: getattr(self, name) for name in ("imu_range", "imu_sheet", "gnss_outages_s", "units")}
+        kept = ("imu_range", "imu_sheet", "gnss_outages_s", "units", *(["known"] if "vary" in values else []))
+        unchanged = {name: getattr(self, name) for name in kept}
         return Ranges(imu=imu, **{**unchanged, **values})
 
 
@@ -133,6 +139,8 @@ RANGES = tuple(field.name for field in fields(Ranges) if field.name != "units")
 """Arguments of environments that say what varies."""
 OPTIONS = (*(name for name in RANGES if name not in ("imu_range", "imu_sheet")), "run_seed")
 """Options of a reset."""
+_OF_VARIED = ("variations", "told", "imu", "gnss_outages_s")
+"""Ranges on which the plants with varied keys depend."""
 
 
 def _are_intervals(pairs: Array) -> bool:
@@ -156,6 +164,7 @@ class Starts:
             _scale(rows, self._vehicle, ranges.sea_state[1])
             check_speed_of_sinusoids(rows, 1.0 / scenario.rate_hz)
         self._run_seed: NDArray[Any] | None = None
+        self._varied: Varied | None = None
         self._vary(ranges)
         self._check_units()
 
@@ -170,28 +179,64 @@ class Starts:
 
     def _vary(self, ranges: Ranges) -> None:
         """Take the ranges, and with them the plant's parameters with each unit that can be drawn."""
-        self.ranges = ranges
+        before, self.ranges = self.ranges, ranges
+        grade = None if ranges.imu == "random" else ranges.imu
+        base = self._base(grade)
         if ranges.imu == "random":
             better, worse = ranges.grades
             self._grades = self._base(better), self._base(worse)
             self._pool = units_between(*self._grades, self._plant.parameters)
         else:
-            self._pool = self._base(ranges.imu)[None]
+            self._pool = base[None]
+        if not ranges.variations:
+            self._varied = None
+        elif self._varied is None or any(getattr(ranges, name) != getattr(before, name) for name in _OF_VARIED):
+            self._varied = Varied(self._with_grade(grade), ranges.variations, ranges.told, base, self.duration)
+        self._check_apart()
         self._limits: Array | None = None  # of the units of the pool, NaN where none has been drawn yet
         self._sheets: Mapping[str, Array] | None = None
 
     def _base(self, grade: str | None) -> Array:
         """Return the plant's parameter vector with a unit of a grade; None: that of the scenario."""
+        model, rows = plant_of(self._with_grade(grade))
+        return model.parameters.pack(rows)
+
+    def _with_grade(self, grade: str | None) -> Scenario:
+        """Return the scenario with the outages of the ranges and a unit of a grade."""
         scenario, outages = self.scenario, self.ranges.gnss_outages_s
         if grade is not None:
             scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": grade})})
-        model, rows = plant_of(scenario)
         if outages is not None:
             if scenario.gnss is None:
                 raise InputError("gnss_outages_s: the scenario has no [gnss]")
-            begin, end = window_rows(outages)
-            rows = rows | {"gnss_outage_start": begin, "gnss_outage_end": end}
-        return model.parameters.pack(rows)
+            pairs = tuple((float(begin), float(end)) for begin, end in outages)
+            scenario = scenario.model_copy(update={"gnss": scenario.gnss.model_copy(update={"outages_s": pairs})})
+        return scenario
+
+    def _check_apart(self) -> None:
+        """Raise `InputError` for a varied key that another argument draws or replaces too."""
+        ranges, slices = self.ranges, self._plant.parameters.slice
+        phases = [row.name for row in self._vehicle if row.name.endswith("_phase")] if ranges.sway_phases else []
+        replaced = {
+            "imu": np.flatnonzero(self._pool[0] != self._pool[-1]),
+            "heading_deg": slices("start_heading") if ranges.heading_deg is not None else [],
+            "start_speed_mps": slices("start_speed") if self._draws_speed else [],
+            "sway_phases": [place for name in phases for place in range(slices(name).start, slices(name).stop)],
+        }
+        for key, changed in () if self._varied is None else self._varied.changed.items():
+            others = [name for name, places in replaced.items() if changed[places].any()]
+            if key in ("knowledge.tilt_sigma_deg", "knowledge.heading_sigma_deg") and ranges.initial_error is not None:
+                others.append("initial_error")
+            for name in others:
+                neutral, value = type(ranges).__dataclass_fields__[name].default, getattr(ranges, name)
+                raise InputError(
+                    f"vary {key!r} and {name} = {value!r}: allowed is one of them; {name}={neutral} leaves it to vary"
+                )
+
+    @property
+    def _draws_speed(self) -> bool:
+        speeds = self.ranges.start_speed_mps
+        return speeds is not None and "start_speed" in self._vehicle and not self.scenario.vehicle.in_place
 
     def _check_units(self) -> None:
         """Raise `InputError` for a range that is never drawn from, and for one whose second unit is the better one."""
@@ -213,10 +258,14 @@ class Starts:
         """Draw the parameters of one episode per generator, (k, parameters.size); `complete` adds the rest."""
         ranges, pool = self.ranges, self._pool
         parameters, count = self._plant.parameters, len(generators)
-        seed, unit, heading, sea = _uniforms(generators, 4).T
+        seed, unit, heading, sea = uniforms_of(generators, 4).T
         seeds = seed * MAX_SEED  # whole numbers: a uniform is a multiple of 2^-53
         vectors = pool[(unit * len(pool)).astype(np.intp)]
-        vectors[:, parameters.slice("seed").start] = seeds
+        run_seeds = seeds if self._run_seed is None else _run_seeds(self._run_seed, count)
+        if self._varied is not None:
+            units, vectors = vectors, self._varied.parameters_of(run_seeds)
+            drawn = np.flatnonzero(pool[0] != pool[-1])  # figures of a random unit
+            vectors[:, drawn] = units[:, drawn]
         if ranges.heading_deg is not None:
             if self.scenario.vehicle.lasts_s is not None:
                 raise InputError(f"heading_deg = {ranges.heading_deg!r}: the vehicle's track has its own: allowed is None")
@@ -225,8 +274,7 @@ class Starts:
             rows = {name: vectors[:, parameters.slice(name)] for name in self._vehicle.names}
             _scale(rows, self._vehicle, _at(ranges.sea_state, sea)[:, None])
         self._draw_start(vectors, seeds)
-        if self._run_seed is not None:
-            vectors[:, parameters.slice("seed").start] = _run_seeds(self._run_seed, count)
+        vectors[:, parameters.slice("seed").start] = run_seeds
         p = np.tile(self._constants, (count, 1))
         p[:, : vectors.shape[1]] = vectors  # the plant's rows come first
         return p
@@ -234,7 +282,7 @@ class Starts:
     def _draw_start(self, vectors: Array, seeds: Array) -> None:
         """Draw mounting, start speed and phases into the plant's parameters, from generators of the runs' seeds."""
         parameters, ranges, mounting = self._plant.parameters, self.ranges, self.ranges.mounting_deg
-        speed = ranges.start_speed_mps if "start_speed" in self._vehicle and not self.scenario.vehicle.in_place else None
+        speed = ranges.start_speed_mps if self._draws_speed else None
         phases = [row for row in self._vehicle if row.name.endswith("_phase")] if ranges.sway_phases else []
         if mounting is None and speed is None and not phases:
             return
@@ -254,26 +302,51 @@ class Starts:
 
     def complete(self, p: Array, x: Array) -> Array:
         """Write the initial knowledge for start states x (k, state.size), and the limits, into p; return p."""
-        model, scenario, units = self.task.model, self.scenario, units_of(self._pool, p)
-        if self.ranges.initial_error is not None:
-            tilt, heading = self.ranges.initial_error
-            sigmas = {"tilt_sigma_deg": tilt, "heading_sigma_deg": heading}
-            scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=sigmas)})
-        if self._sheets is None:
-            stated = self._pool
-            if self.ranges.imu == "random" and self.ranges.imu_sheet == "middle":
-                stated = np.tile(middle_unit(*self._grades, self._plant.parameters), (len(stated), 1))
-            self._sheets = data_sheets(self._plant.parameters.unpack(stated, IMU_PARAMETERS.names), scenario.vehicle.in_place)
-        sheets = self._sheets if len(self._pool) == 1 else {name: values[units] for name, values in self._sheets.items()}
-        p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, sheets)
+        model, units = self.task.model, units_of(self._pool, p)
+        p[:, _span(model.parameters, KNOWN.names)] = self._known(p, x, units)
         if "limit" in model.parameters:
             place = model.parameters.slice("limit")
             if self._limits is None:
                 self._limits = np.full((len(self._pool), place.stop - place.start), np.nan)
+            scenario = self.scenario.model_copy(update={"knowledge": self._reported(self.scenario.knowledge)})
             for unit in set(units[np.isnan(self._limits[units, 0])].tolist()):
                 self._limits[unit] = episode_limit(self.task, self._plant, scenario, self._pool[unit], self.duration)
             p[:, place] = self._limits[units]
         return p
+
+    def _known(self, p: Array, x: Array, units: NDArray[np.intp]) -> Array:
+        """Return the initial knowledge (k, KNOWN.size) of episodes; of varied keys it follows those that are known."""
+        model, varied, in_place = self.task.model, self._varied, self.scenario.vehicle.in_place
+        parameters = self._plant.parameters
+        if self._sheets is None:
+            stated = self._pool
+            if self.ranges.imu == "random" and self.ranges.imu_sheet == "middle":
+                stated = np.tile(middle_unit(*self._grades, parameters), (len(stated), 1))
+            self._sheets = data_sheets(parameters.unpack(stated, IMU_PARAMETERS.names), in_place)
+        sheets = self._sheets if len(self._pool) == 1 else {name: values[units] for name, values in self._sheets.items()}
+        section = self._reported(self.scenario.knowledge)
+        if varied is None:
+            return known_rows(section, model, p, x, sheets)
+        seeds, p = p[:, parameters.slice("seed").start], p.copy()
+        stated = varied.parameters_of(seeds, told=True) if varied.hidden else p[:, : parameters.size]
+        place = parameters.slice("antenna_lever_arm_b") if "antenna_lever_arm_b" in parameters else slice(0)
+        p[:, place] = stated[:, place]
+        if varied.tells and self.ranges.imu != "random":
+            sheets = data_sheets(parameters.unpack(stated, IMU_PARAMETERS.names), in_place)
+        if not varied.reports:
+            return known_rows(section, model, p, x, sheets)
+        rows = []
+        for k, values in enumerate(varied.values(seeds)):
+            sheet, one = {name: column[k : k + 1] for name, column in sheets.items()}, slice(k, k + 1)
+            rows.append(known_rows(self._reported(varied.section(values)), model, p[one], x[one], sheet)[0])
+        return np.array(rows)
+
+    def _reported(self, section: KnowledgeSection) -> KnowledgeSection:
+        """Return what is reported at the start, with the standard deviations of the ranges."""
+        if self.ranges.initial_error is None:
+            return section
+        tilt, heading = self.ranges.initial_error
+        return section.model_copy(update={"tilt_sigma_deg": tilt, "heading_sigma_deg": heading})
 
 
 class InnerStarts(Starts):
@@ -298,17 +371,21 @@ class InnerStarts(Starts):
         p = super().draw(generators)
         if self.mistuning and self._run_seed is None:  # the filter of a run has the data sheet
             place = self.task.model.parameters.slice("mistuning")
-            p[:, place] = -self.mistuning + 2.0 * self.mistuning * _uniforms(generators, place.stop - place.start)
+            p[:, place] = -self.mistuning + 2.0 * self.mistuning * uniforms_of(generators, place.stop - place.start)
         return p
 
     def complete(self, p: Array, x: Array) -> Array:
         p = super().complete(p, x)
-        rows, table = p[:, self._place], self._estimator.model.parameters
-        if self._copied is None:
-            rows[:] = [self._filter_parameters(episode) for episode in p]
+        rows, table, varied = p[:, self._place], self._estimator.model.parameters, self._varied
+        same = [self._same] * len(p)
+        if varied is not None and varied.tells:
+            seeds = p[:, self._plant.parameters.slice("seed").start]
+            same = [varied.knowledge(self._same, values) for values in varied.values(seeds, told=True)]
+        if self._copied is None or (varied is not None and varied.tells):
+            rows[:] = [self._filter_parameters(*episode) for episode in zip(p, same, strict=True)]
             return p
         if self._uncopied is None:
-            self._uncopied = self._filter_parameters(p[0])
+            self._uncopied = self._filter_parameters(p[0], self._same)
         rows[:] = self._uncopied
         values = fields_known(KNOWN.unpack(p[:, _span(self.task.model.parameters, KNOWN.names)]))
         for name, field in self._copied.items():
@@ -319,14 +396,16 @@ class InnerStarts(Starts):
                 table.pack(table.unpack(row))  # raises the error that names the value
         return p
 
-    def _filter_parameters(self, p: Array) -> Array:
-        """Return the filter's parameters that follow from the initial knowledge in the parameters p of one episode."""
+    def _filter_parameters(self, p: Array, same: Knowledge) -> Array:
+        """Return the filter's parameters that follow from the initial knowledge in the parameters p of one episode, and from
+        what `same` adds to it.
+        """
         known = KNOWN.unpack(p[_span(self.task.model.parameters, KNOWN.names)])
-        parameters = self._estimator.parameters(knowledge_of(known, self._same), self._tunings)
+        parameters = self._estimator.parameters(knowledge_of(known, same), self._tunings)
         return self._estimator.model.parameters.pack(parameters)
 
 
-def _uniforms(generators: Sequence[np.random.Generator], count: int) -> Array:
+def uniforms_of(generators: Sequence[np.random.Generator], count: int) -> Array:
     """The next `count` uniforms in [0, 1) of each generator, (generators, count)."""
     return np.array([generator.random(count) for generator in generators])
 
@@ -383,73 +462,3 @@ def _over_the_episode(limits: Limit) -> Array:
     rotation = [np.sqrt(np.mean(np.interp(times, limits.time, axis**2))) for axis in limits.rotation.T]
     rms = limits.rms(times)
     return np.array([*rotation, *(rms[name] for name in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"))])
-
-
-# Inertial units between two grades: each figure of a unit has its own place on the way from one grade to the other.
-#
-# The units are a fixed pool, so that the limit of each is computed once and exactly.  Over the pool every figure is uniform, in
-# its logarithm where both grades have one above 0, and no two figures are correlated.
-
-UNITS = 64
-"""Units of a pool; more than a unit has figures."""
-
-
-def units_between(low: Array, high: Array, parameters: Table) -> Array:
-    """Return the pool of units between two grades, (UNITS, parameters.size), with all other parameters as in `low`.
-
-    low, high (parameters.size,): of a plant with the better and with the worse unit.
-    """
-    names = [
-        name for name in IMU_PARAMETERS.names if not np.array_equal(low[parameters.slice(name)], high[parameters.slice(name)])
-    ]
-    fractions = uncorrelated(UNITS, len(names))
-    return at_fractions(low, high, parameters, {name: fractions[:, k] for k, name in enumerate(names)})
-
-
-def middle_unit(low: Array, high: Array, parameters: Table) -> Array:
-    """Return the unit halfway between two grades in every figure, (parameters.size,)."""
-    half = np.array([0.5])
-    return at_fractions(low, high, parameters, dict.fromkeys(IMU_PARAMETERS.names, half))[0]
-
-
-def at_fractions(low: Array, high: Array, parameters: Table, fractions: dict[str, Array]) -> Array:
-    """Return k units whose figures lie at fractions (k,) of the way between two grades, by row name."""
-    count = len(next(iter(fractions.values()), ())) or UNITS
-    vectors = np.tile(low, (count, 1))
-    for name, fraction in fractions.items():
-        place = parameters.slice(name)
-        a, b, way = low[place], high[place], fraction[:, None]
-        positive = (a > 0.0) & (b > 0.0)
-        ratio = np.where(positive, b, 1.0) / np.where(positive, a, 1.0)
-        vectors[:, place] = np.where(positive, a * ratio**way, a + (b - a) * way)
-    return vectors
-
-
-def units_of(pool: Array, vectors: Array) -> NDArray[np.intp]:
-    """Return the places (k,) in a pool of units that parameters (k, at least parameters.size) have."""
-    telling = np.flatnonzero(pool[0] != pool[-1])
-    if not len(telling):
-        return np.zeros(len(vectors), dtype=np.intp)
-    column = telling[0]  # of a figure, whose values are all different
-    return np.argmin(np.abs(vectors[:, column, None] - pool[None, :, column]), axis=1)
-
-
-@lru_cache(maxsize=16)
-def uncorrelated(count: int, columns: int) -> Array:
-    """Return a Latin hypercube (count, columns) in (0, 1) whose columns have rank correlations of about 0.
-
-    Each column contains (k + 1/2) / count for k = 0 .. count - 1.  Source: Owen, "Controlling correlations in Latin hypercube
-    samples", Journal of the American Statistical Association 89 (1994), 1517-1522: ranked Gram-Schmidt.
-    """
-    draw = np.random.default_rng(0)
-    ranks = np.array([draw.permutation(count) for _ in range(columns)]).reshape(columns, count) - (count - 1) / 2.0
-    length = np.sum(ranks**2, axis=1)
-    for sweep in range(20):
-        order = range(columns) if sweep % 2 == 0 else range(columns)[::-1]
-        for done, k in enumerate(order):
-            rest = ranks[k].copy()
-            for other in order[:done]:
-                rest -= ranks[other] * (np.sum(rest * ranks[other]) / length[other])
-            # rounded, so that the order is that of every processor
-            ranks[k] = np.argsort(np.argsort(np.round(rest, 9), kind="stable")) - (count - 1) / 2.0
-    return ranks.T / count + 0.5

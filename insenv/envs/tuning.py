@@ -51,14 +51,14 @@ WORST_CONSISTENCY = 10.0
 """Upper bound of |ln(NEES / degrees of freedom)| in the reward."""
 
 ACTION = Row("log_scale", f"Logarithm of the factors on {', '.join(TUNED)}, in `decades`", "1", (6,), lower=-1.0, upper=1.0)
-_PARAMETERS = COMMON + Table((
+PARAMETERS = COMMON + Table((
     Row("limit", "1-sigma limit of each component of the error", "1", (9,), "n", 1.0, lower=1e-15, upper=1e9),
     Row("decades", "Decimal logarithm of the factor for an action of 1", start=2.0, lower=0.0, upper=4.0),
     Row("mistuning", "Decimal logarithm of the factors for an action of 0", "1", (6,), lower=-4.0, upper=4.0),
     Row("consistency_weight", "Weight of the consistency in the reward", start=0.5, lower=0.0, upper=1e3),
     Row("score_samples", "Samples between evaluations of the error", start=1.0, lower=1.0, upper=1e9),
 ))  # fmt: skip
-_STATE = Table((
+STATE = Table((
     NEVER,
     DECISIONS,
     INVALID,
@@ -72,7 +72,7 @@ _STATE = Table((
 ))  # fmt: skip
 _GNSS_LEVEL = Row("gnss_level", "Decimal logarithm of the standard deviations that the receiver reports: position (m), velocity"
                   " (m/s)", "1", (6,), "n", lower=-16.0, upper=16.0)  # fmt: skip
-_INFO = Table((
+INFO = Table((
     *TRUTH,
     ERROR,
     Row("error_rms", "Root mean square of the error since the last action", "1", (9,), "n"),
@@ -94,16 +94,8 @@ def tuning_task(plant: Model, estimator: str) -> Task:
                 (inner.states,), lower=-16.0, upper=16.0)  # fmt: skip
     action = Row("log_scale_now", "The action in force", "1", (6,), lower=-1.0, upper=1.0)
     observation = Table((CLOCK,)) + STATISTICS + Table((_GNSS_LEVEL, sigma, action))
-    score = Part(
-        parameters=_PARAMETERS,
-        state=_STATE,
-        inputs=Table((ACTION,)),
-        steps={
-            "score_count": Step(_count),
-            "score": Step(lambda p, x, u: _evaluate(inner, p, x), when="score_due"),
-            "act": Step(lambda p, x, u: _act(inner, p, x, u), when="never"),
-        },
-    )
+    act = lambda p, x, u: _act(inner, p, x, u)  # noqa: E731
+    score = Part(PARAMETERS, STATE, Table((ACTION,)), {**scoring_steps(inner), "act": Step(act, when="never")})
 
     def output(p: Any, x: Any) -> dict[str, Any]:
         reported = ca.vertcat(x.gnss_position_sigma, x.gnss_velocity_sigma)
@@ -114,22 +106,30 @@ def tuning_task(plant: Model, estimator: str) -> Task:
             "sigma_level": log10(inner.sigma(x)),
             "log_scale_now": x.log_scale_now,
         }
-        return within(observation, seen) | _scored(inner, p, x)
+        return within(observation, seen) | scored(inner, p, x)
 
     title = f"{inner.model.title}: tuning"
     model = merge(
-        f"{inner.model.id}-tuning", title, [as_part(inner.model), window_part(), score], observation + RESULT + _INFO, output
+        f"{inner.model.id}-tuning", title, [as_part(inner.model), window_part(), score], observation + RESULT + INFO, output
     )
-    return Task(model, Table((ACTION,)), Table(), observation, _INFO, judge="act")
+    return Task(model, Table((ACTION,)), Table(), observation, INFO, judge="act")
+
+
+def scoring_steps(inner: Inner) -> dict[str, Step]:
+    """Return the steps that evaluate the filter's error between decisions."""
+    return {"score_count": Step(_count), "score": Step(lambda p, x, u: _evaluate(inner, p, x), when="score_due")}
 
 
 def _act(inner: Inner, p: Any, x: Any, u: Any) -> dict[str, Any]:
     finite, values = finite_action(u.log_scale)
     action = clamp(values, -1.0, 1.0)
+    factors = power10(p.decades * action + p.mistuning)
+    return {"invalid": ca.logic_not(finite), SCALED: factors, "log_scale_now": action, **next_decision(inner, p, x)}
+
+
+def next_decision(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
+    """Return the state rows with which the evaluations of a decision begin; what those of the last one have lost is owed."""
     return {
-        "invalid": ca.logic_not(finite),
-        SCALED: power10(p.decades * action + p.mistuning),
-        "log_scale_now": action,
         "decisions": x.decisions + 1.0,
         "score_count": 0.0,
         "scores": 0.0,
@@ -185,7 +185,7 @@ def _window(inner: Inner, p: Any, x: Any) -> _Window:
     return _Window(sound, square, measure, select(decent, nees, 0.0), consistency, select(sound, paid, left * worst))
 
 
-def _scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
+def scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
     """Return the values of `RESULT` and of the info."""
     window, last = _window(inner, p, x), x.decisions >= p.decision_limit
     sound, error = window.sound, inner.error(p, x)
@@ -213,28 +213,34 @@ SCORE_INTERVAL = 1.0
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
-class Tuning(Arguments):
-    """The arguments and the task of `TuningEnv` and `TuningVectorEnv`."""
+class FilterTuning(Arguments):
+    """The arguments of all environments in which an agent tunes a filter."""
 
     needs_gnss: ClassVar[bool] = True
     scenario: ScenarioLike = field(default="car-city-drive", kw_only=False)
-    samples_per_step: int = 2000
     estimator: str = "loosely-coupled"
     decades: float = 2.0
-    mistuning_decades: float = 1.5
     consistency_weight: float = 0.5
 
     def _constants(self, scenario: Scenario) -> Mapping[str, float]:
         samples = check_whole("samples_per_step", self.samples_per_step)
+        check_type("estimator", self.estimator, str, "the id of an estimator")
         return {
             "decades": check_number("decades", self.decades, 0.0, 4.0),
             "consistency_weight": check_number("consistency_weight", self.consistency_weight, 0.0, 1e3),
             "score_samples": float(max(1, min(samples, round(SCORE_INTERVAL * scenario.rate_hz)))),
         }
 
+
+@dataclass(kw_only=True, repr=False, eq=False)
+class Tuning(FilterTuning):
+    """The arguments and the task of `TuningEnv` and `TuningVectorEnv`."""
+
+    samples_per_step: int = 2000
+    mistuning_decades: float = 1.5
+
     def _task(self, scenario: Scenario) -> Task:
         check_number("mistuning_decades", self.mistuning_decades, 0.0, 4.0)
-        check_type("estimator", self.estimator, str, "the id of an estimator")
         return tuning_task(plant_of(scenario)[0], self.estimator)
 
     def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:

@@ -95,9 +95,9 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         **scenario.gravity.rows(start),
     }
     place = Place(rows["start_latitude"], rows["start_longitude"], rows["start_height"])
-    for id, section in scenario.sensors.items():
+    for id in scenario.sensors:
         try:
-            rows |= _checked(f"sensor {id!r}", partial(section.rows_at, scenario.rate_hz, place), model.parameters)
+            rows |= sensor_rows(scenario, id, place, model.parameters)
         except InputError as error:
             raise InputError(f"{error}{_fitting_rate(scenario, rows)}") from None
     for row in vehicle.parameters:
@@ -113,6 +113,14 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     model.parameters.pack(rows)
     commanded(model, scenario.commands, scenario.rate_hz)
     return model, rows
+
+
+def sensor_rows(scenario: Scenario, id: str, place: Place, table: Table) -> Mapping[str, Any]:
+    """The parameter rows (SI) that the section of a sensor other than the inertial unit sets, in a table that has them.
+
+    place: where the vehicle starts.  Raises `InputError` for values that conflict.
+    """
+    return _checked(f"sensor {id!r}", partial(scenario.sensors[id].rows_at, scenario.rate_hz, place), table)
 
 
 SEARCHED_HZ = 1000
@@ -221,12 +229,19 @@ def _knowledge(
         heading=float(heading),
         **known.sigmas,
         **motion_errors(vars(sheet)),
-        fix_wander_sigma=np.broadcast_to(np.asarray(parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3),
-        fix_wander_time=float(parameters.get("gnss_wander_time", 60.0)),
+        **fix_wander(parameters),
         antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
         sensors=sheet,
         instruments=stated,
     )
+
+
+def fix_wander(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """The slow error of the fixes in a plant's parameters, by field of `Knowledge`."""
+    return {
+        "fix_wander_sigma": np.broadcast_to(np.asarray(parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3),
+        "fix_wander_time": float(parameters.get("gnss_wander_time", 60.0)),
+    }
 
 
 def stated_errors(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:

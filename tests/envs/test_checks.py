@@ -13,6 +13,8 @@ from insenv.base.toml import read_toml
 from insenv.envs import (
     AlignmentEnv,
     AlignmentVectorEnv,
+    FaultTuningEnv,
+    FaultTuningVectorEnv,
     ManoeuvreEnv,
     ManoeuvreVectorEnv,
     NavigationEnv,
@@ -26,7 +28,7 @@ SHIP = read_toml(scenario_folder() / "ship-swaying.toml")
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 PAIRS = [
     (AlignmentEnv, AlignmentVectorEnv), (NavigationEnv, NavigationVectorEnv), (TuningEnv, TuningVectorEnv),
-    (ManoeuvreEnv, ManoeuvreVectorEnv),
+    (FaultTuningEnv, FaultTuningVectorEnv), (ManoeuvreEnv, ManoeuvreVectorEnv),
 ]  # fmt: skip
 COMMON = [
     ({"scenario": 3}, "scenario = 3: allowed is a name, the path"),
@@ -64,6 +66,8 @@ OWN = [
     (TuningEnv, {"reward": "uncertainty"}, "reward = 'uncertainty': allowed is 'final', 'dense' or a function of the info"),
     (ManoeuvreEnv, {"estimator": "wander-sins"}, "loosely-coupled, aqe-ekf, aqe-sukf"),
     (ManoeuvreEnv, {"scenario": "ship-underway"}, "a vehicle that an agent steers (car, aircraft"),
+    (FaultTuningEnv, {"faults": 1}, "faults = 1: allowed is True or False"),
+    (FaultTuningEnv, {"spread_decades": 3.0}, "spread_decades = 3.0: allowed is a number from 0 to 2"),
     (TuningEnv, {"estimator": "nothing"}, "no estimator 'nothing'"),
     (TuningEnv, {"scenario": "ship-swaying"}, "has no [gnss]"),
     (TuningEnv, {"mistuning_decades": np.nan}, "mistuning_decades = nan"),

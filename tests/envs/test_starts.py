@@ -12,7 +12,8 @@ from insenv import attitude
 from insenv.base.errors import InputError
 from insenv.envs import ManoeuvreEnv, TuningEnv, knowledge_of
 from insenv.envs.knowledge import KNOWN
-from insenv.envs.starts import UNITS, InnerStarts, episode_limit
+from insenv.envs.starts import InnerStarts, episode_limit
+from insenv.envs.units import UNITS
 from insenv.scenario import build, load, plant_of
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 

@@ -36,22 +36,6 @@ def test_rows_that_restart_in_the_same_step_are_those_of_sync_vector_env(id):
     assert ended >= 2
 
 
-def test_ranges_that_are_set_hold_for_all_episodes_that_follow():
-    """Over autoresets, in all interfaces, and in copies."""
-
-    def changed(env):
-        env.unwrapped.set_ranges(initial_error=(3.0, 4.0), imu="random", imu_sheet="middle")
-        return env
-
-    testing.check_rows(
-        lambda: changed(gymnasium.make(SHIP, **SHORT)), lambda n, **more: changed(gymnasium.make_vec(SHIP, n, **SHORT, **more))
-    )
-    testing.check_pickling(lambda: changed(gymnasium.make(SHIP, **SHORT)))
-    env = changed(gymnasium.make(SHIP, **SHORT)).unwrapped
-    for _ in range(2):
-        assert env.named(env.reset()[0])["known_heading_sigma"] == pytest.approx(np.radians(4.0))
-
-
 def test_max_episode_steps_acts_like_the_wrapper():
     testing.check_rows(
         lambda: gymnasium.make(SHIP, max_episode_steps=4, **SHORT),

@@ -16,6 +16,7 @@ EXAMPLES = ROOT / "examples"
 SAID = {  # what each script must print
     "active_alignment.py": ("S-turns", "straight, constant speed"),
     "align_a_ship.py": ("heading_deg", "limit"),
+    "compare_tuners.py": ("innovation-based", "told minus"),
     "compare_estimators.py": ("q-method", "gyrocompass", "limit at the end"),
     "env_loop.py": ("aligned after", "limit"),
     "navigate_a_log.py": ("vd_mps", "KF-GINS"),
@@ -24,7 +25,10 @@ SAID = {  # what each script must print
     "rank_policies.py": ("quit", "bound"),
     "step_by_step.py": ("90 s", "stated sigma"),
 }
-SHORTER = {"rank_navigators.py": ("--seeds", "4", "--duration", "30", "insenv/ShipNavigation-v0")}
+SHORTER = {
+    "compare_tuners.py": ("--seeds", "4", "--evaluations", "9"),
+    "rank_navigators.py": ("--seeds", "4", "--duration", "30", "insenv/ShipNavigation-v0"),
+}
 
 
 SCRIPTS = sorted(path.name for path in EXAMPLES.glob("[!t]*.py"))  # those that train: tests/envs

@@ -3,7 +3,9 @@
 summary = insenv.campaign("ship-swaying", "q-method", runs=100)
 """
 
+from insenv.scenario.variation import Distribution, Variation, parse_variation
 from insenv.studies.campaign.comparison import Comparison, compare
+from insenv.studies.campaign.design import DESIGNS
 from insenv.studies.campaign.plan import Plan, make_plan
 from insenv.studies.campaign.running import (
     campaign,
@@ -18,7 +20,6 @@ from insenv.studies.campaign.running import (
 from insenv.studies.campaign.statistics import PERCENTILES
 from insenv.studies.campaign.store import Folder
 from insenv.studies.campaign.summary import Summary
-from insenv.studies.campaign.variation import DESIGNS, Distribution, Variation, parse_variation
 
 __all__ = [
     "DESIGNS",

@@ -23,18 +23,9 @@ from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, r
 from insenv.scenario.build import seed_and_duration
 from insenv.scenario.description import MAX_SEED
 from insenv.scenario.inputs import recording_interval
+from insenv.scenario.variation import Variation, check_variations, varied
+from insenv.studies.campaign.design import check_design, dependent, numbers_of, seed_of, unbalanced, whole_design
 from insenv.studies.campaign.model import Measured, measured_model
-from insenv.studies.campaign.variation import (
-    Variation,
-    check_design,
-    check_variations,
-    dependent,
-    numbers_of,
-    seed_of,
-    unbalanced,
-    varied,
-    whole_design,
-)
 
 # The parameters of a campaign's runs, in the order of its model.
 
@@ -90,7 +81,7 @@ class Plan:
     name: name of the scenario.
     estimator: id of the estimator.
     duration_s: duration of every run.
-    design: how the varied keys are spread over the runs (`insenv.studies.campaign.variation`).
+    design: how the varied keys are spread over the runs (`insenv.studies.campaign.design`).
     block_samples: approximate number of inertial samples in a block.
     """
 

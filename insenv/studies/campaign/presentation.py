@@ -23,9 +23,9 @@ from insenv.report.notebook import data_frame
 from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture, unit_of
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
 from insenv.report.tables import error_label, label, number, runs_of, seed_list, since, within
+from insenv.scenario.variation import Variation
 from insenv.studies.campaign.sensitivity import Sensitivity
 from insenv.studies.campaign.statistics import Statistics
-from insenv.studies.campaign.variation import Variation
 
 if TYPE_CHECKING:
     from pandas import DataFrame

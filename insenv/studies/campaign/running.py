@@ -34,13 +34,13 @@ from insenv.estimators import Estimator, get_all
 from insenv.estimators.registry import knowing_objects
 from insenv.estimators.settings import Settings
 from insenv.scenario import ScenarioLike, with_settings
+from insenv.scenario.variation import Variation, variation_of
 from insenv.studies.campaign.block import Arrays, StoppedError, run_block
 from insenv.studies.campaign.comparison import Comparison, compare
 from insenv.studies.campaign.limits import campaign_limit
 from insenv.studies.campaign.plan import Plan, make_plan
 from insenv.studies.campaign.store import MANIFEST, Folder, Memory, check_compared
 from insenv.studies.campaign.summary import Summary, summarise
-from insenv.studies.campaign.variation import Variation, variation_of
 
 # The workers of a campaign, as executors: threads of this process, a pool of processes or a Dask cluster.
 
@@ -175,8 +175,8 @@ def campaign(
         first one.
     runs: number of runs; run i has the seed `seed` + i (None: the scenario's).
     duration_s: instead of the scenario's, s.
-    vary: by key of the scenario (``"imu.gyro_bias_deg_h"``), from what each run draws its value: a range (low, high) or a text
-        such as ``"normal(0, 0.01)"`` or ``"choice(tactical, mems)"`` (docs/campaigns.md).
+    vary: by key of the scenario (``"imu.gyro_bias_deg_h"``), from what each run draws its value: a range (low, high), a list of
+        choices, or a text such as ``"normal(0, 0.01)"`` or ``"choice(tactical, mems)"`` (docs/campaigns.md).
     design: how the values are spread over the runs: "random", "latin", "sobol" or "saltelli".
     settings: parameters by estimator id, as of `insenv.run`.
     folder: where finished blocks are kept, of several estimators each in a folder of its id.

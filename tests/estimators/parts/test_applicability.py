@@ -14,8 +14,8 @@ from insenv import replay, run
 from insenv.estimators import get, registered
 from insenv.estimators.parts import applicability
 from insenv.scenario import build, load
+from insenv.scenario.variation import parse_variation
 from insenv.studies.campaign.plan import make_plan
-from insenv.studies.campaign.variation import parse_variation
 
 ALIGNMENTS = [id for id, e in registered().items() if e.kind == "alignment" and not e.aided and not id.endswith("-printed")]
 

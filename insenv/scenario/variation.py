@@ -1,23 +1,22 @@
-"""Scenario keys that are drawn for each run, by dotted name: ``imu.gyro_bias_deg_h=-0.01:0.01``."""
+"""Scenario keys that are drawn for each run or episode, by dotted name: ``imu.gyro_bias_deg_h=-0.01:0.01``."""
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from inspect import signature
 from typing import Any
 
 import numpy as np
 
 from insenv.base.errors import InputError, nearest
-from insenv.base.remarks import remark
+from insenv.base.toml import validated
 from insenv.core import noise
 from insenv.core.tables import Array
-from insenv.scenario.files import grade_value
+from insenv.scenario.description import Scenario
+from insenv.scenario.files import grade_value, parse
 
 # Distributions of varied keys: ``0:1``, ``normal(0, 1)``, ``lognormal(1, 0.5)``, ``loguniform(0.1, 10)``, ``choice(a, b)``.
 
@@ -173,16 +172,21 @@ def parse_variation(text: str) -> Variation:
 
 
 def variation_of(key: str, value: object) -> Variation:
-    """The variation that Python gives: a pair (low, high), a text as of `parse_distribution`, or a `Distribution`."""
+    """The variation that Python gives: a pair (low, high), a list of choices, a text as of `parse_distribution`, or a
+    `Distribution`.
+    """
     if isinstance(value, Distribution):
         return Variation(key, value)
+    if isinstance(value, list):
+        return _variation(key, value, lambda: Distribution("choice", tuple(value)))
     if isinstance(value, str):
         return _variation(key, value, lambda: parse_distribution(value))
     try:
         low, high = (float(limit) for limit in value)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
         raise InputError(
-            f"vary[{key!r}] = {value!r}: allowed is a pair of numbers, the lower first, or a text such as 'normal(0, 1)'"
+            f"vary[{key!r}] = {value!r}: allowed is a pair of numbers, the lower first, a list of choices, or a text such as "
+            "'normal(0, 1)'"
         ) from None
     return _variation(key, value, lambda: Distribution("uniform", (low, high)))
 
@@ -195,14 +199,23 @@ def _variation(key: str, value: object, distribution: Callable[[], Distribution]
 
 
 def varied(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of a scenario's values with `values`, by dotted key, inserted.  Raises `InputError` for an unknown key.
+    """A scenario's values with `values`, by dotted key, inserted; sections that have such a key are copies.
 
-    Grades come first: an element of a vector that the scenario leaves to the grade replaces one of the grade in force.
+    Raises `InputError` for an unknown key.  Grades come first: an element of a vector that the scenario leaves to the grade
+    replaces one of the grade in force.
     """
-    changed = copy.deepcopy(dict(data))
+    sections = {key.split(".")[0] for key in values}
+    changed = {name: _copied(value) if name in sections else value for name, value in data.items()}
     for key in sorted(values, key=lambda key: (not key.endswith(".grade"), key)):
         _insert(changed, key, values[key])
     return changed
+
+
+def _copied(value: Any) -> Any:
+    """A copy of tables and lists of plain values, in less time than `copy.deepcopy`."""
+    if isinstance(value, dict):
+        return {name: _copied(part) for name, part in value.items()}
+    return [_copied(part) for part in value] if isinstance(value, (list, tuple)) else value
 
 
 def _insert(changed: dict[str, Any], key: str, value: Any) -> None:
@@ -253,6 +266,21 @@ def _is_list_of_others(value: Any) -> bool:
     return isinstance(value, list) and not all(isinstance(item, (int, float)) for item in value)
 
 
+def with_values(scenario: Scenario, data: Mapping[str, Any], values: Mapping[str, Any]) -> Scenario:
+    """The scenario with `values`, by dotted key; a section that has no such key is the same object.
+
+    data: the scenario's values, `Scenario.stated`.  Raises `InputError` as `varied` and `parse`; conflicts of a section with
+    others are found where the plant is built.
+    """
+    changed, sections = varied(data, values), sorted({key.split(".")[0] for key in values})
+    if "vehicle" in sections and scenario.vehicle.start_values() is not None:  # it sets the start and the duration too
+        return parse(changed, scenario.name or "scenario", scenario.name)
+    update = {name: validated(type(getattr(scenario, name)), changed[name], name) for name in sections}
+    made = scenario.model_copy(update=update)
+    made._name = scenario.name
+    return made
+
+
 def check_variations(variations: Sequence[Variation]) -> None:
     """Raise `InputError` for a key that is given twice or cannot be varied."""
     keys = [variation.key for variation in variations]
@@ -264,90 +292,3 @@ def check_variations(variations: Sequence[Variation]) -> None:
         whole = [other for other in keys if other.startswith(f"{key}.")]
         if whole:
             raise InputError(f"vary {key!r} and {whole[0]!r}: allowed is the whole or its elements")
-
-
-# How varied keys are spread over the runs: drawn independently, or by a design that covers the ranges evenly.
-#
-# random    each value is a function of the seed of its run and the key
-# latin     Latin hypercube: each of n equal parts of every distribution is hit once (McKay, Beckman, Conover 1979)
-# sobol     scrambled Sobol sequence (Owen 1998)
-# saltelli  groups of k + 2 runs for first-order and total Sobol indices (Saltelli et al. 2010): run A, k runs that differ from
-#           A in one key, run B.  Within a group all but B share the seed; k: number of keys
-
-DESIGNS = ("random", "latin", "sobol", "saltelli")
-LARGEST = 1 << 20
-"""Largest number of runs of a design that is made as a whole."""
-_EDGE = 2.0**-33
-"""Distance of a uniform from 0 and 1: quantiles there are infinite."""
-
-
-def check_design(design: str, runs: int, keys: int) -> None:
-    """Raise `InputError` for a design that is unknown or does not fit the number of runs and keys."""
-    if design not in DESIGNS:
-        raise InputError(f"design = {design!r}: allowed is one of {', '.join(DESIGNS)}")
-    if design == "random":
-        return
-    if not keys:
-        raise InputError(f"design {design!r}: a design spreads varied keys: name one with vary")
-    if runs > LARGEST:
-        raise InputError(f"runs = {runs}: design {design!r} allows up to {LARGEST}")
-    if design == "saltelli" and (runs % (keys + 2) or not _is_power(runs // (keys + 2))):
-        some = (keys + 2) * 2 ** max(2, int(np.log2(max(runs // (keys + 2), 1))))
-        raise InputError(
-            f"runs = {runs}: a saltelli design of {keys} key{'s' if keys > 1 else ''} has groups of {keys + 2} runs, and their "
-            f"number is a power of 2: "
-            f"allowed is {some} or {2 * some}, for example"
-        )
-
-
-def _is_power(number: int) -> bool:
-    return number > 0 and number & (number - 1) == 0
-
-
-@remark("design-unbalanced", "a Sobol sequence is balanced for a power of 2: {runs} runs cover the ranges less evenly")
-def unbalanced(design: str, runs: int) -> dict[str, int] | None:
-    """A Sobol sequence with another number of runs."""
-    return {"runs": runs} if design == "sobol" and not _is_power(runs) else None
-
-
-@remark(
-    "design-dependent", "the runs of a saltelli design share seeds and values: statistics are not those of independent runs"
-)
-def dependent(design: str) -> dict[str, Any] | None:
-    """The runs of a design are not independent."""
-    return {} if design == "saltelli" else None
-
-
-def seed_of(design: str, first_seed: int, run: int, keys: int) -> int:
-    """The seed of a run: they count up, except in a saltelli design, whose groups have one for run B and one for the others."""
-    if design != "saltelli":
-        return first_seed + run
-    group, place = divmod(run, keys + 2)
-    return first_seed + 2 * group + (place == keys + 1)
-
-
-def whole_design(design: str, first_seed: int, runs: int, keys: int) -> Array:
-    """Uniforms (runs, keys) of a design that is made as a whole."""
-    from scipy.stats import qmc
-
-    def options(kind: Any) -> dict[str, Any]:
-        name = "rng" if "rng" in signature(kind.__init__).parameters else "seed"  # before scipy 1.15
-        return {name: np.random.default_rng(first_seed)}
-
-    if design == "latin":
-        uniforms = qmc.LatinHypercube(keys, **options(qmc.LatinHypercube)).random(runs)
-    elif design == "sobol":
-        uniforms = qmc.Sobol(keys, **options(qmc.Sobol)).random_base2(max(0, (runs - 1).bit_length()))[:runs]
-    else:
-        groups = runs // (keys + 2)
-        both = qmc.Sobol(2 * keys, **options(qmc.Sobol)).random_base2(groups.bit_length() - 1)
-        a, b = both[:, :keys], both[:, keys:]
-        crossed = [np.where(np.arange(keys) == k, b, a) for k in range(keys)]
-        uniforms = np.stack([a, *crossed, b], axis=1).reshape(runs, keys)
-    return np.clip(uniforms, _EDGE, 1.0 - _EDGE)
-
-
-def numbers_of(variations: Sequence[Variation], uniforms: Array) -> Array:
-    """Values (runs, keys) of all variations, those of choices as places."""
-    columns = [variation.distribution.numbers(uniforms[:, place]) for place, variation in enumerate(variations)]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(uniforms), 0))
