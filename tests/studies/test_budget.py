@@ -4,6 +4,7 @@ import base64
 import itertools
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -121,9 +122,11 @@ def test_every_error_row_of_every_sensor_is_in_one_source():
         table = sensor.part(lambda p, x: None).parameters
         rows = [row for source in sensor.errors for row in source.rows]
         assert len(rows) == len(set(rows)), sensor.id
+        off = switch_off(SimpleNamespace(parameters=table), np.full(table.size, np.pi), sensor.errors)
         for source in sensor.errors:
             for name in source.rows:
                 table[name].check(np.full(table[name].size, source.off))
+                assert np.all(off[table.slice(name)] == source.off), name
         left = [name for name in table.names if name not in rows and not any(part in name for part in no_error)]
         assert left == [], sensor.id
 
