@@ -21,7 +21,7 @@ def scenario(places=PLACES, vehicle=None, **more):
 
 
 def test_the_drive_keeps_to_the_plan():
-    loaded = scenario(vehicle={"bank": "level"})
+    loaded = scenario(vehicle={"bank": "level", "acceleration_mps2": 0.8})
     time, shown = truth_of(loaded)
     velocity = shown["velocity_n"]
     latitude, longitude = (np.degrees(shown[name]).ravel() for name in ("latitude", "longitude"))
@@ -36,6 +36,8 @@ def test_the_drive_keeps_to_the_plan():
     assert 1.0 < np.hypot(111e3 * (latitude - 45.01), 78.8e3 * (longitude - 7.0)).min() < 25.0
     push = np.linalg.norm(np.gradient(velocity[:, :2], time, axis=0), axis=1)
     assert push.max() < 2.4  # 2 m/s2 in the turn; splines add some at its ends
+    along = np.gradient(speed, time)
+    assert [along.min(), along.max()] == pytest.approx([-0.8, 0.8], abs=0.15)
     assert speed[np.searchsorted(time, 50.0)] == pytest.approx(15.0, abs=0.05)
 
 
