@@ -47,6 +47,12 @@ def test_a_coordinated_turn_banks():
     assert roll.max() == pytest.approx(np.degrees(np.arctan(2.0 / 9.80665)), abs=1.5)  # the turn to the right
 
 
+def test_a_corner_between_any_two_directions_is_an_arc():
+    shape = scenario([*PLACES[:2], {**PLACES[2], "stop_s": 0.0}, PLACES[3]]).vehicle.shape
+    push = shape.spline.at(np.linspace(0.0, shape.duration_s, 2000), 2)[:, :2] * [6.37e6, 4.5e6]
+    assert np.linalg.norm(push, axis=1).max() < 2.4
+
+
 FIRST, SECOND = PLACES[:2]
 
 
