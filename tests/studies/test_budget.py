@@ -21,7 +21,7 @@ from insenv.scenario.error_sources import sensors_of
 from insenv.sensors import IMU, registry
 from insenv.studies import budget as budget_module
 from insenv.studies.budget import packed, switch_off, switchable
-from insenv.studies.budget_result import budget_page
+from insenv.studies.budget_result import budget_page, budget_rows
 
 PERFECT = {"grade": "perfect", "gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0}
 TRUE_START = {"draw_errors": False, **dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), 0.0)}
@@ -195,3 +195,5 @@ def test_the_page_stacks_what_the_budget_holds(small):
     (table,) = document["tables"]
     row = next(row for row in table["rows"] if row[0] == "all sources")
     assert row[1::2] == [number(value) for value in small.rms(small.whole)]
+    rising = replace(small, alone=np.ones_like(small.alone) * np.arange(1.0, 1.0 + len(small.sources))[:, None, None] ** 4)
+    assert [row.name for row in budget_rows(rising, [0, 2])[:2]] == [*small.sources[:-3:-1]]  # the largest first
