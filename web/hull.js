@@ -16,7 +16,7 @@ const WATER = 0.14; // m below the origin: the water of a ship
  * @param {ArrayLike<number>} q
  * @param {Vector} v
  * @returns {Vector} */
-function turned(q, [x, y, z]) {
+export function turned(q, [x, y, z]) {
   const [w, a, b, c] = [q[0], q[1], q[2], q[3]];
   const [tx, ty, tz] = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];
   return [x + w * tx + b * tz - c * ty, y + w * ty + c * tx - a * tz, z + w * tz + a * ty - b * tx];

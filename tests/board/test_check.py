@@ -1,17 +1,21 @@
 """A filter behind a port: here a program of this machine, or the Cortex-M7 of qemu, on a socket."""
 
 import contextlib
+import io
 import socket
 import subprocess
 import threading
 import time
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from command_line import call, strict
 from peers import program
 
 from insenv.base.errors import InputError, InsenvError
-from insenv.export.board import check_c, export_c
+from insenv.export.board import check, check_c, export_c
+from insenv.export.board.exporter import RUN
 from insenv.export.board.figures import COMPILER, INSTALL, QEMU
 
 
@@ -54,6 +58,23 @@ def test_another_bit_is_found_and_ends_with_status_1(exported, tmp_path):
         status, out, _ = call("check", "c", tmp_path, "--port", port, "--json")
         told = strict(out)
     assert (status, told["differing"], told["first"][:3]) == (1, 1, [300, 0, float(number)])
+
+
+def test_a_whole_run_is_read_in_records_and_a_port_to_the_byte(tmp_path):
+    """Three samples of two inputs, then two outputs; a port that gives two bytes at a time has more to give than is asked."""
+    (tmp_path / "test").mkdir()
+    text = ["#define EVERY 1", "#define RUN_EVERY 3", "outputs_at_start[2] = {0.5, 0.5};"]
+    text += [f"first_{what}[1][2] = {{\n  {{0.0, 0.0}},\n}};" for what in ("inputs", "outputs")]
+    (tmp_path / "test" / "samples.h").write_text("\n".join([*text, ""]))
+    numbers = np.arange(16.0).reshape(2, 4, 2)
+    numbers.tofile(tmp_path / RUN)
+    export = check._Export(tmp_path)
+    given, known = zip(*export.rows(), strict=True)
+    assert export.samples == 6 and np.array_equal(np.frombuffer(b"".join(given)).reshape(2, 3, 2), numbers[:, :3])
+    assert [None if row is None else row.tolist() for row in known] == [None, None, [6.0, 7.0], None, None, [14.0, 15.0]]
+    stream = io.BytesIO(bytes(range(9)))
+    port = SimpleNamespace(read=lambda count: stream.read(min(count, 2)))
+    assert [check._read(port, size) for size in (3, 1, 4)] == [bytes(range(3)), b"\3", bytes(range(4, 8))]
 
 
 def test_a_board_that_refuses_or_is_silent_and_a_wrong_port_are_errors(exported):

@@ -83,6 +83,17 @@ def test_the_reward_by_error_is_the_fall_of_the_true_error():
             break
 
 
+def test_a_divergence_costs_the_same_whether_the_fall_is_paid_at_each_step_or_at_the_end():
+    totals = []
+    for reward in ("dense", "final"):
+        env = ManoeuvreEnv(reward=reward, goal_deg=2.0, time_weight=0.5, duration_s=20.0, **SCENARIO)
+        env.reset(seed=4)
+        results = [env.step(np.array([1.0, across])) for across in (0.0, 1.0, np.nan)]
+        assert [result[2] for result in results] == [False, False, True] and results[-1][4]["diverged"]
+        totals.append(sum(result[1] for result in results))
+    assert totals[0] == pytest.approx(totals[1], rel=1e-9) and totals[0] < -9.0
+
+
 def test_the_goal_ends_the_episode():
     env = ManoeuvreEnv(goal_deg=2.0, duration_s=40.0, **SCENARIO)
     env.reset(seed=1)

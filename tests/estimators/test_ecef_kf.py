@@ -108,6 +108,22 @@ def test_observation_of_a_fix_against_differences(seed, age):
     assert np.abs(H[:, 3:6]).max() > 0.1 and np.abs(H[:, 9:]).max() > 0.1
 
 
+@pytest.mark.parametrize("arrives", [101, 102])
+def test_a_fix_that_waits_for_the_end_of_its_pair_is_older_by_a_sample(arrives):
+    """A start along north with 2 m/s^2; a fix of velocity 0 without weight: its innovation is the velocity at its epoch."""
+    dt, age, count, (latitude, force) = 0.01, 0.05, 102, (0.7, 2.0)
+    gravity, here = float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0)), np.arange(1, count + 1) == arrives
+    columns = {
+        "delta_angle": np.tile(geodesy.numeric.earth_rate_n(latitude) * dt, (count, 1)),
+        "delta_velocity": np.tile([force * dt, 0.0, -gravity * dt], (count, 1)), "dt": np.full(count, dt),
+        "gnss_valid": here, "gnss_velocity_valid": here, "gnss_age": np.full(count, age),
+        "gnss_latitude": np.full(count, latitude), "gnss_velocity_sigma": np.full((count, 3), 1e6),
+    }  # fmt: skip
+    found = fed(ecef_kf.MODEL, columns, {"latitude": latitude, "moving": 1.0, "update_interval": 1.0}).outputs()
+    north = frame_n(geodesy.numeric.geodetic_to_ecef(latitude, 0.0, 0.0))[:, 0]
+    assert found["innovation"] @ north == pytest.approx(force * (arrives * dt - age), abs=2e-3)
+
+
 def test_the_covariance_is_shown_about_north_east_and_down():
     """An attitude error about e with the covariance of the state, resolved in n at a place with neither 0 nor 90 deg."""
     model, rng = ecef_kf.MODEL, np.random.default_rng(8)

@@ -1,5 +1,6 @@
 """inertial-fir: its delay, weights and stated noise, levelling, any attitude, rate and place."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from driven import fed
@@ -185,6 +186,16 @@ def test_tilt_of_the_fix_allows_for_what_the_gyros_drift_in_its_delay():
     delay = BLOCK_S * (inertial_fir.CASCADE_SPAN / 2) + 54.0
     assert runner.outputs()["attitude_sigma"][:2] == pytest.approx([4e-8 * delay] * 2, rel=1e-6)
     assert runner.outputs()["attitude_sigma"][2] == pytest.approx(4e-8 / (OMEGA_IE * np.cos(LATITUDE)), rel=1e-6)
+
+
+def test_the_mean_square_of_the_horizontal_acceleration_is_followed_in_a_minute():
+    """A force of 0.5 m/s^2 across gravity, after one block: the first step of s' = (a^2 - s) / 60 s."""
+    model, block = get("inertial-fir").model, 0.1
+    state = {"block_time": block, "gravity_n": [0.0, 0.0, G], "gravity": G, "shaking": 0.01, "axis_n": [1.0, 0.0, 0.0],
+             "force_sum": np.array([0.3, -0.4, -G]) * block}  # fmt: skip
+    p, x = (table.symbols(ca.DM(table.pack(rows))) for table, rows in ((model.parameters, {}), (model.state, state)))
+    found = float(ca.DM(ca.evalf(inertial_fir.level(p, x, None)["shaking"])))
+    assert found == pytest.approx(0.01 + block / 60.0 * (0.25 - 0.01), rel=1e-5)
 
 
 @pytest.mark.parametrize("tilt", [(2e-4, 0.0), (-1e-4, 3e-4)])

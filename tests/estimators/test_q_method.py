@@ -1,5 +1,7 @@
 """q-method: its eigenvector against LAPACK, its low-pass and weights, sway."""
 
+from types import SimpleNamespace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -74,6 +76,21 @@ def test_the_weights_are_those_of_the_windows():
         expected = fading[k] * step[n - 1 - k] + q_method.LATE * step[k] * late[n - 1 - k]
         assert by_recursion == pytest.approx(expected, rel=1e-9)
     assert step.min() > 0 and fading.min() > 0
+
+
+@pytest.mark.parametrize("duration", [20.0, 68.0, 340.0])
+def test_a_gyro_bias_turns_the_stated_vertical_for_the_mean_age_of_the_weights(duration):
+    """Weights exp(-t / m) + 2 exp(-(T - t) / m) of the vectors at t, without a low-pass."""
+    memory, bias = 34.0, 1e-7
+    p = SimpleNamespace(
+        memory_time=memory, smoothing_time=0.0, gyro_bias_sigma=bias,
+        **dict.fromkeys(("accel_bias_sigma", "angle_random_walk", "velocity_random_walk"), 0.0),
+    )  # fmt: skip
+    x = SimpleNamespace(rest_force_n=ca.SX([0, 0, -9.8]), axis_n=ca.SX([0.8, 0, -0.6]))
+    t = (np.arange(2000) + 0.5) * duration / 2000
+    age = np.average(duration - t, weights=np.exp(-t / memory) + 2 * np.exp((t - duration) / memory))
+    found = np.array(ca.DM(ca.evalf(q_method.sensor_sigma(p, x, ca.SX(duration))))).ravel()
+    assert found[:2] == pytest.approx([bias * age] * 2, rel=0.04)
 
 
 def test_sway_alone_leaves_little():

@@ -87,6 +87,16 @@ def test_one_update_with_exact_vectors_takes_out_the_whole_error():
     assert np.abs(left).max() < 0.01 * np.abs(theta).max()
 
 
+def test_the_covariance_about_the_axes_of_the_start_is_stated_about_those_of_now():
+    """At the pole after three hours: north and east of now are 45 deg round, the main axes of [[2, 1], [1, 2]]."""
+    half, P = np.pi / 8, np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]]) * 1e-12
+    given = {"axis_n": [0.0, 0.0, -1.0], "half_turn": [np.cos(half), np.sin(half)], "rest_force_n": [0.0, 0.0, -9.8]}
+    x = constants(qakf.PLAIN.model.state, covariance=P[np.tril_indices(3)], time=1e4, **given)
+    p = constants(qakf.PARAMETERS, smoothing_time=0.0)
+    north, east, _ = number(qakf.output(p, x, (0.0, 0.0))["attitude_sigma"]) / (2 * qakf.SURPLUS * 1e-6)
+    assert [north**2, east**2] == pytest.approx([1.0, 3.0], rel=1e-6)
+
+
 @pytest.mark.parametrize(("scenario", "seed"),
     [pytest.param("ship-irregular-sea", 30060, marks=pytest.mark.slow), ("large-misalignment", 30035)])  # fmt: skip
 def test_a_filter_that_creeps_says_so(scenario, seed):

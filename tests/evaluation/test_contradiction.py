@@ -48,7 +48,8 @@ def test_a_jump_of_the_velocity_that_the_unit_does_not_measure() -> None:
     (found,) = jumps(TIME, jumping())
     assert found.component == "vd" and found.size == pytest.approx(0.7, abs=0.05)
     assert found.before == pytest.approx(30.0, abs=0.01) and found.after == pytest.approx(30.2, abs=0.01)
-    assert any("receiver jumps" in note for note in contradiction_notes(TIME, jumping()))
+    said = f"the receiver's vd changes by {-found.size:+.2g} m/s more"  # the innovation is estimate minus fix
+    assert any(said in note and "receiver jumps" in note for note in contradiction_notes(TIME, jumping()))
 
 
 def test_what_is_no_jump() -> None:

@@ -21,7 +21,7 @@ from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import Limit, Prior, bound, ratio, ratio_bounds
 from insenv.evaluation.limits.bound import bound_of_unit, limit_of
 from insenv.evaluation.limits.recursion import Layout, recursion
-from insenv.evaluation.limits.states import Mooring, entering, unit_of, wander_of
+from insenv.evaluation.limits.states import Mooring, entering, mooring_of, unit_of, wander_of
 from insenv.evaluation.limits.steps import DR, DV, PSI, _summed, earth_axes, fixes_of, integrals, step_ends, steps_along
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, limits, load
@@ -49,6 +49,11 @@ def bound_with(plant, rest, mooring=None):
     layout = Layout(unit_of(rows), () if wander is None else (wander,), fixes, mooring)
     times, sigmas = zip(*recursion(blocks, layout, prior_of(plant.scenario.knowledge)), strict=True)
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
+
+
+def test_a_roll_moves_the_unit_by_its_lever_arm():
+    rows = {"roll_amplitude": 0.1, "roll_angular_frequency": 1.0, "north_amplitude": 1.2, "north_angular_frequency": 2.0}
+    assert mooring_of({**rows, "imu_lever_arm_b": [0.0, 3.0, -4.0]}).sigma == pytest.approx(1.3)
 
 
 @pytest.mark.parametrize(("times", "from_s", "words"), [

@@ -12,7 +12,7 @@ ARM, DELAY, OFF = np.array([1.0, -2.0, -1.5]), 0.15, np.array([1.0, -2.0, 3.0])
 def circle(t, off, drift, arm):
     """Rows of an estimate at 10 m/s and 0.1 rad/s, which is off and drifts from 20 s on, `arm` from the unit."""
     s, c, zero = np.sin(0.1 * t), np.cos(0.1 * t), 0 * t
-    q_nb = attitude.numeric.from_euler(0.1, 0.0, 0.1 * t)
+    q_nb = attitude.numeric.from_euler(0.1, 0.5, 0.1 * t)
     way = 100.0 * np.stack([s, 1 - c, zero], axis=1) + off + drift * (t - 20.0)[:, None] + attitude.numeric.rotate(q_nb, arm)
     place = zip(("latitude", "longitude", "height"), geodesy.numeric.geodetic_from_ned_offset(way, 0.7, 0.2, 9.0), strict=True)
     return {**dict(place), "velocity_n": 10.0 * np.stack([c, s, zero], axis=1) + drift, "q_nb": q_nb}
@@ -32,11 +32,15 @@ def test_errors_are_those_of_the_estimated_antenna_at_the_time_of_the_fix_and_a_
     found = outages()
     for one in (*found.each, *outages(gnss_lever_arm=ARM, gnss_delay=DELAY).each):
         assert one.error == pytest.approx(np.tile(OFF, (10 if one.begin == 20.0 else 2, 1)), abs=2e-4)
-    n, e, d = attitude.numeric.rotate(attitude.numeric.from_euler(0.1, 0.0, 2.91), ARM) ** 2
-    variances = 3.0**2 + 4.0**2 + np.array([0.25 * e, 0.16 * d + 0.25 * n, 0.16 * e])
-    more = outages(gnss_delay=DELAY, gnss_delay_estimate_sigma=0.3, gnss_lever_arm_estimate_sigma=np.full(3, 0.7))
-    assert found.each[0].sigma[-1] ** 2 == pytest.approx(variances, rel=1e-4)
-    assert np.sum(more.each[0].sigma[-1] ** 2) == pytest.approx(variances.sum() + 3.0**2 + 3 * 0.7**2, rel=2e-3)
+    arm_sigma, of_two = np.array([2.0, 0.5, 0.1]), []
+    for heading in (2.91, 2.91 - 0.1 * DELAY):
+        C = attitude.numeric.to_dcm(attitude.numeric.from_euler(0.1, 0.5, heading))
+        n, e, d = (C @ ARM) ** 2
+        of_two.append(3.0**2 + 4.0**2 + np.array([0.25 * e, 0.16 * d + 0.25 * n, 0.16 * e]))
+    assert found.each[0].sigma[-1] ** 2 == pytest.approx(of_two[0], rel=1e-4)
+    more = outages(gnss_delay=DELAY, gnss_delay_estimate_sigma=0.3, gnss_lever_arm_estimate_sigma=arm_sigma)
+    late = np.square([3.0 * np.cos(heading), 3.0 * np.sin(heading), 0.0])
+    assert more.each[0].sigma[-1] ** 2 == pytest.approx(of_two[1] + C**2 @ arm_sigma**2 + late, rel=1e-3)
     assert [len(one.time) for one in outages(resumed=(29.2, np.inf)).each] == [9, 2]  # one record is after the next fix
     assert found.too_sure() == () and found.beyond == 0
     found, ends = outages(drift=3.0), np.array([3.0 + 3.0 * 9.1, 3.0 + 3.0 * 31.1])

@@ -21,6 +21,7 @@ def test_windows_are_of_the_clock_of_the_log_or_of_the_start_or_regular():
     assert withheld(LATER, ["+20:+30"], 1.6e9)[1].windows.tolist() == [[1600000020.0, 1600000030.0]]
     mixed = withheld(LOG, ["66:70", "every=50, length=10"], 5.0)[1].windows
     assert mixed.tolist() == [[55.0, 65.0], [66.0, 70.0], [105.0, 115.0]] and len(left.gnss.time) == 117
+    assert withheld(LOG, ["every=50,length=20"], 5.0)[1].windows.tolist() == [[55.0, 75.0]]  # the next would pass the end
     assert withheld(withheld(LOG, ["30:40"], 0.0)[0], ["every=30,length=10"], 0.0)[1].empty == 1
 
 

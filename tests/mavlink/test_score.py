@@ -199,14 +199,16 @@ def test_nonsense_is_refused_in_one_sentence(name, changes, message):
     assert "\n" not in str(error.value)
 
 
-def test_velocities_are_read_in_the_frame_that_the_message_states():
-    """Heading east: forward is east."""
-    q = list(Rotation.from_euler("z", 90.0, degrees=True).as_quat(scalar_first=True))
-    covariance = [4.0, 0, 0, 0, 0, 0, 9.0, 0, 0, 0, 0, 16.0, *[0] * 9]
-    for frame, velocity, sigma in ((12, [0.0, 1.0, 0.0], (3.0, 2.0, 4.0)), (1, [1.0, 0.0, 0.0], (2.0, 3.0, 4.0))):
-        found = estimate_of(estimate("ODOMETRY", q=q, child_frame_id=frame, velocity_covariance=covariance), ORIGIN)
-        np.testing.assert_allclose(found.rows["velocity_n"], velocity, atol=1e-7)
-        assert found.sigma == {name: pytest.approx(s) for name, s in zip(("vn_mps", "ve_mps", "vd_mps"), sigma, strict=True)}
+def test_velocities_and_their_covariance_are_read_in_the_frame_that_the_message_states():
+    turn = Rotation.from_euler("ZYX", [60.0, 20.0, -30.0], degrees=True)
+    P = np.cov(np.random.default_rng(1).normal(size=(3, 9)))
+    q, covariance = turn.as_quat(scalar_first=True).tolist(), np.zeros(21)
+    covariance[[0, 1, 2, 6, 7, 11]] = P[np.triu_indices(3)]
+    for frame, C in ((12, turn.as_matrix()), (1, np.eye(3))):
+        found = estimate_of(estimate("ODOMETRY", q=q, child_frame_id=frame, velocity_covariance=list(covariance)), ORIGIN)
+        np.testing.assert_allclose(found.rows["velocity_n"], C[:, 0], atol=1e-6)  # 1 m/s along the first axis
+        sigma = dict(zip(("vn_mps", "ve_mps", "vd_mps"), np.sqrt(np.diag(C @ P @ C.T)), strict=True))
+        assert found.sigma == pytest.approx(sigma, rel=1e-5)
 
 
 def test_variances_are_those_of_the_diagonal_and_times_of_either_clock():

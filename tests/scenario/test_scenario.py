@@ -4,6 +4,7 @@ import copy
 import datetime
 import json
 import math
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from peers import package
 from places import ROOT
 
 from insenv.base.errors import InputError
+from insenv.base.keys import SetsRow
 from insenv.base.resources import scenario_folder
 from insenv.base.toml import read_toml
 from insenv.core.runner import make_runner
@@ -21,7 +23,10 @@ from insenv.estimators import registry
 from insenv.scenario import build, json_schema, load, names, parse
 from insenv.scenario.description import GravitySection, KnowledgeSection
 from insenv.sensors import ImuSection
+from insenv.sensors import registry as instruments
+from insenv.sensors.grades import WAYS
 from insenv.testing import check_keys
+from insenv.vehicles import registry as vehicles
 
 IN_PLACE = {
     "ship-swaying", "ship-irregular-sea", "car-parked", "aircraft-parked", "static-ecef", "turntable-quaternion",
@@ -128,6 +133,17 @@ def test_every_key_shows_its_unit():
                 assert name.endswith(ENDINGS[schema["unit"]]), name
             if schema.get("type") == "number":
                 assert "unit" in schema or name in ("roll_damping", "enhancement") or "probability" in name, name
+
+
+def test_a_key_with_the_name_of_a_row_sets_it_and_no_other_key_does():
+    sections = {"imu": ImuSection, **instruments.registered(), **vehicles.registered()}
+    for name, section in sections.items():
+        set_by = [(key, each.row) for key, field in section.model_fields.items() for each in field.metadata
+                  if isinstance(each, SetsRow)]  # fmt: skip
+        rows = [row for key, row in set_by if key not in chain(*WAYS)]
+        assert len(set(rows)) == len(rows), name
+        wrong = [(key, row) for key, row in set_by if key.rpartition("_")[0] in {*rows} - {row}]
+        assert wrong == [], name
 
 
 def test_the_schema_accepts_the_scenarios_of_insenv():

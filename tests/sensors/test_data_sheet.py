@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from insenv.scenario import build, load, parse
-from insenv.sensors.data_sheet import CONSTANT
+from insenv.sensors.data_sheet import CONSTANT, imu_data_sheet
 
 DEG = np.pi / 180.0
 
@@ -41,3 +41,12 @@ def test_the_data_sheet_has_the_thermal_errors_of_the_run():
     assert warm.sensors.gyro_correlation_time < 650.0
     ramped = knowledge("car-city-drive", **slopes, temperature_end_degc=20.0, temperature_ramp_k_h=30.0)
     assert ramped.sensors.gyro_bias_sigma == pytest.approx(np.hypot(plain.sensors.gyro_bias_sigma, bias))
+
+
+def test_the_bare_biases_are_those_of_a_unit_whose_errors_do_not_depend_on_motion():
+    bias = {"gyro_bias_sigma": 1e-6, "gyro_instability_sigma": 3e-7, "gyro_instability_time": 500.0}
+    bias |= {"accel_rate_random_walk": 1e-6}
+    motion = {"gyro_g_sensitivity": [[1e-7] * 3] * 3, "accel_misalignment_sigma": 2e-4, "accel_scale_factor_sigma": 1e-4}
+    whole, plain = (vars(imu_data_sheet(rows, in_place=False)) for rows in (bias | motion, bias))
+    for name in ("gyro_bias_sigma", "gyro_correlation_time", "accel_bias_sigma", "accel_correlation_time"):
+        assert whole[f"bare_{name}"] == pytest.approx(plain[name]) and whole[name] != pytest.approx(plain[name], rel=0.01), name

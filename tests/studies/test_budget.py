@@ -4,6 +4,7 @@ import base64
 import itertools
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from insenv.scenario.error_sources import sensors_of
 from insenv.sensors import IMU, registry
 from insenv.studies import budget as budget_module
 from insenv.studies.budget import packed, switch_off, switchable
-from insenv.studies.budget_result import budget_page
+from insenv.studies.budget_result import budget_page, budget_rows
 
 PERFECT = {"grade": "perfect", "gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0}
 TRUE_START = {"draw_errors": False, **dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), 0.0)}
@@ -121,9 +122,11 @@ def test_every_error_row_of_every_sensor_is_in_one_source():
         table = sensor.part(lambda p, x: None).parameters
         rows = [row for source in sensor.errors for row in source.rows]
         assert len(rows) == len(set(rows)), sensor.id
+        off = switch_off(SimpleNamespace(parameters=table), np.full(table.size, np.pi), sensor.errors)
         for source in sensor.errors:
             for name in source.rows:
                 table[name].check(np.full(table[name].size, source.off))
+                assert np.all(off[table.slice(name)] == source.off), name
         left = [name for name in table.names if name not in rows and not any(part in name for part in no_error)]
         assert left == [], sensor.id
 
@@ -192,3 +195,5 @@ def test_the_page_stacks_what_the_budget_holds(small):
     (table,) = document["tables"]
     row = next(row for row in table["rows"] if row[0] == "all sources")
     assert row[1::2] == [number(value) for value in small.rms(small.whole)]
+    rising = replace(small, alone=np.ones_like(small.alone) * np.arange(1.0, 1.0 + len(small.sources))[:, None, None] ** 4)
+    assert [row.name for row in budget_rows(rising, [0, 2])[:2]] == [*small.sources[:-3:-1]]  # the largest first

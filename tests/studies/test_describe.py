@@ -12,9 +12,11 @@ from command_line import call, strict
 from places import ROOT
 
 import insenv
+from insenv import geodesy
 from insenv.logs import load
 from insenv.logs.units import axes_matrix
-from insenv.studies.describe import UnclearError, describe
+from insenv.studies.describe import UnclearError, describe, fixes
+from insenv.studies.describe.agreement import Track
 from insenv.studies.describe.inertial import gyro_units, kind_of_name
 from insenv.studies.describe.tables import FIX_RATES, IMU_RATES, with_time
 from insenv.studies.describe.text_layout import text_table
@@ -255,3 +257,12 @@ def test_the_command_writes_runs_and_does_not_overwrite(tmp_path):
     log.write_text(log.read_text("utf-8") + "# mine\n", encoding="utf-8")
     status, _, err = call("describe", *files, "-o", log, "--no-run")
     assert status == 2 and "not overwritten" in err and log.read_text("utf-8").endswith("# mine\n")
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.143, -0.087])
+def test_the_lag_of_velocities_is_found_between_two_steps_of_those_that_are_tried(lag):
+    t = np.arange(0.0, 60.0, 0.1)
+    way = 40.0 * np.column_stack([np.sin(0.5 * t), np.sin(0.3 * t), 0 * t])
+    late = 40.0 * np.column_stack([0.5 * np.cos(0.5 * (t - lag)), 0.3 * np.cos(0.3 * (t - lag)), 0 * t])
+    place = geodesy.numeric.geodetic_from_ned_offset(way, 0.7, 0.2, 9.0)
+    assert fixes._velocity_lag(Track(t, *place, late))[0] == pytest.approx(lag, abs=1e-3)

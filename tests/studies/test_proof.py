@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import peers
@@ -11,6 +12,7 @@ from command_line import call, refused, strict
 from places import ROOT
 from simulated_log import simulated_log
 
+from insenv.evaluation.outages import Outage, Outages
 from insenv.report.console import as_text
 from insenv.studies import proof, proof_logs
 from insenv.studies.proof import prove
@@ -54,6 +56,13 @@ def test_a_log_is_judged_by_its_reference_and_by_withheld_fixes(data, monkeypatc
     assert lost["errors"]["horizontal_m"]["rms"] > 3 * filtered["errors"]["north_m"]["rms"]
     printed = call("prove", NAME, "--data", data)[1]
     assert as_text(again.document().blocks()).strip() in printed and "left out" in printed and "0 of 1 runs" in printed
+
+
+def test_of_an_outage_the_error_at_its_end_and_the_largest_are_kept():
+    outage = Outage(0.0, 2.0, np.arange(2.0), np.array([[3.0, 4.0, 9.0], [0.6, 0.8, 2.0]]), np.full((2, 3), 0.5))
+    found = proof._withheld(SimpleNamespace(outages=Outages((outage,)), health=None, notes=()))
+    assert {name: each.rms for name, each in found.errors.items()} == pytest.approx({"horizontal_m": 1.0, "down_m": 2.0})
+    assert found.largest == pytest.approx({"horizontal_m": 5.0, "down_m": 9.0})
 
 
 def test_what_is_not_there_is_said_in_one_sentence(data, tmp_path, monkeypatch):

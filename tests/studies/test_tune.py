@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from changed_scenario import changed
 from command_line import call, strict
+from scipy.stats import sem, t
 from simulated_log import simulated_log
 
 import insenv
 from insenv.base.errors import InputError
 from insenv.estimators import get
 from insenv.scenario import load
-from insenv.studies import tune_search
+from insenv.studies import tune_log, tune_search
 from insenv.studies.campaign import make_plan
 from insenv.studies.campaign.block import run_block
 from insenv.studies.tune_search import tuned_parameters
@@ -72,6 +73,11 @@ def test_a_mistuned_filter_is_tuned_back_on_a_log_without_a_reference():
         result = insenv.replay(log, "loosely-coupled", settings={"loosely-coupled": {"arw_deg_sqrt_h": given}}).results[0]
         errors.append(result.statistics()["rms"]["roll_deg"])
     assert errors[1] < 0.7 * errors[0]
+
+
+def test_the_change_on_a_log_has_the_interval_of_the_means_of_ten_blocks():
+    found = tune_log._change(np.repeat(np.arange(10.0), 20))
+    assert [found.value, found.low, found.high] == pytest.approx([4.5, *t.interval(0.95, 9, 4.5, sem(np.arange(10.0)))])
 
 
 def test_the_search_finds_a_minimum_and_survives_ctrl_c():

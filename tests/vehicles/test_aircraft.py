@@ -12,7 +12,7 @@ def test_flight_from_the_ground_to_survey_lines() -> None:
     h = 0.05
     legs = [
         {"wait_s": 20}, {"speed_mps": 8}, {"turn_deg": 90, "bank_deg": 4}, {"speed_mps": 80, "acceleration_mps2": 3},
-        {"climb_to_m": 600, "climb_mps": 10}, *survey_pattern(3, 4000),
+        {"climb_to_m": 300}, {"climb_to_m": 600, "climb_mps": 10}, *survey_pattern(3, 4000),
     ]  # fmt: skip
     plan = flight_plan(legs, start_height_m=100)
     start = {"start_latitude": 0.7, "start_height": 100.0, "sample_interval": h, "segments": plan}

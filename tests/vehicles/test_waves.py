@@ -52,6 +52,14 @@ def test_smith_effect_is_the_decay_with_depth_of_the_draught():
     assert found == pytest.approx(np.exp(-k * 2.0) * (1 - k * 2.0) / (1 - 2 * k * 2.0), rel=0.02)
 
 
+def test_heave_at_its_resonance_is_bounded_by_the_waves_that_it_radiates():
+    """k T = 1/2: forced by sqrt(1/4 + e^2), damped by e = (2 sin(k B / 2) exp(-k T))^2 / (k B) (Jensen, Mansour, Olsen)."""
+    hull, k = Hull(length=0.1, beam=16.0, draught=5.0), 0.1
+    damping = 4.0 * np.sin(0.8) ** 2 * np.exp(-1.0) / 1.6
+    found = np.abs(response([np.sqrt(STANDARD_GRAVITY * k)], hull, 0.0)["down"])
+    assert found == pytest.approx(np.exp(-0.5) * np.hypot(0.5, damping) / damping, rel=1e-4)
+
+
 @pytest.mark.parametrize("speed", [0.5, 8.0])
 def test_roll_resonates_at_the_frequency_of_encounter(speed):
     """There the damping alone is left, and the roll has the phase of the elevation."""

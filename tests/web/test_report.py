@@ -8,6 +8,7 @@ from browser import LAPTOP, PHONE
 from changed_scenario import changed
 from live_pages import answers
 from matplotlib.scale import SymmetricalLogTransform
+from scipy.spatial.transform import Rotation
 from selenium.webdriver import ActionChains
 from selenium.webdriver.common.by import By
 
@@ -102,6 +103,25 @@ def test_the_page_opens_from_disk(browser, page, driven, size, dark):
     beyond = "[...document.querySelectorAll('canvas, table')].filter((e) => e.getBoundingClientRect().right > innerWidth)"
     pressed = "[...document.querySelectorAll('button:not(.entry), input')].filter((e) => e.offsetWidth)"
     assert browser.value(f"{beyond}.concat({pressed}).length") == 0
+
+
+def test_a_span_zooms_about_its_middle_and_stays_inside_the_run(tmp_path):
+    shown = {("zoom", 0.5): [30, 50], ("zoom", 2): [0, 80], ("zoom", 9): [0, 100], ("move", -0.2): [12, 52],
+             ("move", 2): [60, 100], ("set", 90, 99): [90, 99], ("reset",): [0, 100], ("extend", 0, 200): [20, 60]}  # fmt: skip
+    code = """given.map(([act, ...values]) => {
+      const span = module_span.makeSpan(0, 100);
+      span.set(20, 60);
+      span[act](...values);
+      return span.shown();
+    })"""
+    assert answers("span.js", code, list(shown), tmp_path) == list(shown.values())
+
+
+def test_the_vehicle_is_drawn_in_its_attitude(tmp_path):
+    q, corners = Rotation.random(20, random_state=2), np.random.default_rng(2).normal(size=(20, 3))
+    given = [q.as_quat(scalar_first=True).tolist(), corners.tolist()]
+    found = answers("hull.js", "given[0].map((q, k) => module_hull.turned(q, given[1][k]))", given, tmp_path)
+    np.testing.assert_allclose(found, q.apply(corners), atol=1e-14)
 
 
 @pytest.mark.slow

@@ -4,10 +4,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from constants import constants, number
 from scipy.spatial.transform import Rotation
 
 from insenv.core import symmetric
 from insenv.estimators.fusion import arc
+from insenv.estimators.loosely_coupled import SMOOTHING
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 from insenv.evaluation.errors import CHANNELS
 from insenv.studies.campaign.block import run_block
@@ -45,6 +47,17 @@ def test_a_correction_turns_what_the_attitude_turned_and_nothing_else():
     assert np.array(ca.evalf(arc.along(ca.DM(error), stored(independent)))).ravel() == pytest.approx(error)
     there = arc.along(ca.DM(error), stored(P))
     assert np.array(ca.evalf(arc.back(there, stored(P)))).ravel() == pytest.approx(error, abs=1e-4)
+
+
+def test_a_smoother_turns_the_place_too():
+    """The height, which is 36 mm off to first order."""
+    n, state = SMOOTHING.n, SMOOTHING.forward.state
+    P, error, down = np.eye(n), np.zeros(n), PLACE - Rotation.from_rotvec(PSI).apply(PLACE)
+    P[:9, :9] = covariance([0.02, 0.03, 0.1])
+    error[:9] = np.concatenate([np.cross(PLACE, PSI), np.cross(GAINED, PSI), PSI])
+    x = constants(state, covariance=symmetric.triangle(ca.DM(P)).full().ravel())
+    moved = number(SMOOTHING.corrected(x, ca.SX(error))["height"] - x.height)
+    assert moved == pytest.approx(down[2], abs=5e-3) and abs(down[2] - error[2]) > 0.03
 
 
 def test_the_moment_is_that_of_half_the_product_of_the_attitude_and_what_comes_with_it():

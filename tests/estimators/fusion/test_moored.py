@@ -83,6 +83,15 @@ def test_stated_sigmas_hold_over_seeds(period_s):
     assert rms < 1.4 * limit and stated < 1.2 * limit
 
 
+def test_each_oscillator_is_remembered_over_its_own_period():
+    sway, before = np.random.default_rng(6).normal(size=(2, 3 * moored.COUNT, 2))
+    p = Values(sway_period=ca.SX(PERIODS), moored_interval=8.0)
+    x = Values(sway=ca.SX(sway.ravel()), sway_rms=ca.SX(np.abs(before[:, 0])))
+    share = np.minimum(8.0 / np.tile(PERIODS, 3), 1.0)
+    expected = np.sqrt((1 - share) * before[:, 0] ** 2 + share * np.mean(sway**2, axis=1))
+    assert number(moored._remembered(p, x, None)["sway_rms"]).ravel() == pytest.approx(expected)
+
+
 @pytest.mark.parametrize(("amplitude_m", "period_s", "said"), [(1.5, 40.0, True), (0.3, 40.0, False), (1.5, 9.0, False)])
 def test_a_slow_sway_beyond_what_is_assumed_is_said(amplitude_m, period_s, said):
     sway = {"north": [{"amplitude_m": amplitude_m, "period_s": period_s}], "down": [{"amplitude_m": 2.0, "period_s": 40.0}]}

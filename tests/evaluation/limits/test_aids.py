@@ -158,10 +158,10 @@ def test_a_detected_outlier_is_a_measurement_that_is_missing_and_rounding_is_noi
 
 def test_epochs_of_a_step_without_those_in_outages():
     aid = aid_of("odometer")  # every 10 samples of 0.01 s
-    begin, end = np.array([0, 9, 10, 95, 200]), np.array([9, 10, 40, 130, 200])
-    assert aid.epochs(begin, end).tolist() == [0, 1, 3, 4, 0]
+    begin, end = np.array([0, 9, 10, 95, 105, 200]), np.array([9, 10, 40, 105, 130, 200])
+    assert aid.epochs(begin, end).tolist() == [0, 1, 3, 1, 3, 0]
     lost = Aid(**{**vars(aid), "outages": np.array([[1.0, 1.2]])})  # the epochs at 1.0 and 1.1 s
-    assert lost.epochs(begin, end).tolist() == [0, 1, 3, 2, 0]
+    assert lost.epochs(begin, end).tolist() == [0, 1, 3, 0, 2, 0]
 
 
 def final(**changes):

@@ -19,6 +19,7 @@ OLDER = {
 }
 """Masks of older drivers by model, and the packets of two seconds by their headers."""
 REFUSED = read_toml(Path(__file__).with_name("refused.toml"))
+DOUBTED = {"heading_error_deg": 60.0, "heading_sigma_deg": 5.0}
 GPS_MINUS_UNIX_2026 = 18 - 315964800
 
 
@@ -151,7 +152,8 @@ def test_the_status_aligns_tracks_loses_gnss_and_comes_back():
     ("changes", "expected"),
     [
         ({"gnss": {"outages_s": ((50.0, 90.0),)}}, (3, set())),
-        ({"knowledge": {"heading_error_deg": 60.0, "heading_sigma_deg": 5.0}}, (1, {2})),
+        ({"knowledge": DOUBTED}, (1, {2})),
+        ({"knowledge": DOUBTED, "gnss": {"outages_s": ((50.0, 90.0),)}}, (3, set())),  # whatever the doubt
         ({"imu": {"gyro_range_deg_s": 0.001}}, (1, {2})),
         ({"imu": {"drop_probability": 0.999}, "heading": {}}, (1, {2, 5, 9, 10})),  # with the heading of two antennas
     ],

@@ -21,7 +21,7 @@ def scenario(places=PLACES, vehicle=None, **more):
 
 
 def test_the_drive_keeps_to_the_plan():
-    loaded = scenario(vehicle={"bank": "level"})
+    loaded = scenario(vehicle={"bank": "level", "acceleration_mps2": 0.8})
     time, shown = truth_of(loaded)
     velocity = shown["velocity_n"]
     latitude, longitude = (np.degrees(shown[name]).ravel() for name in ("latitude", "longitude"))
@@ -36,6 +36,8 @@ def test_the_drive_keeps_to_the_plan():
     assert 1.0 < np.hypot(111e3 * (latitude - 45.01), 78.8e3 * (longitude - 7.0)).min() < 25.0
     push = np.linalg.norm(np.gradient(velocity[:, :2], time, axis=0), axis=1)
     assert push.max() < 2.4  # 2 m/s2 in the turn; splines add some at its ends
+    along = np.gradient(speed, time)
+    assert [along.min(), along.max()] == pytest.approx([-0.8, 0.8], abs=0.15)
     assert speed[np.searchsorted(time, 50.0)] == pytest.approx(15.0, abs=0.05)
 
 
@@ -43,6 +45,12 @@ def test_a_coordinated_turn_banks():
     _, shown = truth_of(scenario(rate_hz=20.0))
     roll = np.degrees(np.array(insenv.attitude.numeric.to_euler(shown["q_nb"]))[0])
     assert roll.max() == pytest.approx(np.degrees(np.arctan(2.0 / 9.80665)), abs=1.5)  # the turn to the right
+
+
+def test_a_corner_between_any_two_directions_is_an_arc():
+    shape = scenario([*PLACES[:2], {**PLACES[2], "stop_s": 0.0}, PLACES[3]]).vehicle.shape
+    push = shape.spline.at(np.linspace(0.0, shape.duration_s, 2000), 2)[:, :2] * [6.37e6, 4.5e6]
+    assert np.linalg.norm(push, axis=1).max() < 2.4
 
 
 FIRST, SECOND = PLACES[:2]
