@@ -86,10 +86,10 @@ def test_a_gyro_bias_turns_the_stated_vertical_for_the_mean_age_of_the_weights(d
         memory_time=memory, smoothing_time=0.0, gyro_bias_sigma=bias,
         **dict.fromkeys(("accel_bias_sigma", "angle_random_walk", "velocity_random_walk"), 0.0),
     )  # fmt: skip
-    x = SimpleNamespace(rest_force_n=ca.SX([0, 0, -9.8]), axis_n=ca.SX([0.8, 0, -0.6]))
+    x = SimpleNamespace(time=ca.SX(duration), rest_force_n=ca.SX([0, 0, -9.8]), axis_n=ca.SX([0.8, 0, -0.6]))
     t = (np.arange(2000) + 0.5) * duration / 2000
     age = np.average(duration - t, weights=np.exp(-t / memory) + 2 * np.exp((t - duration) / memory))
-    found = np.array(ca.DM(ca.evalf(q_method.sensor_sigma(p, x, ca.SX(duration))))).ravel()
+    found = np.sqrt(np.array(ca.DM(ca.evalf(q_method.sensor_variance(p, x)))).ravel())
     assert found[:2] == pytest.approx([bias * age] * 2, rel=0.04)
 
 
