@@ -161,9 +161,8 @@ def _smoothed_errors(smoothing: Smoothing, nominal: Array, adjoint: Array, infor
         adjoint, L = np.where(before, 0.0, adjoint), np.where(before[:, None], 0.0, L)
     explained = P @ L @ P  # covariance of the correction P s
     left = P - explained
-    if smoothing.seeking:
-        for part in (POSITION, VELOCITY, TILT):
-            left[:, part, part] += _of_products(P[:, TILT, TILT], explained[:, part, part])
+    for part in (POSITION, VELOCITY, TILT):
+        left[:, part, part] += _of_products(P[:, TILT, TILT], explained[:, part, part])
     return np.einsum("nij,nj->ni", P, adjoint), left
 
 

@@ -25,7 +25,7 @@ from insenv import attitude
 from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import maximum
-from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
+from insenv.estimators.parts.error_model import TILT, VELOCITY
 
 LEAST = 1e-14
 """rad^2: variance of an attitude that counts as known (0.02 arcsec)."""
@@ -36,28 +36,13 @@ LONGEST = 1.0
 def along(error: Any, P: Any, share: Any = 1.0) -> Any:
     """The differences (n) of a state and the true one whose error in the sense of the covariance is `error` (n).
 
-    P: upper triangle of the covariance (n x n).  share: 0 for a filter of small angles.  The position does not turn: each
-    measurement of it begins it anew.
+    P: upper triangle of the covariance (n x n).  share: 0 for a filter of small angles.  The position does not turn, in
+    a smoother neither: each measurement of it begins it anew, and is of first order.
     """
     turned, psi = ca.SX(error), error[TILT]
     gained = _by_attitude(P, VELOCITY) @ psi
     half = attitude.from_rotation_vector(psi * (0.5 * share))
     turned[VELOCITY] = error[VELOCITY] + attitude.rotate(half, gained) - gained
-    return turned
-
-
-def along_the_way(error: Any, P: Any) -> Any:
-    """As `along`, of a smoother, whose corrections are of the whole way: the position that comes with the heading turns too.
-
-    What comes with a tilt does not: it is gained against gravity, the error of an accelerometer takes it back, and a fix
-    after an outage measures it without an arc.
-    """
-    turned = along(error, P)
-    heading = TILT.stop - 1
-    half = ca.vertcat(0.0, 0.0, error[heading] / 2)
-    with_heading = ca.vertcat(*[P[symmetric.place(i, heading)] for i in range(POSITION.start, POSITION.stop)])
-    gained = with_heading * (error[heading] / (P[symmetric.place(heading, heading)] + LEAST))
-    turned[POSITION] = error[POSITION] + attitude.rotate(attitude.from_rotation_vector(half), gained) - gained
     return turned
 
 

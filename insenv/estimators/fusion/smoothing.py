@@ -47,9 +47,7 @@ def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None =
         interval=interval,
         nominal=_nominal(filter),
         n=filter.n,
-        corrected=lambda x, error: navigation_corrected(
-            x, arc.along_the_way(error, x.covariance), filter.states, filter.places
-        ),
+        corrected=lambda x, error: navigation_corrected(x, arc.along(error, x.covariance), filter.states, filter.places),
         estimates=estimates,
         reported=sum((aid.reported for aid in filter.aids), Table()),
     )

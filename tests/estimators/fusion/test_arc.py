@@ -48,20 +48,20 @@ def test_a_correction_turns_what_the_attitude_turned_and_nothing_else():
     assert np.array(ca.evalf(arc.back(there, stored(P)))).ravel() == pytest.approx(error, abs=1e-4)
 
 
-@pytest.mark.parametrize(("psi", "turns"), [((0.0, 0.0, 0.12), True), ((0.12, 0.0, 0.0), False)])
-def test_a_smoother_turns_the_place_that_comes_with_the_heading_alone(psi, turns):
-    """It goes where the exact difference of the place, or that of first order, takes it without an attitude error."""
+def test_a_smoother_turns_the_velocity_and_not_the_place():
+    """The place of a fix after an outage is measured, without an arc."""
     n, state = SMOOTHING.n, SMOOTHING.forward.state
     P, error, plain = np.eye(n), np.zeros(n), np.zeros(n)
-    P[:9, :9] = covariance([0.1, 0.1, 0.1])
-    error[:9] = np.concatenate([np.cross(PLACE, psi), np.cross(GAINED, psi), psi])
-    plain[POSITION] = PLACE - Rotation.from_rotvec(psi).apply(PLACE) if turns else error[POSITION]
+    P[:9, :9] = covariance([0.02, 0.03, 0.1])
+    error[:9] = np.concatenate([np.cross(PLACE, PSI), np.cross(GAINED, PSI), PSI])
+    plain[:6] = error[:6]
     x = constants(state, covariance=symmetric.triangle(ca.DM(P)).full().ravel())
     one, other = (SMOOTHING.corrected(x, ca.SX(each)) for each in (error, plain))
-    q_one, q_other = (np.array(ca.evalf(ca.SX(moved["q_ew"]))).ravel() for moved in (one, other))
-    metre = 0.5 / geodesy.A  # in the vector part of a quaternion
-    assert q_one == pytest.approx(q_other, rel=0.0, abs=5e-3 * metre)
-    assert number(one["height"]) == pytest.approx(number(other["height"]), abs=5e-3)
+    q_one, q_other, turned = (np.array(ca.evalf(ca.SX(row))).ravel() for row in (one["q_ew"], other["q_ew"], one["velocity_w"]))
+    assert q_one == pytest.approx(q_other, rel=0.0, abs=1e-4 / geodesy.A)
+    assert number(one["height"]) == pytest.approx(number(other["height"]), abs=1e-4)
+    exact = Rotation.from_rotvec(PSI).apply(GAINED) - GAINED
+    assert turned == pytest.approx(exact, abs=2e-3) and np.abs(exact + error[VELOCITY]).max() > 0.05
 
 
 def test_the_moment_is_that_of_half_the_product_of_the_attitude_and_what_comes_with_it():
