@@ -145,9 +145,9 @@ def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, c
     named = dict(zip((*rows.NAVIGATION.names, *smoothing.estimates), navigation, strict=True))
     filtered = symmetric.full_array(values["covariance"], smoothing.n)
     for name, part in (("position_sigma", POSITION), ("velocity_sigma", VELOCITY), ("attitude_sigma", TILT)):
-        variance, variance_of_filter = (
-            np.einsum("nij,njk,nik->ni", C_nw, P[:, part, part], C_nw) for P in (covariances, filtered)
-        )
+        left, before = covariances[:, part, part], filtered[:, part, part]
+        left = left + _of_products(filtered[:, TILT, TILT], before - left)
+        variance, variance_of_filter = (np.einsum("nij,njk,nik->ni", C_nw, P, C_nw) for P in (left, before))
         named[name] = np.sqrt(np.where(variance > 0.0, variance, variance_of_filter))
     return named
 
@@ -159,10 +159,7 @@ def _smoothed_errors(smoothing: Smoothing, nominal: Array, adjoint: Array, infor
     if smoothing.seeking:
         before = values[smoothing.seeking][:, None] != 0
         adjoint, L = np.where(before, 0.0, adjoint), np.where(before[:, None], 0.0, L)
-    explained = P @ L @ P  # covariance of the correction P s
-    left = P - explained
-    for part in (POSITION, VELOCITY, TILT):
-        left[:, part, part] += _of_products(P[:, TILT, TILT], explained[:, part, part])
+    left = P - P @ L @ P  # the second is the covariance of the correction P s
     return np.einsum("nij,nj->ni", P, adjoint), left
 
 
