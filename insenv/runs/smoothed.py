@@ -137,7 +137,7 @@ def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, c
 
     Rows by name: q_nb, velocity_n, latitude, longitude, height, the estimated errors, position_sigma, velocity_sigma
     (n), attitude_sigma (rad about n).  Where rounding leaves no positive variance (P - P L P of a filter that has diverged)
-    the filter's variance_of_filter, which is larger, is stated.
+    that of the filter, which is larger, is stated.
     """
     values = smoothing.nominal.unpack(nominal)
     states = [values[name] for name in _state_names(smoothing)]
@@ -146,9 +146,9 @@ def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, c
     filtered = symmetric.full_array(values["covariance"], smoothing.n)
     for name, part in (("position_sigma", POSITION), ("velocity_sigma", VELOCITY), ("attitude_sigma", TILT)):
         left, before = covariances[:, part, part], filtered[:, part, part]
-        left = left + _of_products(filtered[:, TILT, TILT], before - left)
-        variance, variance_of_filter = (np.einsum("nij,njk,nik->ni", C_nw, P, C_nw) for P in (left, before))
-        named[name] = np.sqrt(np.where(variance > 0.0, variance, variance_of_filter))
+        second = _of_products(filtered[:, TILT, TILT], before - left)
+        variance, of_second, of_filter = (np.einsum("nij,njk,nik->ni", C_nw, P, C_nw) for P in (left, second, before))
+        named[name] = np.sqrt(np.where(variance > 0.0, np.minimum(variance + of_second, of_filter), of_filter))
     return named
 
 
