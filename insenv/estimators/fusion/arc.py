@@ -17,6 +17,7 @@ Source: Barrau and Bonnabel (2017), "The invariant extended Kalman filter as a s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -25,24 +26,29 @@ from insenv import attitude
 from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import maximum
-from insenv.estimators.parts.error_model import TILT, VELOCITY
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 
+WITH_VELOCITY: tuple[slice, ...] = (VELOCITY,)
+"""What turns in a filter and its smoother, where each measurement of the position, of first order, begins it anew."""
+WITH_PLACE: tuple[slice, ...] = (POSITION, VELOCITY)
+"""What turns in a smoother that goes back to where the filter's attitude is wrong by degrees: the whole way."""
 LEAST = 1e-14
 """rad^2: variance of an attitude that counts as known (0.02 arcsec)."""
 LONGEST = 1.0
 """rad: standard deviation of psi beyond which an arc is no longer than its radius."""
 
 
-def along(error: Any, P: Any, share: Any = 1.0) -> Any:
+def along(error: Any, P: Any, parts: Sequence[slice] = WITH_VELOCITY, share: Any = 1.0) -> Any:
     """The differences (n) of a state and the true one whose error in the sense of the covariance is `error` (n).
 
-    P: upper triangle of the covariance (n x n).  share: 0 for a filter of small angles.  The position does not turn, in
-    a smoother neither: each measurement of it begins it anew, and is of first order.
+    P: upper triangle of the covariance (n x n).  parts: those of position and velocity that turn.  share: 0 for a filter of
+    small angles.
     """
     turned, psi = ca.SX(error), error[TILT]
-    gained = _by_attitude(P, VELOCITY) @ psi
     half = attitude.from_rotation_vector(psi * (0.5 * share))
-    turned[VELOCITY] = error[VELOCITY] + attitude.rotate(half, gained) - gained
+    for part in parts:
+        gained = _by_attitude(P, part) @ psi
+        turned[part] = error[part] + attitude.rotate(half, gained) - gained
     return turned
 
 

@@ -107,6 +107,9 @@ def _aligned_first(smoothing: adjoint.Smoothing, filter: Composition, way: Veloc
         forward=forward,
         nominal=smoothing.nominal + shown,
         seeking=seeking,
+        corrected=lambda x, error: navigation_corrected(
+            x, arc.along(error, x.covariance, arc.WITH_PLACE), filter.states, filter.places
+        ),
     )
 
 
