@@ -137,7 +137,7 @@ def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, c
 
     Rows by name: q_nb, velocity_n, latitude, longitude, height, the estimated errors, position_sigma, velocity_sigma
     (n), attitude_sigma (rad about n).  Where rounding leaves no positive variance (P - P L P of a filter that has diverged)
-    that of the filter, which is larger, is stated.
+    the filter's variance_of_filter, which is larger, is stated.
     """
     values = smoothing.nominal.unpack(nominal)
     states = [values[name] for name in _state_names(smoothing)]
@@ -145,10 +145,10 @@ def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, c
     named = dict(zip((*rows.NAVIGATION.names, *smoothing.estimates), navigation, strict=True))
     filtered = symmetric.full_array(values["covariance"], smoothing.n)
     for name, part in (("position_sigma", POSITION), ("velocity_sigma", VELOCITY), ("attitude_sigma", TILT)):
-        left, before = covariances[:, part, part], filtered[:, part, part]
-        second = _of_products(filtered[:, TILT, TILT], before - left)
-        variance, of_second, of_filter = (np.einsum("nij,njk,nik->ni", C_nw, P, C_nw) for P in (left, second, before))
-        named[name] = np.sqrt(np.where(variance > 0.0, np.minimum(variance + of_second, of_filter), of_filter))
+        variance, variance_of_filter = (
+            np.einsum("nij,njk,nik->ni", C_nw, P[:, part, part], C_nw) for P in (covariances, filtered)
+        )
+        named[name] = np.sqrt(np.where(variance > 0.0, variance, variance_of_filter))
     return named
 
 
@@ -159,7 +159,11 @@ def _smoothed_errors(smoothing: Smoothing, nominal: Array, adjoint: Array, infor
     if smoothing.seeking:
         before = values[smoothing.seeking][:, None] != 0
         adjoint, L = np.where(before, 0.0, adjoint), np.where(before[:, None], 0.0, L)
-    left = P - P @ L @ P  # the second is the covariance of the correction P s
+    explained = P @ L @ P  # covariance of the correction P s
+    left = P - explained
+    if smoothing.seeking:
+        for part in (POSITION, VELOCITY, TILT):
+            left[:, part, part] += _of_products(P[:, TILT, TILT], explained[:, part, part])
     return np.einsum("nij,nj->ni", P, adjoint), left
 
 
