@@ -149,7 +149,7 @@ class Statements:
             """The element of an array that expression i uses."""
             first, stride = numbers[0], numbers[1] - numbers[0]
             if all(number == first + stride * i for i, number in enumerate(numbers)):
-                return f"{array}[{first}+{stride}*i]" if stride else f"{array}[{first}]"
+                return f"{array}[{_index(first, stride)}]"
             if numbers not in table:
                 table.append(numbers)
             return f"{array}[t[i][{table.index(numbers)}]]"
@@ -164,7 +164,7 @@ class Statements:
                 value = element(self.arguments[step.place[0]], [self.steps[k].place[1] for k in column])
             else:
                 value = element("w", [places[k] for k in column])
-            (inside if "i]" in value else before).append(f"const real a{c} = {value};")
+            (inside if re.search(r"\bi\b", value) else before).append(f"const real a{c} = {value};")
         for k in unit.work:
             operands = zip(self.steps[k].sources, unit.operands[k], strict=True)
             values = [f"v{source}" if operand is None else f"a{operand}" for source, operand in operands]
@@ -186,6 +186,12 @@ class Statements:
             "  }",
             "}",
         ]
+
+
+def _index(first: int, stride: int) -> str:
+    """first + stride * i, without what multiplies by 1 or adds 0."""
+    along = {0: "", 1: "i"}.get(stride, f"({stride} * i)")
+    return " + ".join([*([str(first)] if first or not along else []), *([along] if along else [])])
 
 
 WRITERS = "codegen", "instructions", "loops"

@@ -158,6 +158,8 @@ def _written(model: Model, name: str) -> _Written:
         body = [line.replace("const real ", "const double ") for line in statements.piece(piece, planned.places)]
         touched = {letter for letter in ["y", "w", *letters] if re.search(rf"\b{letter}\[", "\n".join(body))}
         here = ", ".join(part for part in signature.split(", ") if part[-1] in touched)
+        if "w" in touched and not any(line.lstrip().startswith("w[") for line in body):
+            here = here.replace("double *w", "const double *w")
         lines += [f"APART static void {function}_{number}({here or 'void'}) {{", *(f"  {line}" for line in body), "}", ""]
         calls.append(f"  {function}_{number}({', '.join(part[-1] for part in signature.split(', ') if part[-1] in touched)});")
     lines += [f"static void {function}({signature}) {{", *calls, *([] if planned.size else ["  (void)w;"]), "}", ""]
