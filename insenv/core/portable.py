@@ -310,9 +310,7 @@ def _rows(table: Table) -> str:
         flag = flag_of(row.name, [each.name for each in table if each.flag])
         number = -1 if flag is None else table.names.index(flag)
         numbers = (str(table.slice(row.name).start), str(row.size), str(number), str(int(row.whole or row.flag)))
-        lines.append(
-            f"  {{{', '.join((*numbers, *map(_bound, (row.lower, row.upper)), repr(_start(row))))}}}, /* {row.name} */"
-        )
+        lines.append(f"  {{{', '.join((*numbers, *map(bound, (row.lower, row.upper)), repr(_start(row))))}}}, /* {row.name} */")
     return "\n".join(lines)
 
 
@@ -320,7 +318,8 @@ def _start(row: Row) -> float:
     return float(row.flat_start()[0]) if row.size else 0.0
 
 
-def _bound(value: float) -> str:
+def bound(value: float) -> str:
+    """A bound of a row in C, where infinity is the largest number."""
     return repr(float(value)) if math.isfinite(value) else ("DBL_MAX" if value > 0 else "-DBL_MAX")
 
 
