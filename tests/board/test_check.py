@@ -52,11 +52,12 @@ def test_a_filter_behind_a_serial_line_has_the_same_bits(exported, rate, speed):
     board, line = os.openpty()
     with subprocess.Popen([exported / "build" / "port"], stdin=board, stdout=board) as running:
         found = check_c(exported, f"serial:{os.ttyname(line)}{rate}")
-        assert termios.tcgetattr(line)[5] == getattr(termios, f"B{speed}")
+        set_to = termios.tcgetattr(line)[5]
         os.close(line)  # which ends the program
         assert running.wait(10) == 0
     os.close(board)
     assert (found.samples, found.compared, found.differing) == (300, 217, 0)
+    assert set_to == getattr(termios, f"B{speed}")
 
 
 def test_another_bit_is_found_and_ends_with_status_1(exported, tmp_path):

@@ -19,7 +19,7 @@ def test_a_mixed_filter_is_near_the_double_one_and_its_own_test_holds(tmp_path):
     told = ran(program("make", how="apt-get install make"), "-s", "-C", tmp_path, flags, "RUN=test/run.bin")
     assert told.count(", 0 differ") == 2
     assert "  float xf[120]; /* state in single precision */" in (tmp_path / "loosely_coupled.h").read_text()
-    assert "differ from those in double precision by at most" in (tmp_path / "README.md").read_text()
+    assert "Mixed: outputs differ from those in double precision by up to " in (tmp_path / "README.md").read_text()
 
 
 def test_the_share_is_the_largest_difference_over_the_sigma_of_its_channel():
@@ -32,6 +32,13 @@ def test_the_share_is_the_largest_difference_over_the_sigma_of_its_channel():
     other[2, model.outputs.slice("accel_bias").start + 1] = -0.05
     shares = largest_shares(model, other, one)
     assert shares == {**dict.fromkeys(shares, 0.0), "down_m": pytest.approx(0.5), "accel_bias": 0.2}
+
+
+def test_a_filter_that_single_precision_changes_too_much_is_refused_and_nothing_is_written(tmp_path):
+    """Centimetre fixes and a unit of 0.1 deg/h: the sum of tilt and accelerometer bias is known far better than either."""
+    with pytest.raises(InputError, match=r"precision: outputs differ .* by up to 0\.\d+ of .*; allowed is 0.05: export"):
+        export_c("loosely-coupled", "aircraft-survey", output=tmp_path / "none", precision="mixed", duration_s=120.0)
+    assert not (tmp_path / "none").exists()
 
 
 def test_a_filter_without_a_covariance_an_unknown_precision_and_a_missing_compiler_are_refused(tmp_path, monkeypatch):

@@ -26,7 +26,7 @@ SAMPLES = 300
 EVERY = 10
 """Samples from one of their expected outputs to the next."""
 RUN = "test/run.bin"
-LIBRARY = frozenset({"sqrt", "floor", "fabs", "memcpy", "real", "main"})
+LIBRARY = frozenset({"sqrt", "floor", "fabs", "sqrtf", "floorf", "fabsf", "memcpy", "real", "main"})
 """Names of functions and types beside those of the filter."""
 _TEMPLATES = {
     "Makefile": "Makefile",
@@ -87,8 +87,8 @@ def export_c(
     whole_run: whether the whole run is written too (`RUN`, 8 bytes a number), not only its first `SAMPLES` samples.
     measure: whether size, stack and instructions on a Cortex-M7 are measured, where its compiler and qemu are installed.
 
-    Raises `InputError` for an unknown name, a wrong value, an estimator that cannot run there or that smooths, and for a folder
-    that cannot be written to.
+    Raises `InputError` for an unknown name, a wrong value, an estimator that cannot run there or that smooths, a precision that
+    changes this run too much (`insenv.export.board.precision`), and for a folder that cannot be written to.
     """
     folder = as_path("output", output)
     ready = tuned(estimator, source, seed=seed, duration_s=duration_s, settings=settings, start=start)
@@ -184,7 +184,7 @@ def _records(ready: Tuned, runner: Running) -> Iterator[bytes]:
 def _readme(name: str, ready: Tuned, measured: Figures | None, shares: Mapping[str, float]) -> str:
     """README.md: what lies there, how to use it, and what it takes on a Cortex-M7."""
     table = measured.lines() if measured is not None else ["Not measured at the export."]
-    table += ["", "## Precision", "", f"Mixed: {worst(shares)}"] if shares else []
+    table += ["", "## Precision", "", f"Mixed: {worst(shares)}."] if shares else []
     fields: Mapping[str, str] = {
         "title": ready.estimator.title,
         "values_from": ready.values_from,

@@ -21,6 +21,8 @@ from insenv.export.board.tuned import Running, Tuned
 
 PRECISIONS: Mapping[str, frozenset[str]] = {"double": frozenset(), "mixed": frozenset({"covariance"})}
 """By name, the rows of the state that are kept in single precision."""
+MOST = 0.05
+"""Largest difference from double precision, as a share of the stated sigma, with which a filter is exported."""
 
 
 def single_rows(precision: str, model: Model) -> frozenset[str]:
@@ -74,15 +76,22 @@ class Compiled:
 
 
 def run_shares(ready: Tuned, runner: Running) -> dict[str, float]:
-    """`largest_shares` over the run of an export, of a filter in another precision from the one in double precision."""
+    """`largest_shares` over the run of an export, of a filter in another precision from the one in double precision.
+
+    Raises `InputError` if one is more than `MOST`: a covariance of states that are known far better together than each by
+    itself, as tilt and accelerometer bias with centimetre fixes, needs more digits.
+    """
     here, expected = (np.vstack([outputs for _, outputs in ready.run(each)]) for each in (runner, ready.runner()))
-    return largest_shares(ready.estimator.model, here, expected)
+    shares = largest_shares(ready.estimator.model, here, expected)
+    if max(shares.values()) > MOST:
+        raise InputError(f"precision: {worst(shares)}; allowed is {MOST:g}: export this filter in double precision")
+    return shares
 
 
 def worst(shares: Mapping[str, float]) -> str:
     """What the precision costs, in a sentence."""
     name = max(shares, key=lambda each: shares[each])
-    return f"the outputs differ from those in double precision by at most {shares[name]:.2g} of their stated sigma ({name})."
+    return f"outputs differ from those in double precision by up to {shares[name]:.2g} of their stated sigma ({name})"
 
 
 def largest_shares(model: Model, here: Array, expected: Array) -> dict[str, float]:
