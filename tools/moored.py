@@ -2,7 +2,7 @@
 
 python tools/moored.py [first seed]           the table of docs/estimators/fusion.md, ten minutes
 python tools/moored.py slow [first seed]      the other one: surges that are slower or larger than what fusion assumes
-python tools/moored.py q-method [first seed]  that of q-method.md: surges of all periods; inertial-fir and ecef-kf alike
+python tools/moored.py q-method [first seed]  that of q-method.md, all periods; inertial-fir and ecef-kf alike
 """
 
 from __future__ import annotations

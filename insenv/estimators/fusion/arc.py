@@ -17,7 +17,6 @@ Source: Barrau and Bonnabel (2017), "The invariant extended Kalman filter as a s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -28,27 +27,37 @@ from insenv.core import symmetric
 from insenv.core.elementary import maximum
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 
-WITH_VELOCITY: tuple[slice, ...] = (VELOCITY,)
-"""What turns in a filter, where each measurement of the position begins it anew."""
-WITH_PLACE: tuple[slice, ...] = (POSITION, VELOCITY)
-"""What turns in a smoother, whose corrections are of the whole way."""
 LEAST = 1e-14
 """rad^2: variance of an attitude that counts as known (0.02 arcsec)."""
 LONGEST = 1.0
 """rad: standard deviation of psi beyond which an arc is no longer than its radius."""
 
 
-def along(error: Any, P: Any, parts: Sequence[slice] = WITH_VELOCITY, share: Any = 1.0) -> Any:
+def along(error: Any, P: Any, share: Any = 1.0) -> Any:
     """The differences (n) of a state and the true one whose error in the sense of the covariance is `error` (n).
 
-    P: upper triangle of the covariance (n x n).  parts: those of position and velocity that turn.  share: 0 for a filter of
-    small angles.
+    P: upper triangle of the covariance (n x n).  share: 0 for a filter of small angles.  The position does not turn: each
+    measurement of it begins it anew.
     """
     turned, psi = ca.SX(error), error[TILT]
+    gained = _by_attitude(P, VELOCITY) @ psi
     half = attitude.from_rotation_vector(psi * (0.5 * share))
-    for part in parts:
-        gained = _by_attitude(P, part) @ psi
-        turned[part] = error[part] + attitude.rotate(half, gained) - gained
+    turned[VELOCITY] = error[VELOCITY] + attitude.rotate(half, gained) - gained
+    return turned
+
+
+def along_the_way(error: Any, P: Any) -> Any:
+    """As `along`, of a smoother, whose corrections are of the whole way: the position that comes with the heading turns too.
+
+    What comes with a tilt does not: it is gained against gravity, the error of an accelerometer takes it back, and a fix
+    after an outage measures it without an arc.
+    """
+    turned = along(error, P)
+    heading = TILT.stop - 1
+    half = ca.vertcat(0.0, 0.0, error[heading] / 2)
+    with_heading = ca.vertcat(*[P[symmetric.place(i, heading)] for i in range(POSITION.start, POSITION.stop)])
+    gained = with_heading * (error[heading] / (P[symmetric.place(heading, heading)] + LEAST))
+    turned[POSITION] = error[POSITION] + attitude.rotate(attitude.from_rotation_vector(half), gained) - gained
     return turned
 
 

@@ -48,7 +48,7 @@ def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None =
         nominal=_nominal(filter),
         n=filter.n,
         corrected=lambda x, error: navigation_corrected(
-            x, arc.along(error, x.covariance, arc.WITH_PLACE), filter.states, filter.places
+            x, arc.along_the_way(error, x.covariance), filter.states, filter.places
         ),
         estimates=estimates,
         reported=sum((aid.reported for aid in filter.aids), Table()),
