@@ -54,6 +54,9 @@ def export_c(
         Start | None,
         typer.Option(help="Of a log: from the log alone (the default), from its reference, or from its \\[initial]."),
     ] = None,
+    precision: Annotated[
+        str, typer.Option(metavar="NAME", help="double, or mixed: the covariance in single precision, with what that costs.")
+    ] = "double",
     whole_run: Annotated[
         bool, typer.Option("--whole-run", help="Write the samples of the whole run too, for the test on the board.")
     ] = False,
@@ -68,6 +71,7 @@ def export_c(
     from insenv.cli.output import print_answer, working
     from insenv.estimators import get
     from insenv.export.board import export_c as write
+    from insenv.export.board.precision import worst
     from insenv.logs.loading import is_log
     from insenv.scenario import USUAL
 
@@ -76,7 +80,7 @@ def export_c(
     with working(f"exporting {estimator}"):
         done = write(
             estimator, taken, output=output, name=name, seed=seed, duration_s=duration, settings=values,
-            start=start and start.value, whole_run=whole_run, measure=not no_figures,
+            start=start and start.value, precision=precision, whole_run=whole_run, measure=not no_figures,
         )  # fmt: skip
     content = {**asdict(done), "folder": str(done.folder)}
     run = f", and of the whole run, {done.run_samples}" if done.run_samples else ""
@@ -84,6 +88,8 @@ def export_c(
         f"{done.folder}: {done.name}.h and {done.name}.c, with the inputs and outputs of {done.samples} samples{run}",
         f"make -C {done.folder} runs the test on this machine, make -C {done.folder} board on a Cortex-M7 in qemu",
     ]
+    if done.shares:
+        lines.append(f"{precision}: {worst(done.shares)}")
     if done.figures is not None:
         lines += ["On a Cortex-M7 (README.md there):", *done.figures.text()]
     print_answer(as_json, content, lines)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -58,12 +58,13 @@ def function_text(level: str, name: str, kernel: Kernel, arguments: str, in_plac
     before, lines = [], []
     if in_place:
         places = [i for span in kernel.spans for i in range(span.start, span.stop)]
-        function = Statements(name, arguments, steps, [f"x[{place}]" for place in places])
-        lines = [function.statement(k) for k in ordering(steps, read_before(steps, arguments.index("x"), places))]
+        function = Statements(name, arguments, steps, [("x", place) for place in places])
+        before_results = read_before(steps, [(arguments.index("x"), place) for place in places])
+        lines = [function.statement(k) for k in ordering(steps, before_results)]
     elif (loop := table_loop(steps)) is not None:
         lines = loop.text(arguments)
     else:
-        function = Statements(name, arguments, steps, [f"y[{place}]" for place in range(kernel.function.size1_out(0))])
+        function = Statements(name, arguments, steps, [("y", place) for place in range(kernel.function.size1_out(0))])
         if len(steps) < LONG:
             lines = [function.statement(k) for k in ordering(steps, {})]
         else:
@@ -77,10 +78,10 @@ def function_text(level: str, name: str, kernel: Kernel, arguments: str, in_plac
     return "\n".join([*before, f"static {level}void {name}({signature}) {{", *(f"  {line}" for line in lines), "}\n"])
 
 
-def read_before(steps: Sequence[Instruction], x: int, places: Sequence[int]) -> dict[int, list[int]]:
-    """By result, written to these places of argument x, the instruction that reads what was there."""
+def read_before(steps: Sequence[Instruction], places: Sequence[tuple[int, int]]) -> dict[int, list[int]]:
+    """By result, each written to its place (argument, element), the instruction that reads what was there."""
     read = {step.place: k for k, step in enumerate(steps) if step.name == "INPUT"}
-    results = {k: (x, places[step.place[1]]) for k, step in enumerate(steps) if step.name == "OUTPUT"}
+    results = {k: places[step.place[1]] for k, step in enumerate(steps) if step.name == "OUTPUT"}
     return {k: [read[place]] for k, place in results.items() if place in read}
 
 
@@ -94,35 +95,58 @@ _PIECE = """#ifndef PIECE
 
 
 @dataclass(frozen=True)
+class Precision:
+    """How values of a precision are written.  type: in C.  work: array for those between pieces.  expressions: C text by
+    operation."""
+
+    type: str
+    work: str
+    expressions: Mapping[str, str]
+
+
+REAL = Precision("real", "w", _EXPRESSIONS)
+
+
+@dataclass(frozen=True)
 class Statements:
     """Statements of a function.  Value k is the variable ``vk``.
 
-    arguments: a letter each.  results: the text of each result's place.  expressions: C text by operation.
+    arguments: their names in C.  results: array and element of each result.  precisions: the usual one, and that of
+    instructions that are `Instruction.single`.
     """
 
     name: str
-    arguments: str
+    arguments: Sequence[str]
     steps: Sequence[Instruction]
-    results: Sequence[str]
-    expressions: Mapping[str, str] = field(default_factory=lambda: _EXPRESSIONS)
+    results: Sequence[tuple[str, int]]
+    precisions: Sequence[Precision] = (REAL,)
+
+    def variable(self, k: int, name: str, value: str) -> str:
+        """A variable that holds the value of instruction k."""
+        return f"const {self.precisions[self.steps[k].single].type} {name} = {value};"
+
+    def work(self, k: int) -> str:
+        """The array through which the value of instruction k goes."""
+        return self.precisions[self.steps[k].single].work
 
     def value(self, k: int, sources: Sequence[str]) -> str:
         """The value of instruction k; sources: those that it uses."""
-        step = self.steps[k]
+        step, expressions = self.steps[k], self.precisions[self.steps[k].single].expressions
         if step.name == "INPUT":
             return f"{self.arguments[step.place[0]]}[{step.place[1]}]"
         if step.name == "CONST":
-            return self.expressions["CONST"].format(repr(step.value))
-        if step.name not in self.expressions:
+            return expressions["CONST"].format(repr(step.value))
+        if step.name not in expressions:
             raise RuntimeError(f"function {self.name!r} of a model uses {step.name}: not an exactly rounded operation")
-        return self.expressions[step.name].format(*sources)
+        return expressions[step.name].format(*sources)
 
     def statement(self, k: int) -> str:
         """Instruction k; its sources are variables."""
         step, sources = self.steps[k], [f"v{source}" for source in self.steps[k].sources]
         if step.name == "OUTPUT":
-            return f"{self.results[step.place[1]]} = {sources[0]};"
-        return f"const real v{k} = {self.value(k, sources)};"
+            array, element = self.results[step.place[1]]
+            return f"{array}[{element}] = {sources[0]};"
+        return self.variable(k, f"v{k}", self.value(k, sources))
 
     def piece(self, units: Sequence[Unit], places: Mapping[int, int]) -> list[str]:
         """The units of a piece.  places: in w, by instruction."""
@@ -135,9 +159,10 @@ class Statements:
             (root,) = unit.roots
             for (k,) in unit.columns:
                 if k not in known:
-                    lines.append(self.statement(k) if self.steps[k].is_leaf else f"const real v{k} = w[{places[k]}];")
+                    kept = f"{self.work(k)}[{places.get(k)}]"
+                    lines.append(self.statement(k) if self.steps[k].is_leaf else self.variable(k, f"v{k}", kept))
             lines += [self.statement(k) for k in unit.work]
-            lines += [f"w[{places[root]}] = v{root};"] if root in places else []
+            lines += [f"{self.work(root)}[{places[root]}] = v{root};"] if root in places else []
             known |= {root, *unit.sources}
         return lines
 
@@ -149,7 +174,7 @@ class Statements:
             """The element of an array that expression i uses."""
             first, stride = numbers[0], numbers[1] - numbers[0]
             if all(number == first + stride * i for i, number in enumerate(numbers)):
-                return f"{array}[{first}+{stride}*i]" if stride else f"{array}[{first}]"
+                return f"{array}[{_index(first, stride)}]"
             if numbers not in table:
                 table.append(numbers)
             return f"{array}[t[i][{table.index(numbers)}]]"
@@ -163,17 +188,19 @@ class Statements:
             elif step.name == "INPUT":
                 value = element(self.arguments[step.place[0]], [self.steps[k].place[1] for k in column])
             else:
-                value = element("w", [places[k] for k in column])
-            (inside if "i]" in value else before).append(f"const real a{c} = {value};")
+                value = element(self.work(column[0]), [places[k] for k in column])
+            (inside if re.search(r"\bi\b", value) else before).append(self.variable(column[0], f"a{c}", value))
         for k in unit.work:
             operands = zip(self.steps[k].sources, unit.operands[k], strict=True)
             values = [f"v{source}" if operand is None else f"a{operand}" for source, operand in operands]
             if self.steps[k].name == "OUTPUT":
-                inside.append(f"{element('y', [self.steps[root].place[1] for root in unit.roots])} = {values[0]};")
+                results = [self.results[self.steps[root].place[1]] for root in unit.roots]
+                inside.append(f"{element(results[0][0], [number for _, number in results])} = {values[0]};")
             else:
-                inside.append(f"const real v{k} = {self.value(k, values)};")
+                inside.append(self.variable(k, f"v{k}", self.value(k, values)))
         if unit.roots[0] in places:
-            inside.append(f"{element('w', [places[root] for root in unit.roots])} = v{unit.roots[0]};")
+            kept = element(self.work(unit.roots[0]), [places[root] for root in unit.roots])
+            inside.append(f"{kept} = v{unit.roots[0]};")
         count, largest = len(unit.roots), max(map(max, table), default=0)
         rows = ",".join("{" + ",".join(map(str, row)) + "}" for row in zip(*table, strict=True))
         integer = "unsigned short" if largest < 2**16 else "unsigned int"
@@ -186,6 +213,12 @@ class Statements:
             "  }",
             "}",
         ]
+
+
+def _index(first: int, stride: int) -> str:
+    """first + stride * i, without what multiplies by 1 or adds 0."""
+    along = {0: "", 1: "i"}.get(stride, f"({stride} * i)")
+    return " + ".join([*([str(first)] if first or not along else []), *([along] if along else [])])
 
 
 WRITERS = "codegen", "instructions", "loops"

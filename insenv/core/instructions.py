@@ -35,12 +35,14 @@ class Instruction(NamedTuple):
     sources: numbers of the instructions whose values it uses.
     place: for INPUT and OUTPUT, the number of the argument or result and the element in it.
     value: for CONST, the number.
+    single: whether it is done in single precision (`insenv.core.precision`).
     """
 
     name: str
     sources: tuple[int, ...] = ()
     place: tuple[int, int] = (0, 0)
     value: float = 0.0
+    single: bool = False
 
     @property
     def is_leaf(self) -> bool:

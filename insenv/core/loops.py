@@ -55,11 +55,12 @@ class Unit:
 @dataclass(frozen=True)
 class Plan:
     """pieces: the units in order, in lists that are functions.  places: place in w by instruction whose value goes through it.
-    size: of w."""
+    size: of w.  single_size: of the array beside it for values of single precision."""
 
     pieces: list[list[Unit]]
     places: dict[int, int]
     size: int
+    single_size: int
 
 
 def plan(steps: Sequence[Instruction], least: int = SMALLEST_LOOP, longest: int = LONGEST) -> Plan:
@@ -88,9 +89,9 @@ def _units(steps: Sequence[Instruction], least: int) -> list[Unit]:
     alike = defaultdict(list)
     for k, step in enumerate(steps):
         if step.is_leaf:
-            shape: tuple[object, ...] = (step.name, step.place[0], step.value.hex())
+            shape: tuple[object, ...] = (step.name, step.single, step.place[0], step.value.hex())
         else:
-            shape = (step.name, *("value" if ends[source] else form[source] for source in step.sources))
+            shape = (step.name, step.single, *("value" if ends[source] else form[source] for source in step.sources))
             depth[k] = max((depth[source] + ends[source] for source in step.sources), default=0)
         form[k] = numbers.setdefault(shape, len(numbers))
         if ends[k]:
@@ -142,8 +143,9 @@ def _in_order(steps: Sequence[Instruction], units: Sequence[Unit]) -> list[Unit]
     return order
 
 
-def _places(steps: Sequence[Instruction], pieces: Sequence[Sequence[Unit]]) -> tuple[dict[int, int], int]:
-    """Place in w of each value that another piece or a loop uses, those of a loop side by side; and the size of w."""
+def _places(steps: Sequence[Instruction], pieces: Sequence[Sequence[Unit]]) -> tuple[dict[int, int], int, int]:
+    """Place in w of each value that another piece or a loop uses, those of a loop side by side; and the sizes of w and of the
+    array beside it for single precision."""
     last: dict[int, Unit] = {}
     stored = set()
     for piece in pieces:
@@ -158,15 +160,15 @@ def _places(steps: Sequence[Instruction], pieces: Sequence[Sequence[Unit]]) -> t
     for k in stored:
         ending[last[k].roots].append(k)
     places: dict[int, int] = {}
-    taken = bytearray()
+    arrays = {False: bytearray(), True: bytearray()}
     for unit in (unit for piece in pieces for unit in piece):
         if not stored.isdisjoint(unit.roots):
-            count = len(unit.roots)
+            count, taken = len(unit.roots), arrays[steps[unit.roots[0]].single]
             at = taken.find(bytes(count))
             if at < 0:
                 at = len(taken.rstrip(b"\0"))
             taken[at : at + count] = b"\1" * count
             places.update(zip(unit.roots, range(at, at + count), strict=True))
         for k in ending[unit.roots]:  # after the unit's own: it reads them while it writes
-            taken[places[k]] = 0
-    return places, len(taken)
+            arrays[steps[k].single][places[k]] = 0
+    return places, len(arrays[False]), len(arrays[True])

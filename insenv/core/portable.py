@@ -15,12 +15,12 @@ from importlib.resources import files
 
 from insenv.base.errors import InputError
 from insenv.base.shipped import __version__
-from insenv.core.codegen import Statements, read_before
+from insenv.core.codegen import Precision, Statements, read_before
 from insenv.core.instructions import instructions, ordering
 from insenv.core.loops import plan
 from insenv.core.model import Model
+from insenv.core.precision import in_precisions
 from insenv.core.tables import Row, Table, Vector, flag_of
-from insenv.core.traces import Kernel
 
 EXPRESSIONS = {
     "ADD": "{} + {}",
@@ -46,6 +46,14 @@ EXPRESSIONS = {
     "CONST": "{}",
 }
 """The operations of `insenv.core.codegen` in plain C; the operands are variables."""
+_FLOAT = {name: re.sub(r"(\d\.\d)", r"\1F", re.sub(r"^(sqrt|floor|fabs)", r"\1f", text)) for name, text in EXPRESSIONS.items()}
+PRECISIONS = (
+    Precision("double", "w", {**EXPRESSIONS, "DOUBLE": "(double){}"}),
+    Precision("float", "wf", {**_FLOAT, "SINGLE": "(float){}", "CONST": "{}F"}),
+)
+"""Double and single precision."""
+ARRAYS = {name: PRECISIONS[name.endswith("f")].type for name in ("p", "x", "xf", "u", "y", "yf", "w", "wf")}
+"""Arrays of the caller's struct, in the order in which functions take them, and their types."""
 PIECE = 400
 """Statements of a piece: its local variables are what a function has on the stack."""
 STRAIGHT = 1500
@@ -75,13 +83,15 @@ class Portable:
     """What the C text of a model says beside its equations.
 
     name: prefix of all public names, a C identifier.  defaults: values of its parameters.  dt: shortest and longest length of
-    a sample (s) that is taken.  values_from: a sentence that says where the defaults come from.
+    a sample (s) that is taken.  values_from: a sentence that says where the defaults come from.  single: rows of the state
+    that are kept in single precision (`insenv.core.precision`).
     """
 
     name: str
     defaults: Vector
     dt: tuple[float, float]
     values_from: str
+    single: frozenset[str] = frozenset()
 
 
 def c_files(model: Model, portable: Portable) -> dict[str, str]:
@@ -97,12 +107,19 @@ def c_files(model: Model, portable: Portable) -> dict[str, str]:
                 raise InputError(f"row {row.name!r} of model {model.id!r}: allowed in C is a name in ASCII that is no keyword")
         if not table.size:
             raise InputError(f"model {model.id!r} has no parameters, inputs or outputs: its C would have an empty struct")
-    written = [_written(model, name) for name in model.kernels]
+    places = _places(model.state, portable.single)
+    sizes = [sum(kind == k for kind, _ in places) for k in range(2)]
+    written = [_written(model, name, places) for name in model.kernels]
     fields = {
         "title": model.title[:1].upper() + model.title[1:],
         "id": model.id,
         "version": __version__,
         "values_from": portable.values_from,
+        "same": (
+            "Numbers are the same wherever float and double are IEEE 754 binary32 and binary64"
+            if portable.single
+            else "Numbers are bit-identical to those of insenv where double is IEEE 754 binary64"
+        ),
         "name": portable.name,
         "NAME": portable.name.upper(),
         "dt_min": repr(portable.dt[0]),
@@ -111,89 +128,139 @@ def c_files(model: Model, portable: Portable) -> dict[str, str]:
         "inputs": _members(model.inputs),
         "outputs": _members(model.outputs),
         "n_parameters": str(model.parameters.size),
-        "n_state": str(model.state.size),
+        "n_state": str(max(1, sizes[0])),
         "n_inputs": str(model.inputs.size),
         "n_outputs": str(model.outputs.size),
-        "n_results": str(max(*(each.results for each in written), model.outputs.size, model.parameters.size)),
-        "n_work": str(max(1, *(each.work for each in written))),
+        "n_results": str(max(*(each.results[0] for each in written), model.outputs.size, model.parameters.size)),
+        "n_work": str(max(1, *(each.work[0] for each in written))),
+        "single": _single_members(sizes[1], written) if portable.single else "",
         "defaults": _initializer(model.parameters, portable.defaults),
         "parameter_rows": _rows(model.parameters),
         "input_rows": _rows(model.inputs),
         "check_dt": _check_dt(model, portable.name),
         "functions": "\n".join(each.text for each in written),
-        "start": next(each.call for each in written if each.name == "start") % "f->x",
-        "output": next(each.call for each in written if each.name == "output") % "f->y",
-        "steps": "\n".join(_advance(model, written)),
+        "start": next(each.call for each in written if each.name == "start").replace("f->y", "f->x"),
+        "output": next(each.call for each in written if each.name == "output"),
+        "steps": "\n".join(_advance(model, written, places)),
     }
     return {f"{portable.name}.{ending}": _filled(ending, fields) for ending in ("h", "c")}
 
 
+_Place = tuple[int, int]
+"""Precision (0 double, 1 single) and the element in the array of that precision."""
+
+
+def _places(table: Table, single: frozenset[str]) -> list[_Place]:
+    """Where each element of the state lies."""
+    sizes, places = [0, 0], []
+    for row in table:
+        kind = int(row.name in single)
+        places += [(kind, sizes[kind] + k) for k in range(row.size)]
+        sizes[kind] += row.size
+    return places
+
+
+def _single_members(size: int, written: Sequence[_Written]) -> str:
+    """The members of the struct for single precision."""
+    results, work = (max(1, *(getattr(each, name)[1] for each in written)) for name in ("results", "work"))
+    return f"\n  float xf[{size}]; /* state in single precision */\n  float yf[{results}];\n  float wf[{work}];"
+
+
 @dataclass(frozen=True)
 class _Written:
-    """The C text of a function.  call: of it, with members of `f`, whose results go to `%s`.  work, results: numbers that it
-    needs of the workspace.  in_place: whether its results go directly into the state."""
+    """The C text of a function.  call: of it, with members of `f`.  work, results: numbers that it needs of the workspace, of
+    double and of single precision.  copies: what brings its results from there into the state."""
 
     name: str
     text: str
     call: str
-    work: int
-    results: int
-    in_place: bool
+    work: tuple[int, int] = (0, 0)
+    results: tuple[int, int] = (0, 0)
+    copies: Sequence[str] = ()
 
 
-def _written(model: Model, name: str) -> _Written:
+def _written(model: Model, name: str, places: Sequence[_Place]) -> _Written:
     kernel, arguments = model.kernels[name], {"start": "pr", "output": "px"}.get(name, "pxur")
-    always = name in model.steps and model.steps[name].when is None
     steps = instructions(kernel.function)
-    used = {arguments[step.place[0]] for step in steps if step.name == "INPUT"}
+    targets = [places[i] for span in kernel.spans for i in range(span.start, span.stop)]
+    if name == "output":
+        targets = [(0, k) for k in range(kernel.function.size1_out(0))]
+    if any(kind for kind, _ in places):
+        x = arguments.find("x")
+        moved = {(x, i): ((x, len(arguments))[kind], place) for i, (kind, place) in enumerate(places)}
+        placed = [step._replace(place=moved.get(step.place, step.place)) if step.name == "INPUT" else step for step in steps]
+        steps = in_precisions(placed, len(arguments), [kind == 1 for kind, _ in targets])
     function = f"step_{name}" if name in model.steps else name
-    if always and len(steps) <= STRAIGHT:
-        return _in_place(name, function, kernel, arguments, used)
-    statements = Statements(name, arguments, steps, [f"y[{k}]" for k in range(kernel.function.size1_out(0))], EXPRESSIONS)
+    names = [*arguments, "xf"]
+    if name in model.steps and model.steps[name].when is None and len(steps) <= STRAIGHT:
+        results = [(("x", "xf")[kind], place) for kind, place in targets]
+        statements = Statements(name, names, steps, results, PRECISIONS)
+        order = ordering(steps, read_before(steps, [(names.index(array), place) for array, place in results]))
+        lines = [statements.statement(k) for k in order]
+        return _Written(name, _function(f"APART static void {function}", lines, lines), _call(function, lines))
+    # elsewhere results go through y, but those of the start directly into the state
+    counted, sizes = [], [0, 0]
+    for kind, place in targets:
+        counted.append((kind, sizes[kind] if name in model.steps else place))
+        sizes[kind] += 1
+    statements = Statements(name, names, steps, [(("y", "yf")[kind], place) for kind, place in counted], PRECISIONS)
     planned = plan(steps, longest=PIECE)
-    letters = [letter for letter in "pxu" if letter in used]
-    signature = ", ".join([*(f"const double *{letter}" for letter in letters), "double *y", "double *w"])
-    lines, calls = [], []
+    text, calls, whole = [], [], list[str]()
     for number, piece in enumerate(planned.pieces):
-        body = [line.replace("const real ", "const double ") for line in statements.piece(piece, planned.places)]
-        touched = {letter for letter in ["y", "w", *letters] if re.search(rf"\b{letter}\[", "\n".join(body))}
-        here = ", ".join(part for part in signature.split(", ") if part[-1] in touched)
-        lines += [f"APART static void {function}_{number}({here or 'void'}) {{", *(f"  {line}" for line in body), "}", ""]
-        calls.append(f"  {function}_{number}({', '.join(part[-1] for part in signature.split(', ') if part[-1] in touched)});")
-    lines += [f"static void {function}({signature}) {{", *calls, *([] if planned.size else ["  (void)w;"]), "}", ""]
-    given = ", ".join([*(f"f->{letter}" for letter in letters), "%s", "f->w"])
-    results = 0 if name == "start" else kernel.function.size1_out(0)
-    return _Written(name, "\n".join(lines), f"{function}({given})", planned.size, results, False)
+        body = statements.piece(piece, planned.places)
+        text.append(_function(f"APART static void {function}_{number}", body, body))
+        calls.append(f"{_call(f'{function}_{number}', body).replace('f->', '')};")
+        whole += body
+    text.append(_function(f"static void {function}", calls, whole))
+    results_needed = (0, 0) if name == "start" else (sizes[0], sizes[1])
+    copies = _copies(targets, counted) if name in model.steps else []
+    work = planned.size, planned.single_size
+    return _Written(name, "\n".join(text), _call(function, whole), work, results_needed, copies)
 
 
-def _in_place(name: str, function: str, kernel: Kernel, arguments: str, used: set[str]) -> _Written:
-    """A function whose results are written into the state, each once what was there is no longer read."""
-    steps = instructions(kernel.function)
-    places = [i for span in kernel.spans for i in range(span.start, span.stop)]
-    statements = Statements(name, arguments, steps, [f"x[{place}]" for place in places], EXPRESSIONS)
-    order = ordering(steps, read_before(steps, arguments.index("x"), places))
-    lines = [statements.statement(k).replace("const real ", "const double ") for k in order]
-    letters = [letter for letter in "pxu" if letter in used | {"x"}]
-    signature = ", ".join(f"{'' if letter == 'x' else 'const '}double *{letter}" for letter in letters)
-    text = "\n".join([f"APART static void {function}({signature}) {{", *(f"  {line}" for line in lines), "}", ""])
-    return _Written(name, text, f"{function}({', '.join(f'f->{letter}' for letter in letters)})", 0, 0, True)
+def _function(head: str, lines: Sequence[str], uses: Sequence[str]) -> str:
+    """The C text of a function of these lines.  uses: lines that show which arrays it needs, and which it writes to."""
+    changed = re.findall(r"^ *([a-z]+)\[", "\n".join(uses), re.MULTILINE)
+    declared = [f"{'' if name in changed else 'const '}{ARRAYS[name]} *{name}" for name in _arrays(uses)]
+    return "\n".join([f"{head}({', '.join(declared) or 'void'}) {{", *(f"  {line}" for line in lines), "}", ""])
 
 
-def _advance(model: Model, written: Iterable[_Written]) -> list[str]:
+def _call(function: str, uses: Sequence[str]) -> str:
+    return f"{function}({', '.join(f'f->{name}' for name in _arrays(uses))})"
+
+
+def _arrays(lines: Sequence[str]) -> list[str]:
+    """The arrays that these lines use."""
+    found = set(re.findall(r"\b([a-z]+)\[", "\n".join(lines)))
+    return [name for name in ARRAYS if name in found]
+
+
+def _copies(targets: Sequence[_Place], counted: Sequence[_Place]) -> list[str]:
+    """The copies of results into the state, each of as many neighbours as possible."""
+    runs: list[list[int]] = []  # precision, first element of the state and of the results, number
+    for (kind, place), (_, result) in zip(targets, counted, strict=True):
+        if runs and runs[-1][0] == kind and (runs[-1][1] + runs[-1][3], runs[-1][2] + runs[-1][3]) == (place, result):
+            runs[-1][3] += 1
+        else:
+            runs.append([kind, place, result, 1])
+    return [
+        f"(void)memcpy(&f->x{suffix}[{place}], &f->y{suffix}[{result}], {count}u * sizeof({PRECISIONS[kind].type}));"
+        for kind, place, result, count in runs
+        for suffix in ("", "f")[kind : kind + 1]
+    ]
+
+
+def _advance(model: Model, written: Iterable[_Written], places: Sequence[_Place]) -> list[str]:
     """The steps in their order, each under its condition, and the copies of their results into the state."""
     of, lines = {each.name: each for each in written}, []
     for number, (name, step) in enumerate(model.steps.items()):
-        each = of[name]
-        body = [f"{each.call if each.in_place else each.call % 'f->y'};"]
-        if not each.in_place:
-            body += [
-                f"(void)memcpy(&f->x[{span.start}], &f->y[{part.start}], {span.stop - span.start}u * sizeof(double));"
-                for span, part in model.kernels[name].pieces
-            ]
-        body.append(f"STEP_DONE({number}); /* {name} */")
+        body = [f"{of[name].call};", *of[name].copies, f"STEP_DONE({number}); /* {name} */"]
         if step.when is not None:
-            letter, table = ("x", model.state) if step.when in model.state else ("u", model.inputs)
-            condition = f"if (f->{letter}[{table.slice(step.when).start}] != 0.0) {{ /* {step.when} */"
+            array, place = "u", model.inputs.slice(step.when).start if step.when in model.inputs else 0
+            if step.when in model.state:
+                kind, place = places[model.state.slice(step.when).start]
+                array = ("x", "xf")[kind]
+            condition = f"if (f->{array}[{place}] != 0.0) {{ /* {step.when} */"
             body = [condition, *(f"  {line}" for line in body), "}"]
         lines += [f"  {line}" for line in body]
     return lines
@@ -243,9 +310,7 @@ def _rows(table: Table) -> str:
         flag = flag_of(row.name, [each.name for each in table if each.flag])
         number = -1 if flag is None else table.names.index(flag)
         numbers = (str(table.slice(row.name).start), str(row.size), str(number), str(int(row.whole or row.flag)))
-        lines.append(
-            f"  {{{', '.join((*numbers, *map(_bound, (row.lower, row.upper)), repr(_start(row))))}}}, /* {row.name} */"
-        )
+        lines.append(f"  {{{', '.join((*numbers, *map(bound, (row.lower, row.upper)), repr(_start(row))))}}}, /* {row.name} */")
     return "\n".join(lines)
 
 
@@ -253,7 +318,8 @@ def _start(row: Row) -> float:
     return float(row.flat_start()[0]) if row.size else 0.0
 
 
-def _bound(value: float) -> str:
+def bound(value: float) -> str:
+    """A bound of a row in C, where infinity is the largest number."""
     return repr(float(value)) if math.isfinite(value) else ("DBL_MAX" if value > 0 else "-DBL_MAX")
 
 

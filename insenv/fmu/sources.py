@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from insenv.base.resources import fmu_folder
 from insenv.core.codegen import embedded_source
+from insenv.core.portable import bound
 from insenv.core.tables import Row, flag_of
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import NOT_GIVEN, SAMPLE_NUMBER, SAMPLED, STEP_IS_ONE_INCREMENT, Kind, Variable
@@ -130,7 +130,7 @@ def _fields(variable: Variable, inputs: Mapping[str, Variable]) -> list[str]:
     """The fields of a `Row` in C."""
     row = variable.row
     texts = [_text(variable.name), _text(_unit(row)), str(variable.place), str(row.size)]
-    return [*texts, _bound(row.lower), _bound(row.upper), str(int(row.whole)), str(_flag(variable, inputs))]
+    return [*texts, bound(row.lower), bound(row.upper), str(int(row.whole)), str(_flag(variable, inputs))]
 
 
 def _flag(variable: Variable, inputs: Mapping[str, Variable]) -> int:
@@ -141,10 +141,6 @@ def _flag(variable: Variable, inputs: Mapping[str, Variable]) -> int:
 
 def _unit(row: Row) -> str:
     return "" if row.unit in ("1", "SI") else row.unit
-
-
-def _bound(value: float) -> str:
-    return repr(float(value)) if math.isfinite(value) else ("DBL_MAX" if value > 0 else "-DBL_MAX")
 
 
 def _text(value: str) -> str:

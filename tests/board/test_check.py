@@ -1,7 +1,8 @@
-"""A filter behind a port: here a program of this machine, or the Cortex-M7 of qemu, on a socket."""
+"""A filter behind a port: here a program of this machine, on a socket or a serial line, or the Cortex-M7 of qemu."""
 
 import contextlib
 import io
+import os
 import socket
 import subprocess
 import threading
@@ -48,6 +49,21 @@ def test_a_filter_behind_a_port_has_the_same_bits(exported):
         assert (status, out) == (0, f"{port}: 300 samples, 217 numbers compared, 0 differ\n")
 
 
+@pytest.mark.parametrize(("rate", "speed"), [("", 115_200), (":921600", 921_600)])
+def test_a_filter_behind_a_serial_line_has_the_same_bits(exported, rate, speed):
+    """The numbers have bytes that a terminal takes for line ends, interrupts and the end of a file."""
+    termios = pytest.importorskip("termios", reason="a pseudo-terminal stands for the serial line: not on Windows")
+    board, line = os.openpty()
+    with subprocess.Popen([exported / "build" / "port"], stdin=board, stdout=board) as running:
+        found = check_c(exported, f"serial:{os.ttyname(line)}{rate}")
+        set_to = termios.tcgetattr(line)[5]
+        os.close(line)  # which ends the program
+        assert running.wait(10) == 0
+    os.close(board)
+    assert (found.samples, found.compared, found.differing) == (300, 217, 0)
+    assert set_to == getattr(termios, f"B{speed}")
+
+
 def test_another_bit_is_found_and_ends_with_status_1(exported, tmp_path):
     (tmp_path / "test").mkdir()
     text = (exported / "test" / "samples.h").read_text()
@@ -84,6 +100,8 @@ def test_a_board_that_refuses_or_is_silent_and_a_wrong_port_are_errors(exported)
         check_c(exported, port)
     with pytest.raises(InputError, match=r"port 'usb:3': allowed is tcp:HOST:PORT"):
         check_c(exported, "usb:3")
+    with pytest.raises(InputError, match=r"port 'serial:/dev/none' cannot be opened: .*No such file or directory: '/dev/none'"):
+        check_c(exported, "serial:/dev/none")
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from peers import program
+from peers import program, ran
 from simulated_log import simulated_log
 
 import insenv
@@ -62,6 +62,17 @@ def test_the_test_on_the_board_finds_another_bit(tmp_path):
         "samples.h: 300 samples, 217 numbers compared, 1 differ",
         "NOT the same bits",
     ]
+
+
+@pytest.mark.slow
+def test_the_largest_filter_is_clean_as_c_and_as_c_plus_plus(tmp_path):
+    """The arrays of a function are of one type: that they could be swapped is what clang-tidy is not asked."""
+    export_c("fusion", output=tmp_path, measure=False)
+    checks = "-*,bugprone-*,-bugprone-easily-swappable-parameters,cert-*,clang-analyzer-*,performance-*,portability-*"
+    tidy = program("clang-tidy", how="apt-get install clang-tidy")
+    ran(tidy, f"--checks={checks}", "--warnings-as-errors=*", "--quiet", "fusion.c", "--", "-std=c99", cwd=tmp_path)
+    flags = ["-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror"]
+    ran(program("g++", how="apt-get install g++"), "-x", "c++", "-std=c++11", *flags, "-c", "fusion.c", cwd=tmp_path)
 
 
 def test_an_export_replaces_an_earlier_one_and_its_run(tmp_path):

@@ -1,6 +1,7 @@
 """The figures of a filter on a Cortex-M7, and the whole of it in qemu."""
 
 import re
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from peers import program, ran
 
 from insenv.export.board import export_c, figures
 from insenv.export.board.figures import COMPILER, INSTALL, QEMU, WHOLE, deepest
+from insenv.export.board.precision import PRECISIONS
 
 
 def test_the_stack_is_that_of_the_deepest_path():
@@ -21,15 +23,15 @@ def test_without_the_compiler_there_are_no_figures(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("id", "stack"), [("q-method", 1000), ("loosely-coupled", 2000), ("fusion", 2000)])
-def test_a_whole_run_on_a_cortex_m7_has_the_same_bits(tmp_path, id, stack):
+@pytest.mark.parametrize(("id", "precision"), [("q-method", "double"), *product(("loosely-coupled", "fusion"), PRECISIONS)])
+def test_a_whole_run_on_a_cortex_m7_has_the_same_bits(tmp_path, id, precision):
     for name in (COMPILER, QEMU):
         program(name, how=INSTALL)
-    exported = export_c(id, output=tmp_path, whole_run=True)
+    exported = export_c(id, output=tmp_path, precision=precision, whole_run=True)
     measured = exported.figures
     assert measured is not None
     assert measured.same_bits
-    assert 0 < measured.stack < stack
+    assert 0 < measured.stack < (1000 if id == "q-method" else 2000)
     assert measured.instructions[WHOLE].calls == exported.samples
     flags = "CFLAGS=-O2 -Wall -Wextra -Wconversion -Wshadow -pedantic -Werror"
     command = ["make", "-s", "-C", tmp_path, "board", flags, "RUN=test/run.bin"]

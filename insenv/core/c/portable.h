@@ -3,7 +3,7 @@
  * @name@_init sets a filter to its start, @name@_sample takes one inertial sample with what arrived during it, and
  * @name@_output gives the estimate after the last sample.  The struct @name@ is all that they need: nothing is allocated,
  * nothing is printed, no other memory is kept.  A filter may be used by one thread at a time; a copy of the struct is a complete
- * snapshot.  Numbers are bit-identical to those of insenv where double is IEEE 754 binary64 in hardware.
+ * snapshot.  @same@ in hardware.
  *
  * SI units and radians; a pure number has the unit 1.  Frames: n north, east, down; b forward, right, down (the axes of the
  * inertial unit); e Earth-centred, Earth-fixed.  q_nb takes components in b to components in n; scalar first.
@@ -55,7 +55,7 @@ typedef struct {
   double x[@n_state@]; /* state */
   double u[@n_inputs@]; /* inputs */
   double y[@n_results@]; /* results of a step */
-  double w[@n_work@]; /* workspace */
+  double w[@n_work@]; /* workspace */@single@
 } @name@;
 
 /* @values_from@ */

@@ -24,9 +24,9 @@ from insenv.core.tables import Vector
 from insenv.export.board.exporter import RUN
 
 TIMEOUT_S = 10.0
+"""Longest time without an answer."""
 STATUSES = 6
 """The last of the statuses of a filter."""
-"""Longest time without an answer."""
 BAUD = 115_200
 _PORTS = "allowed is tcp:HOST:PORT or serial:DEVICE[:BAUD]"
 

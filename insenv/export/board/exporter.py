@@ -16,7 +16,8 @@ from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.export.board.figures import WHOLE, Figures, figures
-from insenv.export.board.tuned import Tuned, tuned
+from insenv.export.board.precision import Compiled, run_shares, single_rows, worst
+from insenv.export.board.tuned import Running, Tuned, tuned
 from insenv.logs import RecordedLog
 from insenv.scenario import ScenarioLike
 
@@ -25,7 +26,7 @@ SAMPLES = 300
 EVERY = 10
 """Samples from one of their expected outputs to the next."""
 RUN = "test/run.bin"
-LIBRARY = frozenset({"sqrt", "floor", "fabs", "memcpy", "real", "main"})
+LIBRARY = frozenset({"sqrt", "floor", "fabs", "sqrtf", "floorf", "fabsf", "memcpy", "real", "main"})
 """Names of functions and types beside those of the filter."""
 _TEMPLATES = {
     "Makefile": "Makefile",
@@ -42,7 +43,10 @@ _TEMPLATES = {
 @dataclass(frozen=True)
 class BoardFiles:
     """An export: its folder, the C name of the filter, the files in the folder, the numbers of samples with which it can be
-    tested, and, where an ARM compiler is installed, its size and time."""
+    tested, and, where an ARM compiler is installed, its size and time.
+
+    shares: of another precision than double, its largest differences from double over the run, as shares of the stated sigma.
+    """
 
     folder: Path
     name: str
@@ -50,6 +54,7 @@ class BoardFiles:
     samples: int
     run_samples: int
     figures: Figures | None
+    shares: Mapping[str, float]
 
 
 def export_c(
@@ -62,6 +67,7 @@ def export_c(
     duration_s: float | None = None,
     settings: Settings | None = None,
     start: str | None = None,
+    precision: str = "double",
     whole_run: bool = False,
     measure: bool = True,
 ) -> BoardFiles:
@@ -77,18 +83,28 @@ def export_c(
     seed, duration_s: of the simulated run, s; None: the scenario's.
     settings: parameters by estimator id, as of `insenv.run`.
     start: of a log, as of `insenv.replay`; None: coarse.
+    precision: "double", or "mixed": the covariance in single precision (docs/microcontroller.md); this needs a C compiler here.
     whole_run: whether the whole run is written too (`RUN`, 8 bytes a number), not only its first `SAMPLES` samples.
     measure: whether size, stack and instructions on a Cortex-M7 are measured, where its compiler and qemu are installed.
 
-    Raises `InputError` for an unknown name, a wrong value, an estimator that cannot run there or that smooths, and for a folder
-    that cannot be written to.
+    Raises `InputError` for an unknown name, a wrong value, an estimator that cannot run there or that smooths, a precision that
+    changes this run too much (`insenv.export.board.precision`), and for a folder that cannot be written to.
     """
     folder = as_path("output", output)
     ready = tuned(estimator, source, seed=seed, duration_s=duration_s, settings=settings, start=start)
     c_name = identifier(ready.estimator.id) if name is None else _checked_name(name)
     model = ready.estimator.model
-    texts = c_files(model, Portable(c_name, ready.parameters, ready.dt, ready.values_from))
-    inputs, begin, outputs = ready.first(SAMPLES)
+    single = single_rows(precision, model)
+    texts = c_files(model, Portable(c_name, ready.parameters, ready.dt, ready.values_from, single))
+
+    def runner() -> Running:
+        """The filter in its precision, at its start."""
+        header, source = texts[f"{c_name}.h"], texts[f"{c_name}.c"] + filled("run.c", c_name)
+        one = source.replace(f'#include "{c_name}.h"\n', header)
+        return Compiled(one, model, ready.parameters) if single else ready.runner()
+
+    inputs, begin, outputs = ready.first(SAMPLES, runner())
+    shares = run_shares(ready, runner()) if single else {}
     run_samples = ready.samples if whole_run else 0
     texts["test/samples.h"] = _samples(c_name, ready, inputs, begin, outputs[EVERY - 1 :: EVERY])
     for template, place in _TEMPLATES.items():
@@ -100,17 +116,17 @@ def export_c(
                 stream.write(text.encode("ascii"))
         if whole_run:
             with atomic(folder / RUN) as stream:
-                for part in _records(ready):
+                for part in _records(ready, runner()):
                     stream.write(part)
         else:
             (folder / RUN).unlink(missing_ok=True)
         measured = figures(folder, c_name) if measure else None
         with atomic(folder / "README.md") as stream:
-            stream.write(_readme(c_name, ready, measured).encode("ascii"))
+            stream.write(_readme(c_name, ready, measured, shares).encode("ascii"))
     except OSError as error:
         raise cannot_write(Path(error.filename or folder), error) from None
     written = sorted([*texts, "README.md", *([RUN] if whole_run else [])])
-    return BoardFiles(folder, c_name, tuple(written), len(inputs), run_samples, measured)
+    return BoardFiles(folder, c_name, tuple(written), len(inputs), run_samples, measured, shares)
 
 
 def _checked_name(name: object) -> str:
@@ -156,18 +172,19 @@ def _array(name: str, rows: Array | list[Array], length: str = "") -> list[str]:
     return [f"static const double {name}[{length}][{len(rows[0])}] = {{", *(f"  {{{line}}}," for line in lines), "};"]
 
 
-def _records(ready: Tuned) -> Iterator[bytes]:
+def _records(ready: Tuned, runner: Running) -> Iterator[bytes]:
     """The bytes of a whole run: the inputs of `every` samples, then the outputs after them, and so on; little-endian."""
-    for inputs, outputs in ready.run():
+    for inputs, outputs in ready.run(runner):
         for number, row in enumerate(outputs):
             yield (
                 inputs[number * ready.every : (number + 1) * ready.every].astype("<f8").tobytes() + row.astype("<f8").tobytes()
             )
 
 
-def _readme(name: str, ready: Tuned, measured: Figures | None) -> str:
+def _readme(name: str, ready: Tuned, measured: Figures | None, shares: Mapping[str, float]) -> str:
     """README.md: what lies there, how to use it, and what it takes on a Cortex-M7."""
     table = measured.lines() if measured is not None else ["Not measured at the export."]
+    table += ["", "## Precision", "", f"Mixed: {worst(shares)}."] if shares else []
     fields: Mapping[str, str] = {
         "title": ready.estimator.title,
         "values_from": ready.values_from,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -18,6 +19,16 @@ from insenv.logs.loading import is_log
 from insenv.runs.replayed import prepared
 from insenv.scenario import USUAL, ScenarioLike, build, load
 from insenv.scenario.inputs import RECORDS, bridge_lost, chunks, input_rows, recording_interval
+
+
+class Running(Protocol):
+    """A filter that runs, at its start."""
+
+    def output(self) -> Vector:
+        """The outputs (outputs.size,) of the current state."""
+
+    def run(self, n: int, inputs: Array, every: int = 1, /) -> Array:
+        """Take n samples (n, inputs.size); outputs (n // every, outputs.size) after every `every`-th."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,16 +48,18 @@ class Tuned:
     every: int
     inputs: Callable[[], Iterator[Array]]
 
-    def first(self, count: int) -> tuple[Array, Array, Array]:
+    def runner(self) -> Running:
+        """The filter at its start, as insenv runs it."""
+        return make_runner(self.estimator.model, self.parameters)
+
+    def first(self, count: int, runner: Running) -> tuple[Array, Array, Array]:
         """Inputs (count, inputs.size) of the first samples, outputs (outputs.size,) at the start, and after each of them."""
         inputs = next(self.inputs())[:count]
-        runner = make_runner(self.estimator.model, self.parameters)
         begin = runner.output()
         return inputs, begin, runner.run(len(inputs), inputs)
 
-    def run(self) -> Iterator[tuple[Array, Array]]:
+    def run(self, runner: Running) -> Iterator[tuple[Array, Array]]:
         """The whole run: inputs and, after each `every` of them, outputs; in parts."""
-        runner = make_runner(self.estimator.model, self.parameters)
         for part in self.inputs():
             yield part, runner.run(len(part), part, self.every)
 

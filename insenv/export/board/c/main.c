@@ -49,7 +49,6 @@ static int judge(const double *wanted, unsigned long after) {
   for (size_t i = 0; i < N_OUTPUT; ++i) {
     compared += 1;
     if (memcmp(&values[i], &wanted[i], sizeof values[i]) != 0) {
-  
       if (differing == 0)
         printf("value %lu after %lu samples: %.17g, expected %.17g\n", (unsigned long)i, after, values[i], wanted[i]);
       differing += 1;

@@ -1,0 +1,51 @@
+"""A filter with its covariance in single precision: what it costs, and that its C has the same bits wherever it is compiled."""
+
+import numpy as np
+import pytest
+from peers import program, ran
+
+import insenv
+from insenv.base.errors import InputError
+from insenv.export.board import export_c
+from insenv.export.board.precision import largest_shares
+
+
+def test_a_mixed_filter_is_near_the_double_one_and_its_own_test_holds(tmp_path):
+    exported = export_c("loosely-coupled", output=tmp_path, duration_s=16.0, precision="mixed", measure=False, whole_run=True)
+    assert 0.0 < max(exported.shares.values()) < 0.002
+    assert min(exported.shares.values()) >= 0.0
+    assert {"heading_deg", "down_m", "vn_mps", "accel_bias"} < set(exported.shares)
+    flags = "CFLAGS=-O1 -Wall -Wextra -Wconversion -Wshadow -pedantic -Werror"
+    told = ran(program("make", how="apt-get install make"), "-s", "-C", tmp_path, flags, "RUN=test/run.bin")
+    assert told.count(", 0 differ") == 2
+    assert "  float xf[120]; /* state in single precision */" in (tmp_path / "loosely_coupled.h").read_text()
+    assert "Mixed: outputs differ from those in double precision by up to " in (tmp_path / "README.md").read_text()
+
+
+def test_the_share_is_the_largest_difference_over_the_sigma_of_its_channel():
+    model = insenv.estimators.get("loosely-coupled").model
+    row = {"position_sigma": 2.0, "velocity_sigma": 0.5, "attitude_sigma": 0.1, "q_nb": [1.0, 0.0, 0.0, 0.0]}
+    row |= {"accel_bias_estimate_sigma": 0.25, "gyro_bias_estimate_sigma": 1.0}
+    one = np.tile(model.outputs.pack({**dict.fromkeys(model.outputs.names, 0.0), **row}), (3, 1))
+    other = one.copy()
+    other[1, model.outputs.slice("height")] = -1.0
+    other[2, model.outputs.slice("accel_bias").start + 1] = -0.05
+    shares = largest_shares(model, other, one)
+    assert shares == {**dict.fromkeys(shares, 0.0), "down_m": pytest.approx(0.5), "accel_bias": 0.2}
+
+
+def test_a_filter_that_single_precision_changes_too_much_is_refused_and_nothing_is_written(tmp_path):
+    """Centimetre fixes and a unit of 0.1 deg/h: the sum of tilt and accelerometer bias is known far better than either."""
+    with pytest.raises(InputError, match=r"precision: outputs differ .* by up to 0\.\d+ of .*; allowed is 0.05: export"):
+        export_c("loosely-coupled", "aircraft-survey", output=tmp_path / "none", precision="mixed", duration_s=120.0)
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_filter_without_a_covariance_an_unknown_precision_and_a_missing_compiler_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="'mixed': q-method keeps no covariance, so that 'double' is allowed alone"):
+        export_c("q-method", output=tmp_path, precision="mixed")
+    with pytest.raises(InputError, match="precision = 'half': allowed is 'double' or 'mixed'"):
+        export_c("loosely-coupled", output=tmp_path, precision="half")
+    monkeypatch.setattr("insenv.export.board.precision.find_compiler", lambda: None)
+    with pytest.raises(InputError, match="another than 'double' needs a C compiler on this machine"):
+        export_c("loosely-coupled", output=tmp_path, precision="mixed", duration_s=5.0)
