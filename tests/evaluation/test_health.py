@@ -212,15 +212,12 @@ def test_a_log_that_is_described_falsely_is_not_passed_over(drive, right, wrong,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("stated", "verdict"),
-    [({"unit": "industrial", "grade": "navigation"}, "diverged"), ({"scale_of_sigma": 0.4}, "overconfident")],
-)
-def test_a_log_of_a_worse_unit_or_receiver_than_stated_is_not_passed_over(tmp_path, stated, verdict):
+@pytest.mark.parametrize("stated", [{"unit": "industrial", "grade": "navigation"}, {"scale_of_sigma": 0.4}])
+def test_a_log_of_a_worse_unit_or_receiver_than_stated_is_not_passed_over(tmp_path, stated):
     path = written_log(tmp_path, **stated)
     path.write_text(path.read_text("utf-8").replace("static_until_s", "heading_deg = 90.0\nstatic_until_s"), encoding="utf-8")
     health = insenv.replay(path, "loosely-coupled").results[0].health
-    assert health.verdict == verdict and health.factor > 2
+    assert health.verdict == "overconfident" and health.factor > 2
 
 
 def test_strict_fails_after_the_report_is_written(drive, tmp_path):
