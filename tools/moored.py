@@ -2,7 +2,7 @@
 
 python tools/moored.py [first seed]           the table of docs/estimators/fusion.md, ten minutes
 python tools/moored.py slow [first seed]      the other one: surges that are slower or larger than what fusion assumes
-python tools/moored.py q-method [first seed]  that of q-method.md, all periods; inertial-fir and ecef-kf alike
+python tools/moored.py q-method [first seed]  that of q-method.md: an alignment in surges of all periods; four others alike
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ HEADER = "\n".join((
     "| sea | limit | `fusion` | beyond 3 sigma | " + " | ".join(f"`{id}`" for id in OTHERS) + " |",
     "|---" * (4 + len(OTHERS)) + "|",
 ))  # fmt: skip
-ALONE_HEADER = "| surge | heading | tilt | heading, rms (stated), at 45 deg |\n|---|---|---|---|"
+ALONE_HEADER = "| surge | heading | tilt | heading before | heading, rms (stated), at 45 deg |\n|---|---|---|---|---|"
 ALONE_SEED, LATITUDES_DEG = 985000, (0.0, 45.0, 70.0)
-FROM_S = {"inertial-fir": 200.0, "q-method": 120.0, "ecef-kf": 120.0}
+FROM_S = {"inertial-fir": 200.0, "q-method": 120.0, "ecef-kf": 120.0, "qakf": 120.0, "qakf-improved": 120.0}
 SLOW_HEADER = "| surge | limit | `fusion` | beyond 3 sigma: tilt, heading |\n|---|---|---|---|"
 
 
@@ -68,19 +68,22 @@ def campaign(values: dict[str, Any], id: str, first_seed: int) -> tuple[Any, ...
     return plan.times, *(np.concatenate([block[name] for block in blocks]) for name in ("error", "sigma"))
 
 
-def alone(values: dict[str, Any], id: str, first_seed: int) -> tuple[str, str, str]:
-    """Largest shares (%) of heading and tilt beyond 3 sigma by an alignment at any latitude, and its heading at the end."""
+def alone(values: dict[str, Any], id: str, first_seed: int) -> tuple[str, ...]:
+    """Largest shares (%) of heading and tilt beyond 3 sigma from `FROM_S` on, and of the heading before, at any latitude.
+
+    And its heading at the end.
+    """
     shares, at_end = [], ""
     for latitude_deg in LATITUDES_DEG:
         values["start"]["latitude_deg"] = latitude_deg
         times, error, sigma = campaign(values, id, first_seed)
         late = times >= FROM_S[id]
-        shares.append([100 * np.mean(np.abs(error) > 3 * sigma, axis=0)[late][:, part].mean() for part in PARTS])
+        beyond = 100 * np.mean(np.abs(error) > 3 * sigma, axis=0)
+        shares.append([*(beyond[late][:, part].mean() for part in PARTS), beyond[~late][:, PARTS[0]].mean()])
         if latitude_deg == 45.0:
             rms, stated = (np.sqrt(np.mean(part[:, -1, PARTS[0]] ** 2)) for part in (error, sigma))
             at_end = f"{shown(rms)} ({shown(stated)})"
-    of_heading, of_tilt = np.max(shares, axis=0)
-    return f"{shown(of_heading)} %", f"{shown(of_tilt)} %", at_end
+    return *(f"{shown(share)} %" for share in np.max(shares, axis=0)), at_end
 
 
 def found(values: dict[str, Any], id: str, first_seed: int) -> tuple[str, str, str]:

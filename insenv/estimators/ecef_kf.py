@@ -79,7 +79,7 @@ PARAMETERS = _new(
     rows.PLACE + rows.START_ATTITUDE + rows.START_VELOCITY
     + rows.chosen(rows.START_SIGMAS, "tilt_sigma", "heading_sigma", tilt_sigma=0.01, heading_sigma=0.05)
     + Table((
-        Row("coarse_time", "Duration of the coarse alignment; 0: start from the given attitude", "s", lower=0),
+        Row("coarse_time", "Shortest duration of the coarse alignment; 0: start from the given attitude", "s", lower=0),
         Row("moving", "0: the velocity is known to be zero; 1: it is that of the fixes", lower=0, upper=1, flag=True),
         Row("velocity_sigma", "Standard deviation of the velocity from zero", "m/s", start=3e-4, lower=1e-9, upper=1e3),
         Row("velocity_sigma_start", "Standard deviation of the velocity at the start", "m/s", start=0.1, lower=1e-9, upper=1e3),

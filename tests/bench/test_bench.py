@@ -12,10 +12,19 @@ SHORT = {
 }  # fmt: skip
 FMU = ("fmu.c-host", "fmu.fmpy", "fmu.export")
 QUICK = (
-    *FMU, "interpreter.propagate15", "import.insenv", "numeric.one", "numeric.many", "native.propagate15", "batch.propagate15",
-    "mavlink.unit",
+    *FMU, "interpreter.propagate15", "import.insenv", "numeric.one", "numeric.many", "batch.propagate15",
 )  # fmt: skip
-LONG = ("fmu.loop", "fmu.ssp", "fmu.pythonfmu", "step.fusion-15", "batch.fusion-21", "vector.small", "vector.reset.manoeuvre")
+LONG = (
+    "native.propagate15",
+    "mavlink.unit",
+    "fmu.loop",
+    "fmu.ssp",
+    "fmu.pythonfmu",
+    "step.fusion-15",
+    "batch.fusion-21",
+    "vector.small",
+    "vector.reset.manoeuvre",
+)
 
 
 @pytest.mark.parametrize("name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)])

@@ -7,7 +7,7 @@ from peers import program, ran
 import insenv
 from insenv.base.errors import InputError
 from insenv.export.board import export_c
-from insenv.export.board.precision import largest_shares
+from insenv.export.board.precision import checked, largest_shares
 
 
 def test_a_mixed_filter_is_near_the_double_one_and_its_own_test_holds(tmp_path):
@@ -32,8 +32,14 @@ def test_the_share_is_the_largest_difference_over_the_sigma_of_its_channel():
     other[2, model.outputs.slice("accel_bias").start + 1] = -0.05
     shares = largest_shares(model, other, one)
     assert shares == {**dict.fromkeys(shares, 0.0), "down_m": pytest.approx(0.5), "accel_bias": 0.2}
+    one[:, model.outputs.slice("position_sigma")] = 0.0
+    assert largest_shares(model, one, one) == dict.fromkeys(shares, 0.0)
+    other[1, model.outputs.slice("height")] = np.nan
+    with pytest.raises(InputError, match=r"by up to nan of their stated sigma \(down_m\)"):
+        checked(largest_shares(model, other, one) | {"heading_deg": 0.01})
 
 
+@pytest.mark.slow
 def test_a_filter_that_single_precision_changes_too_much_is_refused_and_nothing_is_written(tmp_path):
     """Centimetre fixes and a unit of 0.1 deg/h: the sum of tilt and accelerometer bias is known far better than either."""
     with pytest.raises(InputError, match=r"precision: outputs differ .* by up to 0\.\d+ of .*; allowed is 0.05: export"):

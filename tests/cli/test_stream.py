@@ -79,6 +79,7 @@ def test_a_vehicle_has_a_system_of_its_own_and_tells_its_errors():
     assert {m.name for m in client.messages() if m.get_type() == "NAMED_VALUE_FLOAT"} == {"ERR_TILT", "ERR_HDG"}
 
 
+@pytest.mark.slow
 def test_a_score_is_written_as_a_run_is(tmp_path):
     """A client answers the truth with a heading that is 1.5 deg off."""
     out, ended = tmp_path / "score", threading.Event()

@@ -17,6 +17,7 @@ SHIP, TUNING = "insenv/ShipAlignment-v0", "insenv/Tuning-v0"
 HOW = "pip install -e '.[rl]'"
 
 
+@pytest.mark.slow
 def test_an_end_by_time_is_terminal_where_the_score_is_complete():
     peers.package("stable_baselines3", HOW)
     from insenv.envs.sb3 import BatchVecEnv

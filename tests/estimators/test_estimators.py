@@ -63,7 +63,7 @@ def test_one_run_is_near_its_limit_and_states_its_error(id):
         assert abs(result.errors[channel][-1]) < 3.5 * min(sigma, 3.0 * limit), channel
 
 
-@pytest.mark.parametrize("id", SMOOTHERS)
+@pytest.mark.parametrize("id", ["smoother", pytest.param("fusion-smoother", marks=pytest.mark.slow)])
 def test_a_smoother_is_surer_than_its_filter_and_states_its_error(id):
     filter, smoothed = results("car-city-drive", [SMOOTHERS[id], id], 50.0)
     middle = len(smoothed.time) // 2

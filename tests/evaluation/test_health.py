@@ -234,6 +234,7 @@ def test_strict_fails_after_the_report_is_written(drive, tmp_path):
     assert (tmp_path / "late.json").exists()
 
 
+@pytest.mark.slow
 def test_a_wrong_barometer_and_a_wrong_odometer_of_a_log_are_named(tmp_path, monkeypatch):
     """Heights 300 m too large are another datum, which the estimated bias takes up from the first one on."""
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
@@ -248,6 +249,7 @@ def test_a_wrong_barometer_and_a_wrong_odometer_of_a_log_are_named(tmp_path, mon
     assert any("above the fixes at the start" in note for note in report["notes"])
 
 
+@pytest.mark.slow
 def test_a_filter_that_states_more_than_one_fix_says_so():
     """Fixes of 2.1 m at 5 Hz without velocities, half of their variance slow: `fusion` estimates that half."""
     values = insenv.load("car-city-drive").model_dump(exclude_unset=True, mode="json") | {"rate_hz": 100.0}

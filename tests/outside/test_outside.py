@@ -188,6 +188,7 @@ def test_an_estimator_object_needs_no_registration():
         insenv.register(insenv.Estimator(replace(own.model), kind="alignment"))
 
 
+@pytest.mark.slow
 def test_a_campaign_of_other_equations_or_functions_under_the_same_id_is_not_resumed(tmp_path):
     loose = registered()["loosely-coupled"]
     own = replace(loose, model=replace(loose.model, id="mine"))

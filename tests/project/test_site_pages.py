@@ -22,6 +22,7 @@ def pages():
     return site_pages.all_pages()
 
 
+@pytest.mark.slow
 def test_everything_has_a_page(pages):
     wanted = {f"environments/{site_pages.slug(id)}.md" for id in SPECS}
     wanted |= {f"scenarios/{entry['name']}.md" for entry in summaries()}

@@ -24,6 +24,7 @@ def test_loosely_coupled_is_consistent():
     assert 0.9 < found.mean.mean() < 1.1
 
 
+@pytest.mark.slow
 def test_a_filter_that_assumes_white_fixes_is_detected_when_they_wander():
     found = measure(replace(WANDER_IGNORED, duration_s=200.0, runs=6))
     assert found.nees.shape[0] == 6

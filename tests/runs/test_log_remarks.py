@@ -47,6 +47,7 @@ def lost(result):
     return [note for note in result.notes if "zero velocity is all that" in note]
 
 
+@pytest.mark.slow
 def test_rest_that_is_not_told_and_no_longer_found_is_noted(tmp_path):
     scenario = changed("car-parked", rate_hz=60.0, imu={"grade": "industrial"})
     parked = read(insenv.record(scenario, seed=10001, duration_s=120.0), tmp_path)

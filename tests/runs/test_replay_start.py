@@ -128,6 +128,7 @@ def test_under_way_the_motion_gives_the_attitude(rest, said, ids):
         assert set(result.doubts) <= {"reference-contradicts"}  # positions: that its fixes wander the log does not say
 
 
+@pytest.mark.slow
 def test_where_the_motion_does_not_show_it_fusion_starts_from_nothing_and_others_need_an_attitude():
     """At a constant speed straight ahead."""
     log = started(car_log("consumer", 40.0, seed=4, wait_s=3.0), start_s=20.0, static_until_s=None)
@@ -144,6 +145,7 @@ def described(log, **update):
     return replace(log, description=log.description.model_copy(update=update))
 
 
+@pytest.mark.slow
 def test_a_doppler_log_starts_fusion_under_way():
     log = record("ship-at-sea", duration_s=5.0)
     log = described(replace(log, gnss=replace(log.gnss, velocity_n=None, velocity_sigma=None)), **NOTHING)

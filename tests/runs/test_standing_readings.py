@@ -44,7 +44,7 @@ def test_the_heading_at_rest_is_as_good_as_stated(name):
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 1.7 and np.abs(ratios).max() < 3.0
 
 
-@pytest.mark.parametrize("id", ["fusion", "loosely-coupled"])
+@pytest.mark.parametrize("id", [pytest.param("fusion", marks=pytest.mark.slow), "loosely-coupled"])
 def test_a_log_that_does_not_move_starts_with_that_heading(id):
     result = replay(standing("autopilot", 200), id).results[0]
     assert any("is that of the magnetometer while the vehicle stands" in note for note in result.notes)

@@ -235,6 +235,7 @@ def test_no_rest_is_refused_and_a_named_part_is_warned_of():
     assert "# measured" not in grade_text(found)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path, monkeypatch):
     """A grade of a log in a file, which the log then takes."""
     monkeypatch.chdir(tmp_path)

@@ -77,6 +77,7 @@ def test_a_fixed_bias_falls_freely():
     assert np.array_equal(found.without[0], found.none)
 
 
+@pytest.mark.slow
 def test_all_sources_are_the_runs_of_the_seeds():
     scenario = changed("car-city-drive", rate_hz=100.0)
     found = insenv.budget(scenario, "loosely-coupled", 2, seed=7, duration_s=1.5)
@@ -131,6 +132,7 @@ def test_every_error_row_of_every_sensor_is_in_one_source():
         assert left == [], sensor.id
 
 
+@pytest.mark.slow
 def test_a_sensor_of_another_package_is_part_of_the_method(monkeypatch):
     real = error_sources.sensors_of
     unknown = {sensor.id: replace(sensor, errors=None, stated=None) for sensor in real(load("car-city-drive"))}
@@ -165,6 +167,7 @@ def test_runs_that_diverge_are_left_out_and_said(small, monkeypatch):
     assert document["sources"][0]["alone"]["roll_deg"] is None
 
 
+@pytest.mark.slow
 def test_the_command_prints_writes_and_is_json(tmp_path):
     given = ("budget", "ship-swaying", "-e", "q-method", "-n", "2", "--duration", "1")
     status, text, _ = call(*given, "--out", tmp_path / "found")

@@ -80,6 +80,7 @@ def test_the_plain_log_is_described_as_its_own_description_says(tmp_path, writte
     assert made.keys["vehicle_kind"] == "car" and tomllib.loads(made.text)["imu"] == made.keys["imu"]
 
 
+@pytest.mark.slow
 def test_a_flight_log_gets_what_it_does_not_say(tmp_path):
     """A ROS bag of the plain log, whose axes are known: kind of vehicle and delay, in the form of flight logs."""
     log = load(PLAIN / "plain.toml")
@@ -246,6 +247,7 @@ def test_what_is_wrong_or_left_open_is_refused_in_one_sentence(tmp_path, monkeyp
     assert set(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_the_command_writes_runs_and_does_not_overwrite(tmp_path):
     """One JSON document with the findings and the run; the same file again; another content stays."""
     log, pages, files = tmp_path / "drive.toml", tmp_path / "results", [PLAIN / name for name in FILES]

@@ -35,6 +35,7 @@ def log_of_car(duration_s):
                          initial={"static_until_s": 28.0, "heading_deg": 90.0})  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_mistuned_filter_is_tuned_back_on_held_out_seeds():
     """White noise of the gyros 100 times too large: it comes back within a factor of 2, and the errors fall.
 

@@ -42,6 +42,7 @@ def test_a_broken_link_is_one_sentence(document, kind, page, tmp_path):
     assert wrong == {}
 
 
+@pytest.mark.slow
 def test_a_state_is_written_and_read_alike(document, tmp_path):
     values = {"imu.grade": "navigation", "gnss.outages_s": [[1.5, 20]], "start.latitude_deg": -3.25}
     moves = (np.random.default_rng(3).integers(0, 101, (200, 2)) * [0.15, 0.002]).round(3).tolist()  # ten seconds of dragging

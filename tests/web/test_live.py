@@ -67,6 +67,7 @@ def printed(report, limit=True):
     return [[number(value) for value in values.values()] for result in results for _, values in error_rows(result)]
 
 
+@pytest.mark.slow
 def test_run_to_the_end_shows_the_numbers_of_insenv_run_also_after_changes_and_by_a_link(browser):
     path, (name, estimators, duration) = page_file(*SHIP), SHIP
     ready(browser, path)

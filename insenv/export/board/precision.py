@@ -78,19 +78,23 @@ class Compiled:
 def run_shares(ready: Tuned, runner: Running) -> dict[str, float]:
     """`largest_shares` over the run of an export, of a filter in another precision from the one in double precision.
 
-    Raises `InputError` if one is more than `MOST`: a covariance of states that are known far better together than each by
+    Raises `InputError` as `checked`: a covariance of states that are known far better together than each by
     itself, as tilt and accelerometer bias with centimetre fixes, needs more digits.
     """
     here, expected = (np.vstack([outputs for _, outputs in ready.run(each)]) for each in (runner, ready.runner()))
-    shares = largest_shares(ready.estimator.model, here, expected)
-    if max(shares.values()) > MOST:
+    return checked(largest_shares(ready.estimator.model, here, expected))
+
+
+def checked(shares: dict[str, float]) -> dict[str, float]:
+    """The shares, each at most `MOST`.  Raises `InputError` if one is larger, or no number."""
+    if not all(share <= MOST for share in shares.values()):
         raise InputError(f"precision: {worst(shares)}; allowed is {MOST:g}: export this filter in double precision")
     return shares
 
 
 def worst(shares: Mapping[str, float]) -> str:
     """What the precision costs, in a sentence."""
-    name = max(shares, key=lambda each: shares[each])
+    name = max(shares, key=lambda each: np.nan_to_num(shares[each], nan=np.inf))
     return f"outputs differ from those in double precision by up to {shares[name]:.2g} of their stated sigma ({name})"
 
 
@@ -102,8 +106,14 @@ def largest_shares(model: Model, here: Array, expected: Array) -> dict[str, floa
     one, other = model.outputs.unpack(here), model.outputs.unpack(expected)
     time = np.arange(len(here), dtype=np.float64)
     found, sigma = errors(track_of(time, one), track_of(time, other)), stated_sigma(other)
-    shares = {name: float(np.max(np.abs(found[name]) / sigma[name])) for name in found if name in sigma}
+    shares = {name: _largest(found[name], sigma[name]) for name in found if name in sigma}
     for name in model.outputs.names:
         if (stated := f"{name}_estimate_sigma") in model.outputs:
-            shares[name] = float(np.max(np.abs(one[name] - other[name]) / other[stated]))
+            shares[name] = _largest(one[name] - other[name], other[stated])
     return shares
+
+
+def _largest(difference: Array, sigma: Array) -> float:
+    """Largest difference over sigma; 0 of what is the same, whatever its sigma, and no number if there is none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.max(np.where(difference == 0.0, 0.0, np.abs(difference) / sigma)))

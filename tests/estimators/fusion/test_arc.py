@@ -75,6 +75,7 @@ def test_the_moment_is_that_of_half_the_product_of_the_attitude_and_what_comes_w
     assert np.array(ca.evalf(arc.moment(stored(covariance([0.0, 0.0, 0.0]))))) == pytest.approx(np.zeros((3, 3)), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_car_that_leaves_with_a_heading_of_two_sigmas_is_as_sure_of_its_speed_as_it_can_be():
     """Fixes each 5 s: the speed along the track was up to 10 sigmas off between the first of them."""
     scenario = changed(

@@ -43,6 +43,7 @@ def test_a_car_and_an_aircraft_find_their_attitude(name, seconds, sigma):
     assert [note.split(" after")[0] for note in result.notes if "heading" in note] == ["heading found"]
 
 
+@pytest.mark.slow
 def test_a_run_and_a_replay_say_when_the_heading_was_found():
     """The time of the note is that at which the filter stopped seeking, to one record; no other aid measured before."""
     scenario, duration_s = load("ship-at-sea"), 20.0

@@ -34,6 +34,7 @@ def test_one_of_several_tracks_is_named(tmp_path, report):
             track(path, "trth")
 
 
+@pytest.mark.slow
 def test_results_and_logs_are_tracks(tmp_path, report):
     (npz, *_) = write_files(report, OutputFolder(tmp_path / "run"), figure=False).paths
     loaded = scenario(npz)

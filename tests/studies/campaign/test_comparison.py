@@ -51,6 +51,7 @@ def turned(angle_deg):
     return replace(base, model=replace(base.model, id="turned", output=output))
 
 
+@pytest.mark.slow
 def test_two_estimators_with_a_known_difference():
     """The heading error of a perfect unit is that of its start, N(0, s^2); turned by d its rms is sqrt(s^2 + d^2)."""
     data = json.loads(car().model_dump_json())
@@ -74,6 +75,7 @@ def test_a_run_that_diverged_for_one_is_left_out_of_the_pair():
     assert pair.runs == 11 and pair.ratio.value == 1.0 and not pair.is_real
 
 
+@pytest.mark.slow
 def test_the_command_compares_and_its_folder_takes_no_other_campaign(tmp_path):
     def command(scenario, *ids, more=("--no-figure",)):
         given = ("campaign", scenario, *(part for id in ids for part in ("-e", id)), "-n", "2", "--duration", "1")

@@ -20,6 +20,7 @@ from insenv.studies.campaign import block as block_module
 posix = pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="signals of POSIX")
 
 
+@pytest.mark.slow
 def test_threads_and_processes_are_bit_identical():
     plan = small_plan(24)
     assert [len(b) for b in plan.blocks] == [8] * 3

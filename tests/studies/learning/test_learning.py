@@ -158,6 +158,7 @@ def test_conditions_are_kept_and_training_is_repeatable(trained):
     assert told[0] == ("simulating", 1, 5) and told[-1] == ("learning", 8, 8)
 
 
+@pytest.mark.slow
 def test_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(training, "GAMMAS", (1e4,))
