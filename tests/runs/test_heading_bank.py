@@ -56,7 +56,8 @@ def test_a_vehicle_that_moves_sideways_keeps_its_heading():
 
 
 @pytest.mark.parametrize(("grade", "velocity"),
-    [*(pytest.param(grade, True, marks=pytest.mark.slow) for grade in ("tactical", "consumer")), ("industrial", False)])  # fmt: skip
+    [*(pytest.param(grade, True, marks=pytest.mark.slow) for grade in ("tactical", "consumer")),
+     ("industrial", False)])  # fmt: skip
 def test_the_motion_shows_the_heading_of_a_start(grade, velocity):
     """At rest for ten seconds, and under way; the sigma that is stated holds."""
     log = car_log(grade, 110.0)
