@@ -133,9 +133,9 @@ def _parameter(text: str) -> Any:
 
 
 FIXED = {
-    "seed": "every run has a seed of its own, counted up from the first one (--seed FIRST)",
-    "duration_s": "all runs of a campaign share it (--duration S)",
-    "rate_hz": "all runs of a campaign share it: set it in the scenario",
+    "seed": "every run and every episode has a seed of its own; those of a campaign count up from the first one (--seed FIRST)",
+    "duration_s": "all runs and episodes share it: it is an option of a campaign and an argument of an environment",
+    "rate_hz": "all runs and episodes share it: set it in the scenario",
 }
 """Keys that cannot be varied, and why."""
 

@@ -35,7 +35,7 @@ def test_the_share_is_the_largest_difference_over_the_sigma_of_its_channel():
     one[:, model.outputs.slice("position_sigma")] = 0.0
     assert largest_shares(model, one, one) == dict.fromkeys(shares, 0.0)
     other[1, model.outputs.slice("height")] = np.nan
-    with pytest.raises(InputError, match=r"by up to nan of their stated sigma \(down_m\)"):
+    with pytest.raises(InputError, match=r"by up to nan of their stated sigma"):
         checked(largest_shares(model, other, one) | {"heading_deg": 0.01})
 
 
