@@ -5,7 +5,7 @@
     python examples/compare_tuners.py --seeds 8 --evaluations 9
 
 Once a second each policy sets the noises and the gate of the 15-state filter in a city drive, and whether it uses the positions
-and velocities of fixes (`insenv/FaultTuning-v0`).  None sees the truth but the last one, which is told what has failed.
+and velocities of fixes (`insenv/FaultTuning-v0`).  None sees the truth but the last one, which knows what has failed.
 """
 
 import argparse
@@ -109,7 +109,7 @@ class Bank(FromScatter):
         return action
 
 
-class Told(Fixed):
+class Oracle(Fixed):
     """The filter with the true noises; positions that are drawn away are not used, and a stuck axis is known."""
 
     def start(self, venv):
@@ -164,31 +164,32 @@ def main():
     parser = argparse.ArgumentParser(description="Compare classical ways to adapt a filter")
     parser.add_argument("--seeds", type=int, default=64, help="held-out seeds to compare on")
     parser.add_argument("--evaluations", type=int, default=180, help="sets of factors that CMA-ES tries on 24 other seeds")
-    given = parser.parse_args()
+    options = parser.parse_args()
     need("CMA-ES", "cma", extra="workbench")
-    best = best_fixed(SEARCH + np.arange(24), given.evaluations)
+    best = best_fixed(SEARCH + np.arange(24), options.evaluations)
     policies = {
         "the filter as it is": Fixed(),
         "best fixed factors": Fixed(best),
         "unit's noises from its scatter": FromScatter(),
         "bank of three filters": Bank(),
         "innovation-based": InnovationBased(),
-        "told": Told(),
+        "oracle": Oracle(),
     }
     print(
-        f"insenv {insenv.__version__}, {ID}, {given.seeds} held-out seeds: score, +- 1 s.e., measure, consistency, position [m]"
+        f"insenv {insenv.__version__}, {ID}, {options.seeds} held-out seeds: "
+        "score, +- 1 s.e., measure, consistency, position [m]"
     )
     scores = {}
     for name, policy in policies.items():
-        score, infos = episodes(policy, HELD_OUT + np.arange(given.seeds))
+        score, infos = episodes(policy, HELD_OUT + np.arange(options.seeds))
         position = np.sqrt(np.mean(np.sum(infos["error_rms"][..., 6:9] ** 2, axis=2)))
-        scores[name], error = score, score.std() / np.sqrt(given.seeds)
+        scores[name], error = score, score.std() / np.sqrt(options.seeds)
         print(
             f"{name:32s} {score.mean():7.3f} +- {error:.3f} {infos['measure'].mean():7.2f} {infos['consistency'].mean():6.2f} "
             f"{position:7.1f}"
         )
-    left = scores["told"] - scores["innovation-based"]
-    print(f"told minus innovation-based, seed by seed: {left.mean():+.3f} +- {left.std() / np.sqrt(given.seeds):.3f}")
+    left = scores["oracle"] - scores["innovation-based"]
+    print(f"oracle minus innovation-based, seed by seed: {left.mean():+.3f} +- {left.std() / np.sqrt(options.seeds):.3f}")
     print("best fixed factors:", " ".join(f"{10 ** (DECADES * a):.2g}" for a in best[:7]))
 
 

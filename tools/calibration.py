@@ -13,10 +13,10 @@ import sys
 
 import numpy as np
 from numpy.typing import NDArray
+from yardsticks import bound_of_unit
 
 from insenv.core.runner import make_runner
 from insenv.evaluation.errors import UNITS
-from insenv.evaluation.limits.bound import bound_of_unit
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, load
 from insenv.scenario.limits import TRAJECTORY_SEED, prior_of

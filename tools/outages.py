@@ -19,6 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from yardsticks import error_paths
 
 import insenv
 from insenv.core.model import Values
@@ -26,7 +27,6 @@ from insenv.estimators import get_all
 from insenv.estimators.contract import Estimator
 from insenv.evaluation.limits.aids import Aid, aid_of
 from insenv.evaluation.limits.bound import blocks_of, layout_of
-from insenv.evaluation.limits.paths import error_paths
 from insenv.scenario import build, load
 from insenv.scenario.limits import TRAJECTORY_SEED, prior_of
 from insenv.sensors.odometer import ODOMETER, axis

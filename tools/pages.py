@@ -190,7 +190,8 @@ def _type(annotation: Any) -> str:
     if origin is dict:
         return "table"
     if origin is tuple and Ellipsis not in inner:
-        return "3 columns" if "str | int" in str(inner[0]) else f"{len(inner)} {'names' if set(inner) == {str} else 'numbers'}"
+        of = "columns" if "str | int" in str(inner[0]) else "names" if set(inner) == {str} else "numbers"
+        return f"{len(inner)} {of}"
     if origin is tuple:
         return "sections" if sections_in(inner[0]) else f"list of {_type(inner[0])}"
     if takes := _takes(getattr(annotation, "__metadata__", ())):

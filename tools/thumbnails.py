@@ -17,8 +17,8 @@ from pages import ROOT
 
 import insenv
 from insenv.evaluation.errors import ATTITUDE
-from insenv.report.of_run import NAMES, unit_of
-from insenv.report.tables import number
+from insenv.report.of_run import NAMES
+from insenv.report.tables import number, unit_of
 from insenv.scenario import load, summaries
 
 FOLDER = ROOT / "docs" / "figures" / "thumbnails"

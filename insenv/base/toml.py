@@ -119,11 +119,15 @@ def key(default: Any, meaning: str, unit: str = "", *, row: Any = "", convert: C
     return field
 
 
-def check_three(value: object) -> object:
-    """Validator: a list of three values of any type."""
-    if not isinstance(value, (list, tuple)) or len(value) != 3:
-        raise ValueError("must be a list of three")
-    return tuple(value)
+def list_of(count: int, what: str) -> BeforeValidator:
+    """Validator: a list of so many values of any type, which a message calls "a list of {what}"."""
+
+    def check(value: object) -> object:
+        if not isinstance(value, (list, tuple)) or len(value) != count:
+            raise ValueError(f"must be a list of {what}")
+        return tuple(value)
+
+    return BeforeValidator(check)
 
 
 def _check_parameter(value: object) -> object:
@@ -138,7 +142,7 @@ def _check_parameter(value: object) -> object:
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
-Vector3 = Annotated[tuple[Number, Number, Number], BeforeValidator(check_three)]
+Vector3 = Annotated[tuple[Number, Number, Number], list_of(3, "three")]
 Parameter = Annotated[Any, BeforeValidator(_check_parameter)]
 """Value of an estimator's parameter."""
 
@@ -394,12 +398,6 @@ def _check_axes(value: object) -> object:
 _check_axes.takes = "number or 3"  # type: ignore[attr-defined]  # for the table of keys
 
 
-def _check_pair(value: object) -> object:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise ValueError("must be a list of two, begin and end")
-    return tuple(value)
-
-
 PerAxis = Annotated[
     tuple[Number, Number, Number],
     BeforeValidator(_check_axes),
@@ -428,7 +426,7 @@ LeverArm = Annotated[Vector3, within(-1e3, 1e3)]
 NotNegative = Annotated[PerAxis, within(0.0, 1e5)]
 Sigmas = Annotated[PerAxis, within(0.0, 1e5, above=True)]
 
-Window = Annotated[tuple[Number, Number], BeforeValidator(_check_pair)]
+Window = Annotated[tuple[Number, Number], list_of(2, "two, begin and end")]
 
 
 def one_of(names: Iterable[str]) -> WithJsonSchema:

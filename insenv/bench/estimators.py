@@ -10,11 +10,11 @@ import numpy as np
 
 from insenv.bench import peers
 from insenv.bench.figure import EMPTY, Figure, empty_loop, median_time
+from insenv.bench.speed import batch_at_rest
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, get
 from insenv.estimators.fusion import fusion
-from insenv.geodesy import NOMINAL_GRAVITY
 from insenv.reproduce import large_misalignment as paper
 from insenv.runs.simulated import run
 from insenv.runs.smoothed import Smoother
@@ -41,10 +41,15 @@ def scenario_of(estimator: Estimator) -> str:
 def step(id: str) -> Figure:
     """One inertial sample of an estimator on a scenario that suits it, in the native loop, outputs at the recorded times."""
     name = scenario_of(get(id))
-    reports = [run(load(name), [id], duration_s=DURATION_S) for _ in range(REPETITIONS)]
+    return _sampled(name, id, f"{name}, {{}} samples")
+
+
+def _sampled(name: str, estimator: str | Estimator, note: str, peer: peers.Peer | None = None) -> Figure:
+    """The time that a sample of a run takes; note: with a place for the number of samples."""
+    reports = [run(name, estimator, duration_s=DURATION_S) for _ in range(REPETITIONS)]
     samples = reports[0].imu_samples
     value = statistics.median(report.results[0].us_per_sample for report in reports)
-    return Figure(value, empty_loop(samples, REPETITIONS), REPETITIONS, f"{name}, {samples} samples")
+    return Figure(value, empty_loop(samples, REPETITIONS), REPETITIONS, note.format(samples), peer)
 
 
 UPDATES = {
@@ -111,7 +116,6 @@ def campaign() -> Figure:
 # Composed filters: a sample along a drive with fixes, and a row of a batch without.
 
 DRIVE = "car-survey"
-ROWS, SAMPLES = 1024, 100
 STATES = {15: (), 21: ("gyro_scale", "accel_scale")}
 """Error states beside the biases, by the number of all states."""
 
@@ -123,20 +127,10 @@ def filter_of(size: int) -> Estimator:
 
 def composed_step(size: int) -> Figure:
     """One inertial sample on the survey drive, in the native loop, outputs at the recorded times; peer: pyins without fixes."""
-    reports = [run(DRIVE, filter_of(size), duration_s=DURATION_S) for _ in range(REPETITIONS)]
-    samples = reports[0].imu_samples
-    value = statistics.median(report.results[0].us_per_sample for report in reports)
     peer = peers.feedback_filter(0.05, scales=size == 21)
-    note = f"{DRIVE}, {samples} samples with fixes, covariance every 0.05 s"
-    return Figure(value, empty_loop(samples, REPETITIONS), REPETITIONS, note, peer)
+    return _sampled(DRIVE, filter_of(size), f"{DRIVE}, {{}} samples with fixes, covariance every 0.05 s", peer)
 
 
 def composed_batch(size: int) -> Figure:
     """One inertial sample of a row of a batch at rest without fixes, on one core."""
-    model = filter_of(size).model
-    rows, empty = make_batch(model, ROWS, threads=1), make_batch(EMPTY, ROWS, threads=1)
-    inputs: np.ndarray = model.inputs.pack({"delta_velocity": (0.0, 0.0, -NOMINAL_GRAVITY * 0.005), "dt": 0.005})
-    value = median_time(lambda: rows.run(SAMPLES, inputs), REPETITIONS) / (ROWS * SAMPLES) * 1e9
-    floor = median_time(lambda: empty.run(SAMPLES), REPETITIONS) / (ROWS * SAMPLES) * 1e9
-    note = f"{ROWS} rows, one core, {getattr(rows, 'lanes', 1)} lanes; 200 Hz, covariance every 0.05 s"
-    return Figure(value, floor, REPETITIONS, note)
+    return batch_at_rest(filter_of(size).model, {}, REPETITIONS, "200 Hz, covariance every 0.05 s")

@@ -45,14 +45,17 @@ def single(backend: str, covariance_interval: float) -> Figure:
 def batch(covariance_interval: float) -> Figure:
     """The same for 1024 rows on one core: time per row and sample."""
     model = get("loosely-coupled").model
-    rows = make_batch(model, ROWS, {"covariance_interval": covariance_interval})
-    inputs, empty, samples = _at_rest(model), make_batch(EMPTY, ROWS), 100
+    return batch_at_rest(
+        model, {"covariance_interval": covariance_interval}, REPETITIONS, _covariance_note(covariance_interval)
+    )
 
-    value = median_time(lambda: rows.run(samples, inputs), REPETITIONS) / (ROWS * samples) * 1e9
-    floor = median_time(lambda: empty.run(samples), REPETITIONS) / (ROWS * samples) * 1e9
-    lanes = getattr(rows, "lanes", 1)
-    note = f"{ROWS} rows, one core, {lanes} lanes; {_covariance_note(covariance_interval)}"
-    return Figure(value, floor, REPETITIONS, note)
+
+def batch_at_rest(model: Model, parameters: dict[str, float], repetitions: int, note: str) -> Figure:
+    """Time per row and sample of 1024 rows of a filter at rest without fixes, on one core."""
+    rows, empty, inputs, samples = make_batch(model, ROWS, parameters), make_batch(EMPTY, ROWS), _at_rest(model), 100
+    value = median_time(lambda: rows.run(samples, inputs), repetitions) / (ROWS * samples) * 1e9
+    floor = median_time(lambda: empty.run(samples), repetitions) / (ROWS * samples) * 1e9
+    return Figure(value, floor, repetitions, f"{ROWS} rows, one core, {getattr(rows, 'lanes', 1)} lanes; {note}")
 
 
 def first_run(*arguments: str) -> Figure:

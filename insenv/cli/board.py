@@ -17,7 +17,7 @@ from insenv.cli.options import (
     changed_log,
     changed_scenario,
     command,
-    given_path,
+    nonempty_path,
     out_option,
 )
 from insenv.cli.runs import Start
@@ -75,12 +75,12 @@ def export_c(
     from insenv.logs.loading import is_log
     from insenv.scenario import USUAL
 
-    given = USUAL[get(estimator).kind] if source is None else source
-    taken, values = changed_log(Path(given), settings) if is_log(given) else changed_scenario(given, settings)
+    subject = USUAL[get(estimator).kind] if source is None else source
+    taken, values = changed_log(Path(subject), settings) if is_log(subject) else changed_scenario(subject, settings)
     with working(f"exporting {estimator}"):
         done = write(
             estimator, taken, output=output, name=name, seed=seed, duration_s=duration, settings=values,
-            start=start and start.value, precision=precision, whole_run=whole_run, measure=not no_figures,
+            start=start, precision=precision, whole_run=whole_run, measure=not no_figures,
         )  # fmt: skip
     content = {**asdict(done), "folder": str(done.folder)}
     run = f", and of the whole run, {done.run_samples}" if done.run_samples else ""
@@ -103,7 +103,7 @@ def check_group() -> None:
 @checking.command("c", cls=OnceCommand)
 @command
 def check_c(
-    folder: Annotated[Path, typer.Argument(parser=given_path, metavar="DIR", help="Folder of `insenv export c`.")],
+    folder: Annotated[Path, typer.Argument(parser=nonempty_path, metavar="DIR", help="Folder of `insenv export c`.")],
     port: Annotated[str, typer.Option(metavar="PORT", help="tcp:HOST:PORT, or serial:DEVICE[:BAUD] (pyserial).")],
     samples: Annotated[
         Optional[int],  # noqa: UP045

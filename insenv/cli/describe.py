@@ -10,7 +10,7 @@ import typer
 
 from insenv.base.errors import InputError, InsenvError
 from insenv.base.output import check_output_file
-from insenv.cli.options import Output, command, given_path, out_option
+from insenv.cli.options import Output, command, nonempty_path, out_option
 from insenv.cli.signals import DONE, FAILED
 
 
@@ -26,7 +26,7 @@ class DescriptionOutput(Output):
         Optional[Path],  # noqa: UP045
         typer.Option(
             "--run-out",
-            parser=given_path,
+            parser=nonempty_path,
             metavar="DIR",
             help="Write the run, its page and its figure there.",
         ),
@@ -62,7 +62,7 @@ def describe(
     next_step = "-o LOG.toml writes the description and runs fusion on it"
     with output.working(" ".join(files)) as progress:
         described = describe_log(
-            [given_path(file) for file in files],
+            [nonempty_path(file) for file in files],
             folder=Path() if path is None else path.parent,
             title="" if path is None else path.stem,
             progress=progress.describe,

@@ -6,14 +6,13 @@ import json
 import math
 import textwrap
 from collections.abc import Sequence
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Optional
 
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import HELP, Estimator, Json, OnceCommand, Scenario, Seed, command, given_path, one, out_option
+from insenv.cli.options import HELP, Estimator, Json, OnceCommand, Scenario, Seed, command, nonempty_path, one, out_option
 
 if TYPE_CHECKING:
     from insenv.fmu.running import Outputs
@@ -35,11 +34,8 @@ MAX_ELEMENTS, MAX_VARIABLES, MAX_IN_LINE = 20, 12, 4
 """Outputs that are printed: elements, one a line; of more, variables, and elements of a variable."""
 
 
-class Version(str, Enum):
-    """Versions of FMI."""
-
-    two = "2"
-    three = "3"
+Version = Literal["2", "3"]
+"""Versions of FMI."""
 
 
 @app.command("export", cls=OnceCommand)
@@ -55,7 +51,7 @@ def export_fmu(
             "--estimator", "-e", metavar="ID", help="With a scenario: put this estimator behind its plant, in one FMU."
         ),
     ] = None,
-    fmi: Annotated[Version, typer.Option(help="FMI version: 2.0 has scalars, 3.0 arrays.")] = Version.two,
+    fmi: Annotated[Version, typer.Option(help="FMI version: 2.0 has scalars, 3.0 arrays.")] = "2",
     arrays: Annotated[
         Optional[bool],  # noqa: UP045
         typer.Option("--arrays/--no-arrays", help="FMI 3: vectors as arrays (the default), or a scalar for each element."),
@@ -80,7 +76,7 @@ def export_fmu(
 
     names, settings, behind = _platforms(platform), _settings(set_, files=(FILE,)), one(estimator)
     with working(f"exporting {subject}"):
-        write(subject, output, estimator=behind, fmi=int(fmi.value), arrays=arrays, platforms=names, settings=settings)
+        write(subject, output, estimator=behind, fmi=int(fmi), arrays=arrays, platforms=names, settings=settings)
     content = summary(output)
     counts = ", ".join(f"{count} {what}" for what, count in content["variables"].items())
     lines = [
@@ -98,7 +94,7 @@ def ssp(
     estimator: Estimator,
     output: Annotated[Path, out_option("X.ssp", "File to write.")],
     seed: Seed = None,
-    fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs, which have scalars in both.")] = Version.two,
+    fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs, which have scalars in both.")] = "2",
     platform: Platforms = None,
     as_json: Json = False,
 ) -> None:
@@ -108,7 +104,7 @@ def ssp(
 
     id = one(estimator) or ""
     with working(f"exporting {scenario} and {id}"):
-        made = export_ssp(scenario, id, output, seed=seed, fmi=int(fmi.value), platforms=_platforms(platform))
+        made = export_ssp(scenario, id, output, seed=seed, fmi=int(fmi), platforms=_platforms(platform))
     lines = [
         f"{output}: {scenario} and {id}, {output.stat().st_size / 1000:.0f} kB",
         f"{made['connections']} connections; steps of {made['step_s']:g} s, up to {made['stop_time_s']:g} s",
@@ -122,14 +118,14 @@ def run(
     fmu: Annotated[
         Path,
         typer.Argument(
-            parser=given_path, metavar="X.fmu|X.ssp", help="An FMU for Co-Simulation, FMI 2 or 3, or an SSP file of FMUs."
+            parser=nonempty_path, metavar="X.fmu|X.ssp", help="An FMU for Co-Simulation, FMI 2 or 3, or an SSP file of FMUs."
         ),
     ],
     input_: Annotated[
         Optional[Path],  # noqa: UP045
         typer.Option(
             "--input",
-            parser=given_path,
+            parser=nonempty_path,
             metavar="CSV",
             help="Inputs: a column `time`, s, and one for each element of an input.",
         ),

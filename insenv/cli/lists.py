@@ -3,30 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from enum import Enum
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any, Literal, Optional, get_args
 
 import typer
 
 from insenv.base.errors import InputError
-from insenv.cli.options import Json, command, given_path
+from insenv.cli.options import Json, command, nonempty_path
 
 Rows = list[dict[str, Any]]
 
 
-class What(str, Enum):
-    """What `insenv list` lists."""
-
-    scenarios = "scenarios"
-    estimators = "estimators"
-    states = "states"
-    aids = "aids"
-    vehicles = "vehicles"
-    sensors = "sensors"
-    grades = "grades"
-    environments = "environments"
+What = Literal["scenarios", "estimators", "states", "aids", "vehicles", "sensors", "grades", "environments"]
+"""What `insenv list` lists."""
 
 
 @command
@@ -34,7 +24,8 @@ def list_all(
     what: Annotated[
         Optional[What],  # noqa: UP045
         typer.Argument(
-            metavar="[WHAT]", help=f"What to list with titles: {', '.join(What)}; without it only names, of all of them."
+            metavar="[WHAT]",
+            help=f"What to list with titles: {', '.join(get_args(What))}; without it only names, of all of them.",
         ),
     ] = None,
     as_json: Json = False,
@@ -43,7 +34,7 @@ def list_all(
     from insenv.cli.output import print_json, print_line
 
     if as_json:
-        chosen = What if what is None else (what,)
+        chosen = get_args(What) if what is None else (what,)
         print_json({key: rows for one in chosen for key, rows in _known(one).items()})
     elif what is None:
         _print_names()
@@ -62,28 +53,28 @@ def _known(what: What) -> dict[str, Rows]:
     from insenv.estimators.fusion.available import all_aids, all_states
     from insenv.sensors import registry
 
-    if what is What.scenarios:
+    if what == "scenarios":
         return {"scenarios": scenario.summaries()}
-    if what is What.estimators:
+    if what == "estimators":
         known = estimators.registered().values()
         return {
             "estimators": [
                 {"id": e.id, "title": e.title, "kind": e.kind, "aided": e.aided, "sensors": list(e.sensors)} for e in known
             ]
         }
-    if what is What.states:
+    if what == "states":
         meanings = {name: state.value.meaning.removeprefix("Estimated ") for name, state in all_states().items()}
         return {"states": _titled("name", meanings)}
-    if what is What.aids:
+    if what == "aids":
         return {
             "aids": _titled("name", {id: f"{aid.title.removeprefix('the ')}: {aid.what}" for id, aid in all_aids().items()})
         }
-    if what is What.vehicles:
+    if what == "vehicles":
         kinds = vehicles.registry.registered()
         return {"vehicles": _titled("kind", {kind: summary(section) for kind, section in kinds.items()})}
-    if what is What.sensors:
+    if what == "sensors":
         return {"sensors": _titled("id", {id: summary(section) for id, section in registry.registered().items()})}
-    if what is What.environments:
+    if what == "environments":
         return {"environments": _titled("id", titles())}
     grades = {"imu_grades": {**sensors.IMU_GRADES, **_folder_grades()}, "gnss_grades": sensors.GNSS_GRADES}
     lists = {key: _titled("name", {name: known[name].title for name in real_first(known)}) for key, known in grades.items()}
@@ -198,17 +189,14 @@ def schema(as_json: Annotated[bool, typer.Option("--json", help="No effect: the 
 # The commands `insenv examples` and `insenv new`: files to start from.
 
 
-class Kind(str, Enum):
-    """What `insenv new` writes."""
-
-    scenario = "scenario"
-    log = "log"
+Kind = Literal["scenario", "log"]
+"""What `insenv new` writes."""
 
 
 @command
 def examples(
     folder: Annotated[
-        Path, typer.Argument(parser=given_path, metavar="[DIR]", help="Folder to write to; made if it does not exist.")
+        Path, typer.Argument(parser=nonempty_path, metavar="[DIR]", help="Folder to write to; made if it does not exist.")
     ] = Path("examples"),
     as_json: Json = False,
 ) -> None:
@@ -239,7 +227,7 @@ def examples(
 @command
 def new(
     kind: Annotated[Kind, typer.Argument(metavar="scenario|log", help="A scenario to simulate, or a recorded log.")],
-    file: Annotated[Path, typer.Argument(parser=given_path, metavar="FILE", help="The .toml file to write.")],
+    file: Annotated[Path, typer.Argument(parser=nonempty_path, metavar="FILE", help="The .toml file to write.")],
     as_json: Json = False,
 ) -> None:
     """Write a commented file to start from, which runs as it is: a scenario, or a description of a log with its CSV files."""
@@ -252,7 +240,7 @@ def new(
         what = "is not a folder" if file.parent.exists() else "does not exist"
         raise InputError(f"cannot write {str(file)!r}: {str(file.parent)!r} {what}")
     source = examples_folder()
-    if kind is Kind.scenario:
+    if kind == "scenario":
         texts = {file.name: _renamed(source / "own_scenario.toml", {"examples/own_scenario.toml": file.as_posix()})}
         trial = f"insenv run {file.as_posix()}"
     else:

@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Json, Out, Output, command, given_path
+from insenv.cli.options import Json, Out, Output, command, nonempty_path
 from insenv.cli.signals import DONE, FAILED
 
 
@@ -57,7 +57,7 @@ def prove(
         typer.Argument(metavar="[NAME]...", help="Public logs; all of them if omitted.", autocompletion=_logs),
     ] = None,
     data: Annotated[
-        Path, typer.Option("--data", parser=given_path, metavar="FOLDER", help="Folder that holds the data of the logs.")
+        Path, typer.Option("--data", parser=nonempty_path, metavar="FOLDER", help="Folder that holds the data of the logs.")
     ] = Path("."),
 ) -> int:
     """Run estimators on public logs that you have downloaded; print errors against references and withheld fixes."""

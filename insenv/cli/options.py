@@ -28,7 +28,7 @@ Work = Callable[[], "int | None"]
 """Returns the exit status; None: done."""
 
 
-def given_path(text: str) -> Path:
+def nonempty_path(text: str) -> Path:
     """The path that an option or argument gives.  An empty one, which a script passes whose variable is not set, is refused."""
     if not text:
         raise typer.BadParameter("is empty: allowed is a path")
@@ -52,7 +52,7 @@ Scenario = Annotated[
     typer.Argument(metavar="SCENARIO", help="A name that `insenv list` shows, or a .toml file.", autocompletion=_names),
 ]
 Log = Annotated[
-    Path, typer.Argument(parser=given_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
+    Path, typer.Argument(parser=nonempty_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
 ]
 
 
@@ -92,7 +92,7 @@ Settings = Annotated[
 
 def out_option(metavar: str, help: str) -> Any:
     """The option that says where a command writes, under its three names; metavar: what is written, such as X.html."""
-    return typer.Option("--out", "--output", "-o", parser=given_path, metavar=metavar, help=help)
+    return typer.Option("--out", "--output", "-o", parser=nonempty_path, metavar=metavar, help=help)
 
 
 Out = Annotated[

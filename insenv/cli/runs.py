@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Optional
 
 import typer
 
@@ -74,12 +73,8 @@ def _exported(report: Report, formats: tuple[str, ...], log: Callable[[], Record
     return contents_of(report, log() if needs_log(formats) else None, formats)
 
 
-class Start(str, Enum):
-    """How a replay starts."""
-
-    coarse = "coarse"
-    reference = "reference"
-    stated = "stated"
+Start = Literal["coarse", "reference", "stated"]
+"""How a replay starts."""
 
 
 @command
@@ -133,7 +128,7 @@ def replay(
     estimators: Estimators = None,
     start: Annotated[
         Start, typer.Option(help="Start from the log alone, from the state of its reference, or from that of its \\[initial].")
-    ] = Start.coarse,
+    ] = "coarse",
     settings: Settings = None,
     outage: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -167,7 +162,7 @@ def replay(
     with output.working(log.name) as progress:
         windows = [*(outage or ()), *([outages] if outages is not None else ())]
         taken, values = changed_log(log, settings)
-        report = follow(taken, chosen, start=start.value, settings=values, outages=windows, progress=progress)
+        report = follow(taken, chosen, start=start, settings=values, outages=windows, progress=progress)
         report = replace(report, scenario=str(log))
         _keep(report, output, _exported(report, names, lambda: load(log) if isinstance(taken, Path) else taken))
     return _show(report, output, strict)

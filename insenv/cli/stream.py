@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Optional
 
 import typer
 
 from insenv.base.errors import InputError
 from insenv.cli.dashboard import dashboard
 from insenv.cli.lockstep import lockstep as run_lockstep
-from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, given_path, one, out_option
+from insenv.cli.options import Json, Seed, Settings, changed_scenario, command, nonempty_path, one, out_option
 from insenv.cli.options import Scenario as ScenarioName
 from insenv.cli.signals import DONE, FAILED
 
@@ -28,20 +27,10 @@ MAX_LINKS = 4
 """A telemetry log has two bits for the number of a link."""
 
 
-class Lockstep(str, Enum):
-    """The autopilot interface that `insenv stream --lockstep` serves."""
-
-    px4 = "px4"
-    ardupilot_json = "ardupilot-json"
-
-
-class UnitKind(str, Enum):
-    """The inertial navigation unit that `insenv stream --as` makes of the vehicle."""
-
-    vn300 = "vn300"
-    vn100 = "vn100"
-
-
+Lockstep = Literal["px4", "ardupilot-json"]
+"""The autopilot interface that `insenv stream --lockstep` serves."""
+UnitKind = Literal["vn300", "vn100"]
+"""The inertial navigation unit that `insenv stream --as` makes of the vehicle."""
 UNIT_BAUD = 921600
 """Of a serial line to a unit if the address has none."""
 
@@ -74,7 +63,7 @@ def stream(
     ] = None,
     tlog: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(parser=given_path, metavar="FILE", help="Write a telemetry log."),
+        typer.Option(parser=nonempty_path, metavar="FILE", help="Write a telemetry log."),
     ] = None,
     rate: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -83,7 +72,7 @@ def stream(
     signing_key_file: Annotated[
         Optional[Path],  # noqa: UP045
         typer.Option(
-            parser=given_path,
+            parser=nonempty_path,
             metavar="FILE",
             help="Sign messages with the key in this file, and accept only messages signed with it.",
         ),
@@ -109,7 +98,7 @@ def stream(
     write_parameters: Annotated[
         Optional[Path],  # noqa: UP045
         typer.Option(
-            parser=given_path,
+            parser=nonempty_path,
             metavar="FILE",
             help="With --lockstep ardupilot-json: write parameters with which ArduPilot adds the least errors to the sensors.",
         ),
@@ -139,7 +128,7 @@ def stream(
 
     addresses, rates = to or [], rate or []
     _check_addresses(addresses)
-    if write_parameters is not None and lockstep is not Lockstep.ardupilot_json:
+    if write_parameters is not None and lockstep != "ardupilot-json":
         raise InputError("--write-parameters: allowed with --lockstep ardupilot-json")
     if lockstep is not None:
         if signing_key_file is not None:
@@ -157,12 +146,12 @@ def stream(
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
     port = None
     if unit is not None:
-        port, addresses = _unit_address(addresses, unit.value)
+        port, addresses = _unit_address(addresses, unit)
         of_mavlink = {"--rate": rates, "--tlog": tlog, "--signing-key-file": signing_key_file, "--errors": errors}
         of_mavlink["--score"] = score
-        given = [] if addresses else [option for option, value in of_mavlink.items() if value]
-        if given:
-            raise InputError(f"{given[0]}: needs MAVLink beside --as {unit.value}, as by a second --to udpout:127.0.0.1:14550")
+        unsuited = [] if addresses else [option for option, value in of_mavlink.items() if value]
+        if unsuited:
+            raise InputError(f"{unsuited[0]}: needs MAVLink beside --as {unit}, as by a second --to udpout:127.0.0.1:14550")
     id, (loaded, values) = one(estimator), changed_scenario(scenario, settings)
     if values:
         loaded = with_settings(loaded, values, [id] if id else loaded.estimators[:1])
@@ -170,7 +159,7 @@ def stream(
         raise InputError(f"--duration {duration:g}: allowed is above 0 and below 1e9 simulated seconds")
     if lockstep is not None:
         run_lockstep(
-            loaded, id, kind=lockstep.value, to=addresses[0] if addresses else None, seed=seed, speed=speed,
+            loaded, id, kind=lockstep, to=addresses[0] if addresses else None, seed=seed, speed=speed,
             duration_s=duration, tlog=tlog, rates=rates, parameters=write_parameters, as_json=as_json,
         )  # fmt: skip
         return DONE
@@ -234,7 +223,7 @@ def _unit_at(port: Address | None, kind: UnitKind | None, sample_hz: float) -> U
 
     if port is None or kind is None:
         return None
-    return Unit(MODELS[kind.value], sample_hz, port.port if port.kind == "serial" else None)
+    return Unit(MODELS[kind], sample_hz, port.port if port.kind == "serial" else None)
 
 
 def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Limit | None:

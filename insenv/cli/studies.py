@@ -24,7 +24,7 @@ from insenv.cli.options import (
     changed_scenario,
     command,
     each_once,
-    given_path,
+    nonempty_path,
     one,
     out_option,
     renamed,
@@ -185,9 +185,9 @@ def allan(
     end: Annotated[Optional[float], typer.Option("--to", metavar="S", help="End of the part to use.")] = None,  # noqa: UP045
     grade: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--grade-out", parser=given_path, metavar="FILE.toml", help='Write a file for grade = "FILE.toml".'),
+        typer.Option("--grade-out", parser=nonempty_path, metavar="FILE.toml", help='Write a file for grade = "FILE.toml".'),
     ] = None,
-    old_grade: Annotated[Optional[Path], typer.Option("--grade", parser=given_path, hidden=True)] = None,  # noqa: UP045
+    old_grade: Annotated[Optional[Path], typer.Option("--grade", parser=nonempty_path, hidden=True)] = None,  # noqa: UP045
 ) -> None:
     """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
     from insenv.studies.allan import allan as measure

@@ -62,7 +62,7 @@ Numbers = dict[str, Any]
 
 
 def of_instrument(judgement: Judgement, count: Any, refused: Any) -> Numbers:
-    """What is told of an instrument with so many measurements, at least one, of which `refused` are refused.
+    """What is said of an instrument with so many measurements, at least one, of which `refused` are refused.
 
     smaller, mean: whether innovations of its first group are notably smaller than stated, and their NIS.
     """
@@ -88,7 +88,7 @@ def of_instrument(judgement: Judgement, count: Any, refused: Any) -> Numbers:
 
 
 def of_filter(places: Sequence[Any], ratios: Sequence[Any], fixes: Any, contradicted: Any) -> Numbers:
-    """What is told of a filter: it has the worst verdict of its instruments, and the largest factor.
+    """What is said of a filter: it has the worst verdict of its instruments, and the largest factor.
 
     places, ratios: of its instruments, GNSS first; 0 and 1 of one without measurements.  fixes: their number.
     first: which line comes first, of the filter, of GNSS, or both.
@@ -276,7 +276,7 @@ FIX_REMARKS = (
 def of_fixes(fixes: Any, measured: Any, place: Any, smaller: Any, slow: Any) -> Numbers:
     """Which of `FIX_REMARKS` is said of a filter that takes fixes, from 1 on; 0: none.
 
-    fixes, place, smaller: their number, and what is told of GNSS, 0 if there are none.  measured: whether any of its
+    fixes, place, smaller: their number, and the verdict of GNSS, 0 if there are none.  measured: whether any of its
     instruments measured.  slow: whether it models slow errors of the fixes.
     """
     overconfident, diverged = (place == VERDICTS.index(verdict) for verdict in WRONG)

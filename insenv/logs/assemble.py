@@ -231,6 +231,13 @@ def checked_position(name: str, section: PositionSection, table: TextTable, note
     return latitude, longitude
 
 
+def ned_velocity(section: PositionSection, table: TextTable) -> Array | None:
+    """The velocity columns (n, 3) m/s with the third one down; None if the section names none."""
+    if section.velocity is None:
+        return None
+    return table.columns(section.velocity) * np.array([1.0, 1.0, -1.0 if section.velocity_vertical == "up" else 1.0])
+
+
 def _selecting(section: FileSection) -> dict[Column, Any]:
     """keep_where of a section by column; TOML writes column numbers as text."""
     return {int(k) if k.isdigit() else k: v for k, v in section.keep_where.items()}

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Strict
+from pydantic import AfterValidator, BeforeValidator, Strict, ValidationInfo
 
 from insenv.base.remarks import clock
-from insenv.base.toml import Number, Positive, Section, check_three, key
+from insenv.base.toml import Number, Positive, Section, key, list_of
 from insenv.core.tables import Array
+from insenv.logs.units import axes_matrix
 
 
 def _check_column(value: object) -> object:
     if isinstance(value, bool) or not isinstance(value, (str, int)) or (isinstance(value, int) and value < 0):
         raise ValueError("must be a column name in quotes or a column number, counted from 0")
+    return value
+
+
+def _check_axes(value: Any, info: ValidationInfo) -> Any:
+    axes_matrix(value, reflection_allowed=info.field_name == "accel_axes")
     return value
 
 
@@ -26,9 +32,11 @@ def _as_tuple(value: object) -> object:
 
 
 Column = Annotated[str | int, BeforeValidator(_check_column)]
-Columns3 = Annotated[tuple[Column, Column, Column], BeforeValidator(check_three)]
-Sigma3 = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(check_three)]
+Columns3 = Annotated[tuple[Column, Column, Column], list_of(3, "three")]
+Sigma3 = Annotated[tuple[Positive, Positive, Positive], list_of(3, "three")]
+Axes = Annotated[Any, AfterValidator(_check_axes)]
 Files = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
+Columns4 = Annotated[tuple[Column, Column, Column, Column], list_of(4, "four")]
 AngleUnit = Literal["deg", "rad"]
 PositionUnit = Literal["deg", "rad", "1e-7 deg"]
 

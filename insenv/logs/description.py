@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, ValidationInfo, field_validator
+from pydantic import AfterValidator, ValidationInfo, field_validator
 
 from insenv import attitude
 from insenv.base.errors import nearest
@@ -15,7 +15,17 @@ from insenv.base.toml import NotNegative as PerAxis
 from insenv.base.toml import Number, Parameter, Positive, Rotation, Section, Vector3, key, within
 from insenv.base.toml import PerAxis as Signed
 from insenv.core.tables import Array
-from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, PositionUnit, Sigma3
+from insenv.logs.columns import (
+    AngleUnit,
+    Axes,
+    Column,
+    Columns3,
+    Columns4,
+    FileSection,
+    MeasurementSection,
+    PositionUnit,
+    Sigma3,
+)
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
 from insenv.sensors.grade_file import grade_of
@@ -69,11 +79,11 @@ class ImuSection(FileSection):
     )
     gyro_scale: Positive = key(1.0, "further factor on the gyro columns (unit per count, for raw counts)")
     accel_scale: Positive = key(1.0, "further factor on the accelerometer columns")
-    axes: Any = key(
+    axes: Axes = key(
         ...,
         'sensor axes: "FRD", "FLU", "RFU"... (where x, y, z point), "+x-y-z" (body forward, right, down), or 3x3 C_bs',
     )
-    accel_axes: Any = key(
+    accel_axes: Axes | None = key(
         None, "axes of the accelerometer where they differ; may be a reflection (a unit that reports minus the force)"
     )
     mounting_angles_deg: Rotation = key(
@@ -118,13 +128,6 @@ class ImuSection(FileSection):
     max_gap_s: Number = key(
         1.0, "a longer gap in the samples is an error; shorter ones are interpolated and counted", "s", ge=0, le=60
     )
-
-    @field_validator("axes", "accel_axes")
-    @classmethod
-    def _axes(cls, value: Any, info: Any) -> Any:
-        if value is not None:
-            axes_matrix(value, reflection_allowed=info.field_name == "accel_axes")
-        return value
 
     # rules between keys are validators of the later key: pydantic checks a whole section only if each key is right
 
@@ -281,14 +284,6 @@ class GnssSection(PositionSection, MeasurementSection):
         return value
 
 
-def _check_four(value: object) -> object:
-    if not isinstance(value, (list, tuple)) or len(value) != 4:
-        raise ValueError("must be a list of four")
-    return tuple(value)
-
-
-Columns4 = Annotated[tuple[Column, Column, Column, Column], BeforeValidator(_check_four)]
-_check_four.takes = "4 columns"  # type: ignore[attr-defined]  # for the table of keys
 _TOGETHER: tuple[tuple[str, ...], ...] = (
     ("latitude", "longitude", "height", "position_unit"),
     ("roll", "pitch", "heading", "attitude_unit"),
@@ -320,7 +315,7 @@ class ReferenceSection(PositionSection):
         "NED",
         "where x, y, z of the axes point along which velocity and position_local are given, and from which attitude counts",
     )
-    axes: Any = key(
+    axes: Axes = key(
         "FRD",
         'axes of the body whose attitude it is: "FRD", "FLU", ... (where x, y, z point), "+x-y-z" (body forward, right, down), '
         "or 3x3 C_bs",
@@ -345,12 +340,6 @@ class ReferenceSection(PositionSection):
         "column of the heading, about z from the first of the navigation_axes (NED: clockwise from north); with roll and pitch",
     )
     attitude_unit: AngleUnit | None = key(None, "unit of roll, pitch, heading", validate_default=True)
-
-    @field_validator("axes")
-    @classmethod
-    def _axes(cls, value: Any) -> Any:
-        axes_matrix(value)
-        return value
 
     @field_validator("attitude_unit")
     @classmethod
@@ -407,6 +396,18 @@ class PublishedSection(Section):
     rms: dict[str, Number] = key(..., "RMS by output name (north_m, roll_deg, ...), units in the names")
 
 
+def _after(begin: str) -> Any:
+    """Validator of the end of a span of time, whose begin has this key."""
+
+    def check(value: float | None, info: ValidationInfo) -> float | None:
+        start = info.data.get(begin)
+        if start is not None and value is not None and value <= start:
+            raise ValueError(f"must be after {begin} = {clock(start)} s")
+        return value
+
+    return check
+
+
 class EvaluationSection(Section):
     """The part of the log over which errors against the reference are evaluated."""
 
@@ -416,13 +417,7 @@ class EvaluationSection(Section):
     to_s: Number | None = key(None, "end of the evaluation", "s")
     published: tuple[PublishedSection, ...] = key((), "published results for the same log")
 
-    @field_validator("to_s")
-    @classmethod
-    def _after_from(cls, value: float | None, info: ValidationInfo) -> float | None:
-        begin = info.data.get("from_s")
-        if begin is not None and value is not None and value <= begin:
-            raise ValueError(f"must be after from_s = {clock(begin)} s")
-        return value
+    _after_from = field_validator("to_s")(_after("from_s"))
 
 
 class AnyLog(Section):
@@ -456,13 +451,7 @@ class AnyLog(Section):
             raise ValueError(f"unknown{nearest(value, vehicle_registry.names())}")
         return value
 
-    @field_validator("stop_s")
-    @classmethod
-    def _after_start(cls, value: float | None, info: ValidationInfo) -> float | None:
-        start = info.data.get("start_s")
-        if start is not None and value is not None and value <= start:
-            raise ValueError(f"must be after start_s = {clock(start)} s")
-        return value
+    _after_start = field_validator("stop_s")(_after("start_s"))
 
 
 class LogDescription(AnyLog):

@@ -20,7 +20,7 @@ from insenv.logs.columns import before, window_words
 from insenv.logs.description import AnyLog, Grade, LogDescription, Sigma3
 from insenv.logs.files import read_bytes
 from insenv.logs.formats import SUFFIXES, Format, flight_format
-from insenv.logs.formats.series import FixSeries, Flight, ImuSeries, SolutionSeries
+from insenv.logs.formats.series import FixSeries, Flight, ImuSeries, SolutionSeries, rows_of
 from insenv.logs.formats.vehicle_parameters import lever_arm, settings, unit_rows
 from insenv.logs.inertial import implausible, increments, sampling
 from insenv.logs.instruments import description_class
@@ -36,8 +36,8 @@ POSITION_SIGMA = (2.5, 2.5, 5.0)
 """Assumed if a log states no accuracy: a single-frequency receiver under open sky (m)."""
 VELOCITY_SIGMA = (0.3, 0.3, 0.5)
 _NONE = "none"
-
 AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries, Readings)
+
 _NO_FIXES = declared("log-without-fixes", "no GNSS: the log has no fixes")
 _FIXES_UNUSED = declared("fixes-unused", "no GNSS: the log's fixes are not used")
 _GNSS_ELSEWHEN = declared(
@@ -374,17 +374,6 @@ def _as_log_description(
 def restarts(time: Array) -> np.ndarray:
     """Number of restarts of the clock before each row: (n,) integers."""
     return np.concatenate([[0], np.cumsum(np.diff(time) < -RESTART_S)]).astype(np.int64)
-
-
-def rows_of(series: AnySeries, rows: np.ndarray) -> AnySeries:
-    """The series with only these rows, in this order."""
-    length = series.time.size
-    picked: dict[str, Any] = {}
-    for each in fields(series):
-        value = getattr(series, each.name)
-        if isinstance(value, np.ndarray) and value.shape[:1] == (length,):
-            picked[each.name] = value[rows]
-    return replace(series, **picked)
 
 
 def ordered(series: AnySeries) -> tuple[AnySeries, int]:

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, ValidationInfo, create_model, field_validator
+from pydantic import ValidationInfo, create_model, field_validator
 
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Positive, key
 from insenv.core.tables import Array
 from insenv.logs.assemble import LogReader
-from insenv.logs.columns import Column, Columns3, MeasurementSection
+from insenv.logs.columns import Axes, Column, Columns3, MeasurementSection
 from insenv.logs.description import LogDescription
 from insenv.logs.formats.csv_table import TextTable
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, delivered
@@ -27,13 +27,6 @@ from insenv.sensors.instrument import Column as MeasuredColumn
 from insenv.sensors.instrument import Instrument
 from insenv.sensors.registry import figures_of, setting_key
 
-
-def _check_axes(value: Any) -> Any:
-    axes_matrix(value)
-    return value
-
-
-Axes = Annotated[Any, AfterValidator(_check_axes)]
 _AXES = 'axes of the columns: "FRD", "FLU", ... (where x, y, z point), "+x-y-z" (body forward, right, down), or 3x3 C_bs'
 
 

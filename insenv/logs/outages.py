@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from insenv.base.errors import InputError, nearest
 from insenv.core.tables import Array
+from insenv.logs.formats.series import rows_of
 from insenv.logs.recorded import GnssFixes, RecordedLog
 
 OutagesLike = str | Iterable["str | Sequence[float]"]
@@ -74,11 +75,11 @@ def withheld(log: RecordedLog, outages: Iterable[Any], begin_s: float) -> tuple[
     lost = np.any([_inside(gnss, *window) for window in windows], axis=0)
     if np.all(lost | (gnss.time < begin_s)):
         raise InputError("outages: they withhold every fix of the replay; allowed are outages that leave some")
-    left = _rows(gnss, ~lost)
+    left = rows_of(gnss, ~lost)
     arrival = left.time if left.arrival is None else left.arrival
     resumed = [np.min(arrival[left.time >= end], initial=np.inf) for _, end in windows]
     return replace(log, gnss=left), Withheld(
-        np.array(windows), _rows(gnss, lost), np.array(resumed), len(regular) - len(holding)
+        np.array(windows), rows_of(gnss, lost), np.array(resumed), len(regular) - len(holding)
     )
 
 
@@ -147,10 +148,3 @@ def _pattern(text: str, begin_s: float, end_s: float) -> list[tuple[float, float
 
 def _inside(gnss: GnssFixes, begin: float, end: float) -> Any:
     return (gnss.time >= begin) & (gnss.time < end)
-
-
-def _rows(gnss: GnssFixes, rows: Any) -> GnssFixes:
-    """The fixes at which `rows` (m,) is True."""
-    columns = {each.name: getattr(gnss, each.name) for each in fields(gnss)}
-    chosen: dict[str, Any] = {name: None if values is None else values[rows] for name, values in columns.items()}
-    return GnssFixes(**chosen)

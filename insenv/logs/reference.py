@@ -10,7 +10,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.core.tables import Array
-from insenv.logs.assemble import LogReader, checked_position
+from insenv.logs.assemble import LogReader, checked_position, ned_velocity
 from insenv.logs.description import ReferenceSection
 from insenv.logs.formats.csv_table import Column, TextTable
 from insenv.logs.inertial import InertialSamples
@@ -99,10 +99,8 @@ def _velocity(section: ReferenceSection, table: TextTable, C_ng: Array) -> Array
         assert section.position_ecef is not None
         C_ne = of_ecef(table.columns(section.position_ecef))[1]
         return np.einsum("kij,kj->ki", C_ne, table.columns(section.velocity_ecef))
-    if section.velocity is None:
-        return None
-    velocity = table.columns(section.velocity) * np.array([1.0, 1.0, -1.0 if section.velocity_vertical == "up" else 1.0])
-    return velocity if _as_it_is(section) else np.einsum("kij,kj->ki", C_ng, velocity)
+    velocity = ned_velocity(section, table)
+    return velocity if velocity is None or _as_it_is(section) else np.einsum("kij,kj->ki", C_ng, velocity)
 
 
 def _as_it_is(section: ReferenceSection) -> bool:

@@ -17,10 +17,10 @@ from insenv.core.tables import Array
 from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import instruments
-from insenv.logs.assemble import LogReader, checked_position
+from insenv.logs.assemble import LogReader, checked_position, ned_velocity
 from insenv.logs.build import LEFT_OUT, overlaps, recorded_log, span_of
 from insenv.logs.declared_units import check_units
-from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection
+from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription
 from insenv.logs.files import Faults
 from insenv.logs.formats.csv_table import Column, TextTable
 from insenv.logs.inertial import InertialSamples, covered_steps, implausible, increments, sampling
@@ -221,12 +221,6 @@ def _intervals(column: Column, table: TextTable, stamps: Array) -> Array:
     return lengths
 
 
-def _velocity(section: PositionSection, table: TextTable) -> Array | None:
-    if section.velocity is None:
-        return None
-    return table.columns(section.velocity) * np.array([1.0, 1.0, -1.0 if section.velocity_vertical == "up" else 1.0])
-
-
 def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
     course = () if section.course is None else (section.course,)
     table, time = reader.read("gnss", section, optional=course)
@@ -269,7 +263,7 @@ def _motion(section: GnssSection, table: TextTable) -> tuple[Array | None, Array
     """Velocity (m, 3) m/s and its standard deviation, or None of both."""
     if section.speed is not None and section.course is not None:
         return _from_course(section, section.speed, section.course, table)
-    velocity = _velocity(section, table)
+    velocity = ned_velocity(section, table)
     if velocity is None:
         return None, None
     return velocity, _sigma(table, section.velocity_sigma, section.velocity_sigma_mps, "m/s")

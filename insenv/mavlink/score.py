@@ -23,7 +23,17 @@ from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.base.remarks import declared
 from insenv.core.tables import Array, Vector
-from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, checked_estimate, errors, track_of
+from insenv.evaluation.errors import (
+    ATTITUDE,
+    CHANNELS,
+    POSITION,
+    VELOCITY,
+    Result,
+    Track,
+    checked_estimate,
+    errors,
+    track_of,
+)
 from insenv.evaluation.limits import Limit
 from insenv.mavlink.messages import Message, View
 from insenv.mavlink.messages.fields import DEG_E7
@@ -161,11 +171,7 @@ MAX_ESTIMATES = 200_000
 """Estimates kept of one source; beyond it every second one is dropped, and so on."""
 ANSWER_S = 1.0
 """Simulated time between two answers to one source."""
-NAMES = {
-    "roll_deg": "ROLL", "pitch_deg": "PITCH", "heading_deg": "HEADING",
-    "north_m": "NORTH", "east_m": "EAST", "down_m": "DOWN",
-    "vn_mps": "VN", "ve_mps": "VE", "vd_mps": "VD",
-}  # fmt: skip
+NAMES = {channel: channel.rpartition("_")[0].upper() for channel in CHANNELS}
 """Names of NAMED_VALUE_FLOAT by channel, behind E_ (error, estimate minus truth) and L_ (limit, 1 sigma)."""
 
 

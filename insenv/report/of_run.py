@@ -31,6 +31,7 @@ from insenv.report.tables import (
     number,
     outage_rows,
     unit_columns,
+    unit_of,
     unit_rows,
     within,
 )
@@ -48,7 +49,6 @@ EXPLAINED = {
     "vn": "vn, ve, vd: velocity north, east and down.",
 }
 """What columns of a table of errors mean."""
-UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
 AXES = ("forward", "right", "down")
 MARKED = 3.0
 """Ratio of an rms error to its yardstick from which a cell is marked."""
@@ -61,14 +61,6 @@ TRAVELS_M = 20.0
 """A ship that sways stays within this distance."""
 STEEP = 0.3
 """A track whose height varies by more than this part of its horizontal extent shows its height in the figure too."""
-
-
-def unit_of(channel: str) -> str:
-    """The unit of a channel of errors."""
-    return UNITS[channel.rpartition("_")[2]]
-
-
-# --- the page ----------------------------------------------------------------------------------------
 
 
 def run_page(report: RunData, further: Mapping[str, Any] | None = None) -> Page:

@@ -16,9 +16,9 @@ from insenv.evaluation.errors import Result
 from insenv.report.document import Document
 from insenv.report.files import FilesWritten, OutputFolder, file_name, write_document
 from insenv.report.notebook import Shown, data_frame
-from insenv.report.of_run import UNITS, drawable, run_page, run_picture
+from insenv.report.of_run import drawable, run_page, run_picture
 from insenv.report.run_data import RunData
-from insenv.report.tables import facts, run_blocks
+from insenv.report.tables import facts, run_blocks, unit_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -132,7 +132,7 @@ def collect(report: RunData) -> tuple[dict[str, NDArray[Any]], dict[str, dict[st
         ):
             for channel, value in series.items():
                 frame = "" if channel.endswith("_deg") else "n"
-                add(f"{prefix}/{kind}/{channel}", value, UNITS[channel.rpartition("_")[2]], frame, meaning)
+                add(f"{prefix}/{kind}/{channel}", value, unit_of(channel), frame, meaning)
         if result.outages is not None:
             lost = [(one.time, one.error, one.sigma) for one in result.outages.each]
             time, error, sigma = (np.concatenate(part) for part in zip(*lost, strict=True))

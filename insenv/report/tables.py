@@ -17,16 +17,19 @@ from insenv.report.run_data import RunData
 
 SEEDS = 10
 """Largest number of seeds that are printed; the files hold all."""
-_NAMES = {
-    **{f"{name}_deg": f"{name} [deg]" for name in ("roll", "pitch", "heading", "latitude", "longitude")},
-    **{f"{name}_m": f"{name} [m]" for name in ("north", "east", "down", "height")},
-    **{f"{name}_mps": f"{name} [m/s]" for name in ("vn", "ve", "vd")},
-}
+UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
+"""Units by the end of the name of a channel."""
+
+
+def unit_of(channel: str) -> str:
+    """The unit of a channel: ``m/s``."""
+    return UNITS[channel.rpartition("_")[2]]
 
 
 def label(channel: str) -> str:
     """A channel as printed: ``heading [deg]``."""
-    return _NAMES.get(channel, channel)
+    quantity, _, end = channel.rpartition("_")
+    return f"{quantity} [{UNITS[end]}]" if end in UNITS else channel
 
 
 def error_label(channel: str) -> str:

@@ -62,6 +62,11 @@ def _prefixed(table: Table, prefix: str) -> Table:
     return Table(tuple(replace(row, name=prefix + row.name) for row in table))
 
 
+def unprefixed(values: Values, table: Table, prefix: str = PREFIX) -> Values:
+    """The rows of a table among those of the loop, under their own names."""
+    return SimpleNamespace(**{row.name: getattr(values, prefix + row.name) for row in table})
+
+
 class _Wiring:
     """The row of the plant for each input of the estimator, and the functions of the whole model."""
 
@@ -121,24 +126,21 @@ class _Wiring:
 
     def start(self, p: Values, r: Any = None) -> dict[str, Any]:
         """State rows of both at the start."""
-        parameters = SimpleNamespace(**{row.name: getattr(p, self.prefix + row.name) for row in self.estimator.parameters})
         rows: dict[str, Any] = {}
         if self.plant.start is not None:
             rows |= self.plant.start(p, r) if self.plant.start_uniforms else self.plant.start(p)
         if self.holds:
             rows[self._held_row("delta_velocity")] = ca.vertcat(0, 0, -STANDARD_GRAVITY * p.sample_interval)
         if self.estimator.start is not None:
-            rows |= self._named(self.estimator.start(parameters))
+            rows |= self._named(self.estimator.start(unprefixed(p, self.estimator.parameters, self.prefix)))
         return rows
 
     def _named(self, rows: Mapping[str, Any]) -> dict[str, Any]:
         return {self.prefix + name: value for name, value in rows.items()}
 
     def _rows_of(self, p: Values, x: Values) -> tuple[Values, Values]:
-        """The estimator's parameters and state by its own names."""
-        tables = ((p, self.estimator.parameters), (x, self.estimator.state))
-        p, x = (SimpleNamespace(**{r.name: getattr(values, self.prefix + r.name) for r in table}) for values, table in tables)
-        return p, x
+        """Parameters and state of the estimator, under its own names."""
+        return unprefixed(p, self.estimator.parameters, self.prefix), unprefixed(x, self.estimator.state, self.prefix)
 
     def _inputs(self, p: Values, x: Values) -> Values:
         """The estimator's inputs."""

@@ -16,9 +16,9 @@ from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import Shown, data_frame
-from insenv.report.of_run import NAMES, unit_of
+from insenv.report.of_run import NAMES
 from insenv.report.panels import OPAQUE, TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
-from insenv.report.tables import label, number, runs_of, seed_list, since
+from insenv.report.tables import label, number, runs_of, seed_list, since, unit_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame

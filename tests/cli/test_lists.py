@@ -1,6 +1,7 @@
 """`insenv list`, `insenv examples` and `insenv new`: names, titles, files that run as written and overwrite nothing."""
 
 import re
+from typing import get_args
 
 import pytest
 from command_line import call, refused, strict
@@ -32,10 +33,10 @@ def test_a_wrong_grade_file_is_named(tmp_path, monkeypatch):
     assert len(err.splitlines()) == 1 and "wrong.toml: accel_vrw_ug_sqrt_hzz: unknown key" in err
 
 
-@pytest.mark.parametrize("what", list(What))
+@pytest.mark.parametrize("what", get_args(What))
 def test_each_kind_with_its_titles(what):
-    status, out, err = call("list", what.value)
-    listed = strict(call("list", what.value, "--json")[1])
+    status, out, err = call("list", what)
+    listed = strict(call("list", what, "--json")[1])
     assert (status, err) == (0, "") and max(map(len, out.splitlines())) <= 80
     whole = strict(call("list", "--json")[1])
     for key, rows in listed.items():

@@ -13,13 +13,14 @@ from earth_fixed import ACCEL, EARTH_RATE, GYRO, PHI, SCALE, frame_n, quaternion
 from interpreted import interpreted  # noqa: F401
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from yardsticks import bound_of_unit
 
 import insenv
 from insenv import geodesy
 from insenv.base.errors import InputError
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import Limit, Prior, bound, ratio, ratio_bounds
-from insenv.evaluation.limits.bound import bound_of_unit, limit_of
+from insenv.evaluation.limits.bound import limit_of
 from insenv.evaluation.limits.recursion import Layout, recursion
 from insenv.evaluation.limits.states import Mooring, entering, mooring_of, unit_of, wander_of
 from insenv.evaluation.limits.steps import DR, DV, PSI, _summed, earth_axes, fixes_of, integrals, step_ends, steps_along

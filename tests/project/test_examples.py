@@ -16,7 +16,7 @@ EXAMPLES = ROOT / "examples"
 SAID = {  # what each script must print
     "active_alignment.py": ("S-turns", "straight, constant speed"),
     "align_a_ship.py": ("heading_deg", "limit"),
-    "compare_tuners.py": ("innovation-based", "told minus"),
+    "compare_tuners.py": ("innovation-based", "oracle minus"),
     "compare_estimators.py": ("q-method", "gyrocompass", "limit at the end"),
     "env_loop.py": ("aligned after", "limit"),
     "navigate_a_log.py": ("vd_mps", "KF-GINS"),

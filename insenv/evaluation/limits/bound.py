@@ -14,9 +14,9 @@ from insenv.core.tables import Array
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, STEEP, VELOCITY
 from insenv.evaluation.limits.aids import aids_of
-from insenv.evaluation.limits.recursion import Layout, Prior, errors_left, recursion
+from insenv.evaluation.limits.recursion import Layout, Prior, recursion
 from insenv.evaluation.limits.states import mooring_of, receiver_of, unit_of, wander_of
-from insenv.evaluation.limits.steps import NAVIGATION, Steps, fixes_of, step_ends, steps_along
+from insenv.evaluation.limits.steps import Steps, fixes_of, step_ends, steps_along
 
 FLOOR = {
     **dict.fromkeys(ATTITUDE[:2], 1e-6),
@@ -90,12 +90,12 @@ def ratio(rms: float, limit: float | None, channel: str) -> float | None:
     return None if not limit or limit < FLOOR[channel] else rms / limit
 
 
-def ratio_bounds(runs: int, probability: float = 0.95) -> tuple[float, float]:
+def ratio_bounds(runs: int) -> tuple[float, float]:
     """95 % bounds of rms/limit of an optimal estimator over so many runs: sqrt(chi2_n / n).
 
     The errors of a run are taken as one draw, because the biases of its unit are.
     """
-    low, high = quantile(((1 - probability) / 2, (1 + probability) / 2), runs)
+    low, high = quantile(((1 - 0.95) / 2, (1 + 0.95) / 2), runs)
     return float(np.sqrt(low / runs)), float(np.sqrt(high / runs))
 
 
@@ -124,36 +124,6 @@ def bound(
         if progress is not None:
             progress(round(float(time[-1]) / interval), samples)
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
-
-
-def bound_of_unit(model: Model, rows: Mapping[str, Any], prior: Prior, samples: int, *, in_place: bool) -> dict[str, Array]:
-    """The smallest standard deviations of the errors of the inertial unit at the end of a trajectory, SI.
-
-    As `bound`.  By the names of the error states of `fusion`: gyro_bias, accel_bias (3; all that a bias is made of),
-    gyro_scale, accel_scale (3), gyro_misalignment, accel_misalignment (6); those that the unit has.
-    """
-    interval = float(rows["sample_interval"])
-    layout = layout_of(rows, interval, in_place)
-    P = errors_left(blocks_of(model, rows, interval, samples, layout), layout, prior)
-    picks: dict[str, dict[int, Array]] = {}  # by name and component, which states make it up
-    for source in layout.unit.sources:
-        if source.triad not in (0, 1):
-            continue
-        begin = layout.place(source).start - NAVIGATION
-        for number, place in enumerate(source.place.tolist()):
-            named = _named(source.name, "gyro" if source.triad == 0 else "accel", place)
-            if named is not None:
-                name, component = named
-                picks.setdefault(name, {}).setdefault(component, np.zeros(len(P)))[begin + number] = 1.0
-    return {name: np.array([np.sqrt(w @ P @ w) for _, w in sorted(components.items())]) for name, components in picks.items()}
-
-
-def _named(source: str, triad: str, place: int) -> tuple[str, int] | None:
-    """The error state that a component of a source belongs to, and which of its components; None for others."""
-    if source == "matrix":
-        row, column = divmod(place, 3)
-        return (f"{triad}_scale", row) if row == column else (f"{triad}_misalignment", place)
-    return (f"{triad}_bias", place) if "bias" in source or "flicker" in source else None
 
 
 def layout_of(rows: Mapping[str, Any], interval: float, in_place: bool) -> Layout:

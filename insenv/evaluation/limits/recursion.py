@@ -81,16 +81,6 @@ def recursion(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Iterable
         yield steps.time, filter_.block(steps)
 
 
-def errors_left(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Array:
-    """The covariance of the states of `Layout.sources`, in their order, after all blocks."""
-    filter_ = None
-    for steps in blocks:
-        filter_ = filter_ or CovarianceFilter(layout, prior, steps)
-        filter_.block(steps)
-    assert filter_ is not None
-    return filter_.P[NAVIGATION:, NAVIGATION:]
-
-
 @dataclass(frozen=True)
 class Moves:
     """What m steps do to the s states, navigation errors first, without measurements.

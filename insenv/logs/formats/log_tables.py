@@ -5,6 +5,7 @@ Every value is in SI and in body or navigation axes, as `insenv.logs.RecordedLog
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -107,56 +108,48 @@ def reference_keys(reference: Reference) -> dict[str, Any]:
 def imu_columns(log: RecordedLog) -> Columns:
     """The samples that the log has: those that were interpolated are left out."""
     sampled = ~log.bridged
-    columns = {
-        "time_s": log.imu_time[sampled],
-        "interval_s": log.dt[sampled],
-        **_vector(IMU["gyro"], log.delta_angle[sampled]),
-        **_vector(IMU["accel"], log.delta_velocity[sampled]),
-    }
+    values = {"time": log.imu_time, "interval": log.dt, "gyro": log.delta_angle, "accel": log.delta_velocity}
     if log.temperature is not None:  # the difference is exact, so that reading gives the same kelvins
-        columns["temperature_degc"] = log.temperature[sampled] - ZERO_CELSIUS
-    return columns
+        values["temperature"] = log.temperature - ZERO_CELSIUS
+    return _named(imu_keys(log), {key: value[sampled] for key, value in values.items()})
 
 
 def gnss_columns(fixes: GnssFixes) -> Columns:
     """The fixes by arrival, with their age, or by time of validity where there is no arrival."""
-    columns = {**_stamps(fixes), "latitude_rad": fixes.latitude, "longitude_rad": fixes.longitude, "height_m": fixes.height}
-    columns |= _vector(GNSS["position_sigma"], fixes.position_sigma)
-    if fixes.velocity_n is not None and fixes.velocity_sigma is not None:
-        columns |= _vector(GNSS_VELOCITY["velocity"], fixes.velocity_n)
-        columns |= _vector(GNSS_VELOCITY["velocity_sigma"], fixes.velocity_sigma)
-    return columns
+    values = {**_stamps(fixes), "latitude": fixes.latitude, "longitude": fixes.longitude, "height": fixes.height}
+    values |= {"position_sigma": fixes.position_sigma, "velocity": fixes.velocity_n, "velocity_sigma": fixes.velocity_sigma}
+    return _named(gnss_keys(fixes), values)
 
 
 def instrument_columns(readings: Readings) -> Columns:
     """The measurements by arrival, with their age, or by time of validity where there is no arrival."""
-    keys = instrument_keys(readings)
-    named = [keys[column.key] for column in _measured(readings)]
-    names = [name for value in named for name in ([value] if isinstance(value, str) else value)]
-    return {**_stamps(readings), **_vector(names, readings.values)}
+    keys, rows = instrument_keys(readings), readings.columns()
+    return _named(keys, {**_stamps(readings), **{column.key: rows[column.row] for column in _measured(readings)}})
 
 
 def reference_columns(reference: Reference) -> Columns:
     """The reference where all that it has is known."""
-    columns: Columns = {"time_s": reference.time}
-    if reference.latitude is not None and reference.longitude is not None and reference.height is not None:
-        columns |= {"latitude_rad": reference.latitude, "longitude_rad": reference.longitude, "height_m": reference.height}
-    if reference.velocity_n is not None:
-        columns |= _vector(_NED_VELOCITY, reference.velocity_n)
-    if reference.roll is not None and reference.pitch is not None and reference.heading is not None:
-        columns |= {"roll_rad": reference.roll, "pitch_rad": reference.pitch, "heading_rad": reference.heading}
+    values: dict[str, Any] = {name: getattr(reference, name) for name in ("time", "latitude", "longitude", "height")}
+    values |= {"velocity": reference.velocity_n, "roll": reference.roll, "pitch": reference.pitch, "heading": reference.heading}
+    columns = _named(reference_keys(reference), values)
     known = np.all([np.isfinite(column) for column in columns.values()], axis=0)
     return {name: column[known] for name, column in columns.items()}
 
 
-def _stamps(measured: GnssFixes | Readings) -> Columns:
+def _stamps(measured: GnssFixes | Readings) -> dict[str, Any]:
     if measured.arrival is None or measured.age is None:
-        return {"time_s": measured.time}
-    return {"time_s": measured.arrival, "age_s": measured.age}
+        return {"time": measured.time}
+    return {"time": measured.arrival, "age": measured.age}
 
 
-def _vector(names: list[str], values: Array) -> Columns:
-    return dict(zip(names, values.T, strict=True))
+def _named(keys: Mapping[str, Any], values: Mapping[str, Any]) -> Columns:
+    """The columns, in the order of `values`, that a section's keys name: values (n,) or (n, k) by key; others are left out."""
+    columns: Columns = {}
+    for key, value in values.items():
+        if key in keys:
+            names = [keys[key]] if isinstance(keys[key], str) else keys[key]
+            columns |= zip(names, np.reshape(value, (-1, len(names))).T, strict=True)
+    return columns
 
 
 def receiver_columns(
@@ -167,11 +160,10 @@ def receiver_columns(
     time (n,) s, Unix; degrees (n, 2): latitude, longitude; height (n,) m above the ellipsoid; the rest (n, 3) north, east,
     down.
     """
-    columns = {UNIX_TIME: time, "latitude_deg": degrees[:, 0], "longitude_deg": degrees[:, 1], "height_m": height}
-    columns |= _vector(GNSS["position_sigma"], sigma)
-    if velocity is not None and velocity_sigma is not None:
-        columns |= _vector(GNSS_VELOCITY["velocity"], velocity) | _vector(GNSS_VELOCITY["velocity_sigma"], velocity_sigma)
-    return columns
+    values: dict[str, Any] = {"time": time, "latitude": degrees[:, 0], "longitude": degrees[:, 1], "height": height}
+    values["position_sigma"], moving = sigma, velocity is not None and velocity_sigma is not None
+    values |= {"velocity": velocity, "velocity_sigma": velocity_sigma} if moving else {}
+    return _named({**RECEIVER, **(GNSS_VELOCITY if moving else {})}, values)
 
 
 def tables(log: RecordedLog) -> dict[str, Columns]:

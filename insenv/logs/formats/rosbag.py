@@ -34,12 +34,13 @@ from insenv.core.tables import Array
 from insenv.logs.formats.contract import EPOCH, Drive, Files, Format, NamedTrack
 from insenv.logs.formats.series import FixSeries, Flight, ImuSeries, SolutionSeries, reading
 from insenv.logs.recorded import GnssFixes, RecordedLog
+from insenv.logs.units import LOCAL_AXES
 from insenv.sensors.units import ZERO_CELSIUS
 
 SIGNS = np.array([1.0, -1.0, -1.0])
 """Signs from forward, left, up to forward, right, down, and back."""
 FLU = np.diag(SIGNS)
-ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+ENU = LOCAL_AXES["ENU"]
 """From east, north, up to north, east, down, and back."""
 MAPS = frozenset(("map", "enu", "world", "earth"))
 """Frames whose axes point east, north, up."""

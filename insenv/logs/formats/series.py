@@ -6,8 +6,8 @@ Times are in seconds on one clock of the log. Everything else is in SI, radians,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -126,6 +126,20 @@ def reading(id: str, name: str, time: Array, values: Array) -> Readings | None:
     table = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
     good = np.isfinite(table).all(axis=1)
     return Readings(id, name, np.asarray(time)[good], table[good], _MEASURED[id]) if good.any() else None
+
+
+Timed = TypeVar("Timed", ImuSeries, FixSeries, SolutionSeries, Readings, GnssFixes)
+
+
+def rows_of(series: Timed, rows: np.ndarray) -> Timed:
+    """The series with only these rows, in this order."""
+    length = series.time.size
+    picked: dict[str, Any] = {}
+    for each in fields(series):
+        value = getattr(series, each.name)
+        if isinstance(value, np.ndarray) and value.shape[:1] == (length,):
+            picked[each.name] = value[rows]
+    return replace(series, **picked)
 
 
 def instance_name(name: str, instance: int | None) -> str:

@@ -35,8 +35,9 @@ from insenv.logs.formats.series import (
 )
 from insenv.logs.formats.tlog import TelemetryLog, messages
 from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
+from insenv.logs.units import ANGLE_UNITS
 
-_DEG_E7 = np.pi / 180.0 * 1e-7
+_DEG_E7 = ANGLE_UNITS["1e-7 deg"]
 _DEG_E5 = np.pi / 180.0 * 1e-5
 _UNKNOWN = 65535
 _MAGNETOMETER, _PRESSURE_HEIGHT = 0b111 << 6, 1 << 11

@@ -34,6 +34,7 @@ from insenv.logs.formats.series import (
     with_places,
 )
 from insenv.logs.recorded import Readings
+from insenv.logs.units import ANGLE_UNITS
 
 MAGIC = b"ULog\x01\x12\x35"
 _HEADER_BYTES = 16
@@ -45,7 +46,7 @@ _SYNC = ord("S")
 _SYNC_BYTES = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
 _MAX_READS = 300_000
 """Allowed reads without progress: two for each byte of the longest message, after which pyulog searches byte by byte."""
-_E7 = np.pi / 180.0 * 1e-7
+_E7 = ANGLE_UNITS["1e-7 deg"]
 _RECEIVERS = ("vehicle_gps_position", "sensor_gps")
 _TOPICS = [
     "sensor_combined",

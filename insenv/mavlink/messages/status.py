@@ -72,7 +72,7 @@ def autopilot_version(view: View) -> Values:
     version = major << 24 | minor << 16 | patch << 8
     plant = view.simulation.plant
     digest = blake2b(f"{plant.scenario.name}:{plant.seed}:{view.system}".encode(), digest_size=8).digest()
-    # missions, fences and rally points are all empty, but a client that reads them must be told so
+    # missions, fences and rally points are all empty, but a client that reads them needs that answer
     capabilities = _PARAM_FLOAT | _MISSION_INT | _COMMAND_INT | _FTP | _MAVLINK2 | _MISSION_FENCE | _MISSION_RALLY
     none = [0] * 8
     return capabilities, version, 0, 0, 0, none, none, none, 0, 0, int.from_bytes(digest, "little")

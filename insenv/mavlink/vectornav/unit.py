@@ -165,8 +165,8 @@ class Unit:
         Also the end of the bytes, an unfinished command, which belongs before those that the host sends next.
         """
         *lines, rest = re.split(rb"[\r\n]+", data)
-        found = [_LINE.fullmatch(text.decode("ascii", "replace")) for text in lines]
-        followed = [(each[1], each[2]) for each in found if each is not None][:MAX_COMMANDS]
+        matches = [_LINE.fullmatch(text.decode("ascii", "replace")) for text in lines]
+        followed = [(each[1], each[2]) for each in matches if each is not None][:MAX_COMMANDS]
         return [(body[:5], self._answer(body, checksum)) for body, checksum in followed], rest[-MAX_LINE:]
 
     def _answer(self, body: str, checksum: str) -> bytes:

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import model_validator
 
 from insenv import attitude
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import declared
-from insenv.base.toml import Number, Positive, Section, key
+from insenv.base.toml import Number, Positive, Section, key, list_of
 from insenv.core.tables import Array
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs.units import ANGLE_UNITS
@@ -25,20 +25,8 @@ from insenv.scenario.tracks.section import RecordedFile, knot_interval, spacing
 from insenv.scenario.tracks.shape import Shape, check_velocity, motion, shaped
 from insenv.vehicles.section import MAX_DURATION_S
 
-
-def _names(count: str, number: int) -> BeforeValidator:
-    """Validator: a list of so many values, of any type."""
-
-    def check(value: object) -> object:
-        if not isinstance(value, (list, tuple)) or len(value) != number:
-            raise ValueError(f"must be a list of {count} names of variables")
-        return tuple(value)
-
-    return BeforeValidator(check)
-
-
-_Three = Annotated[tuple[str, str, str], _names("three", 3)]
-_Four = Annotated[tuple[str, str, str, str], _names("four", 4)]
+_Three = Annotated[tuple[str, str, str], list_of(3, "three names of variables")]
+_Four = Annotated[tuple[str, str, str, str], list_of(4, "four names of variables")]
 
 
 class Outputs(Section):

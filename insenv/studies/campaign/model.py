@@ -20,7 +20,7 @@ from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator
 from insenv.evaluation.errors import channels_of, error_of, nees, sigma_of, stated_of
-from insenv.scenario.loop import PREFIX, loop_model
+from insenv.scenario.loop import loop_model, unprefixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class _Statistics:
 
     def evaluate(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
         """Add the squared errors and the stated variances; the first evaluation after a record restarts the sums."""
-        outputs = self._named(self.estimator.model, PREFIX, p, x)
+        _, outputs = self._estimated(p, x)
         added = {"squared_error": error_of(self.channels, outputs, x)}
         if self.stated:
             added["squared_sigma"] = sigma_of(self.stated, outputs)
@@ -118,13 +118,12 @@ class _Statistics:
 
     def output(self, p: Values, x: Values) -> dict[str, Any]:
         """The outputs at a record."""
-        outputs = self._named(self.estimator.model, PREFIX, p, x)
+        state, outputs = self._estimated(p, x)
         count = x.evaluated + (x.evaluated == 0)
         rows: dict[str, Any] = {"error": error_of(self.channels, outputs, x), "mean_square": x.squared_error / count}
         if self.stated:
             rows |= {"sigma": sigma_of(self.stated, outputs), "mean_variance": x.squared_sigma / count}
         if self.degrees:
-            state = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
             rows["nees"] = nees(self.estimator, state, outputs, x)[0]
         rows.update({name: getattr(outputs, name) for name in self.estimator.health_rows.names})
         return rows
@@ -136,8 +135,8 @@ class _Statistics:
         truth = self.loop.state.symbols(ca.SX.sym("t", self.loop.state.size))
         return nees(self.estimator, x, SimpleNamespace(**model.output(p, x)), truth)[1]
 
-    def _named(self, model: Model, prefix: str, p: Values, x: Values) -> Values:
-        """The outputs of one of the loop's estimators, under its own names."""
-        tables = ((p, model.parameters), (x, model.state))
-        named = [SimpleNamespace(**{r.name: getattr(values, prefix + r.name) for r in table}) for values, table in tables]
-        return SimpleNamespace(**model.output(*named))
+    def _estimated(self, p: Values, x: Values) -> tuple[Values, Values]:
+        """State and outputs of the estimator, under its own names."""
+        model = self.estimator.model
+        state = unprefixed(x, model.state)
+        return state, SimpleNamespace(**model.output(unprefixed(p, model.parameters), state))

@@ -27,37 +27,8 @@ from insenv.scenario.variation import Variation, check_variations, varied
 from insenv.studies.campaign.design import check_design, dependent, numbers_of, seed_of, unbalanced, whole_design
 from insenv.studies.campaign.model import Measured, measured_model
 
-# The parameters of a campaign's runs, in the order of its model.
-
-
 DIGITS = 9
-"""Significant digits that `parameter_digest` compares: fewer than those in which machines may differ."""
-
-
-def run_parameters(plants: Sequence[Plant], estimator: Estimator, evaluation: tuple[int, int], differ: bool) -> Array:
-    """Parameters of the campaign's model, one row per plant.
-
-    evaluation: samples between evaluations, evaluations between records.  differ: whether the plants differ in more than
-    their seeds.
-    """
-    model, parameters = plants[0].model, estimator.model.parameters
-    place, one = model.parameters.slice("seed").start, model.parameters.pack(plants[0].parameters)
-    rows = []
-    for plant in plants:
-        if differ:
-            one = model.parameters.pack(plant.parameters)
-        one[place] = plant.seed
-        parts = [one, parameters.pack(plant.parameters_of(estimator))]
-        parts.append(np.array(evaluation, dtype=np.float64))
-        rows.append(np.concatenate(parts))
-    return np.array(rows)
-
-
-def parameter_digest(values: Array) -> str:
-    """Hash of some values to `DIGITS` significant digits."""
-    return hashlib.sha256(" ".join(f"{value:.{DIGITS}g}" for value in values.ravel()).encode()).hexdigest()
-
-
+"""Significant digits of the parameters that a digest compares: fewer than those in which machines may differ."""
 RECORDS = 120
 """Approximate upper bound of the number of recorded times."""
 BLOCK_SAMPLES = 10_000_000
@@ -112,7 +83,8 @@ class Plan:
         A function that prepares parameters has no text to compare, as a plug-in's source may be anywhere; its results have.
         """
         plants = list(self.plants(range(min(self.runs, COMPARED_RUNS))))
-        return parameter_digest(self.parameters_of(plants))
+        values = self.parameters_of(plants).ravel()
+        return hashlib.sha256(" ".join(f"{value:.{DIGITS}g}" for value in values).encode()).hexdigest()
 
     @functools.cached_property
     def digest(self) -> str:
@@ -187,9 +159,17 @@ class Plan:
         return measured_model(self.plant.model, self.chosen)
 
     def parameters_of(self, plants: Sequence[Plant]) -> Array:
-        """Parameters of `measured` for the plants of some runs, one row per run."""
-        evaluation = self.evaluation_samples, self.evaluations
-        return run_parameters(plants, self.chosen, evaluation, bool(self.variations))
+        """Parameters of `measured` for the plants of some runs, one row per run; without variations only their seeds differ."""
+        table, parameters = plants[0].model.parameters, self.chosen.model.parameters
+        place, one = table.slice("seed").start, table.pack(plants[0].parameters)
+        evaluation = np.array([self.evaluation_samples, self.evaluations], dtype=np.float64)
+        rows = []
+        for plant in plants:
+            if self.variations:
+                one = table.pack(plant.parameters)
+            one[place] = plant.seed
+            rows.append(np.concatenate([one, parameters.pack(plant.parameters_of(self.chosen)), evaluation]))
+        return np.array(rows)
 
     @property
     def too_short(self) -> bool:

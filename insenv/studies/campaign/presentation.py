@@ -20,9 +20,9 @@ from insenv.evaluation.health import CONTRADICTED, UNTESTED, VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import Block, Document, Grid, Line, Page, Table
 from insenv.report.notebook import data_frame
-from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture, unit_of
+from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
-from insenv.report.tables import error_label, label, number, runs_of, seed_list, since, within
+from insenv.report.tables import error_label, label, number, runs_of, seed_list, since, unit_of, within
 from insenv.scenario.variation import Variation
 from insenv.studies.campaign.sensitivity import Sensitivity
 from insenv.studies.campaign.statistics import Statistics

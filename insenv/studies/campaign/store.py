@@ -166,14 +166,9 @@ class Folder:
 
     def has(self, number: int) -> bool:
         """Whether the block is stored and undamaged."""
-        try:
-            with self._file(number).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-                whole = {name: arrays[name] for name in arrays.files}  # reading checks every checksum
-        except _DAMAGE:
-            return False
-        runs = self.plan.blocks[number]
-        expected = [self.plan.seed_of(run) for run in runs]
-        return str(whole.get("plan", "")) == self._digest and np.array_equal(whole.get("seed", ()), expected)
+        whole = self._stored(self._file(number))
+        expected = [self.plan.seed_of(run) for run in self.plan.blocks[number]]
+        return whole is not None and np.array_equal(whole.get("seed", ()), expected)
 
     def put(self, number: int, arrays: Arrays) -> None:
         """Write a finished block.  Raises `InputError` beside another's."""
@@ -197,9 +192,13 @@ class Folder:
 
     def part(self, number: int) -> Arrays | None:
         """What an interruption left of a block; None if there is nothing that can be read."""
+        return self._stored(self._begun(number))
+
+    def _stored(self, path: Path) -> Arrays | None:
+        """The arrays of a file of this campaign; None for another's, and if not all can be read."""
         try:
-            with self._begun(number).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-                whole = {name: arrays[name] for name in arrays.files}
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+                whole = {name: arrays[name] for name in arrays.files}  # reading checks every checksum
         except _DAMAGE:
             return None
         return whole if str(whole.pop("plan", "")) == self._digest else None

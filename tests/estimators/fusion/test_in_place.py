@@ -7,11 +7,11 @@ import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from yardsticks import bound_of_unit
 
 import insenv
 from insenv.core.model import Values
 from insenv.estimators.fusion.available import all_aids
-from insenv.evaluation.limits.bound import bound_of_unit
 from insenv.report.of_run import run_page
 from insenv.report.tables import unit_columns, unit_rows
 from insenv.scenario import build

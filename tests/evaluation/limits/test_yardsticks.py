@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from changed_scenario import changed
 from interpreted import interpreted  # noqa: F401
+from yardsticks import error_paths
 
 from insenv.evaluation.limits.bound import blocks_of, layout_of
-from insenv.evaluation.limits.paths import error_paths
 from insenv.scenario import build, limit, load
 from insenv.scenario.limits import prior_of
 

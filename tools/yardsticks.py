@@ -1,4 +1,5 @@
-"""Position errors of the optimal filter and of the optimal smoother, drawn as whole paths.
+"""What pages and tests compare filters with beside the limit: position errors of the optimal filter and of the optimal
+smoother, drawn as whole paths (`error_paths`), and the smallest errors of the inertial unit (`bound_of_unit`).
 
 The limit is a standard deviation at one instant.  A statistic of a stretch of time, such as the largest error in an outage,
 also depends on how the errors of its instants belong together.  The optimal filter of `recursion` is therefore run on drawn
@@ -13,12 +14,15 @@ Draws of one run share its trajectory.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from insenv.core.model import Model
 from insenv.core.tables import Array
+from insenv.evaluation.limits.bound import blocks_of, layout_of
 from insenv.evaluation.limits.recursion import CovarianceFilter, Layout, Moves, Prior
 from insenv.evaluation.limits.steps import DR, NAVIGATION, Steps, earth_axes
 
@@ -143,3 +147,46 @@ def _root(P: Array) -> Array:
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(P / scale / scale[:, None])
     return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+# The smallest errors of the inertial unit itself.
+
+
+def bound_of_unit(model: Model, rows: Mapping[str, Any], prior: Prior, samples: int, *, in_place: bool) -> dict[str, Array]:
+    """The smallest standard deviations of the errors of the inertial unit at the end of a trajectory, SI.
+
+    As `insenv.evaluation.limits.bound`.  By the names of the error states of `fusion`: gyro_bias, accel_bias (3; all that a
+    bias is made of), gyro_scale, accel_scale (3), gyro_misalignment, accel_misalignment (6); those that the unit has.
+    """
+    interval = float(rows["sample_interval"])
+    layout = layout_of(rows, interval, in_place)
+    P = errors_left(blocks_of(model, rows, interval, samples, layout), layout, prior)
+    picks: dict[str, dict[int, Array]] = {}  # by name and component, which states make it up
+    for source in layout.unit.sources:
+        if source.triad not in (0, 1):
+            continue
+        begin = layout.place(source).start - NAVIGATION
+        for number, place in enumerate(source.place.tolist()):
+            named = _named(source.name, "gyro" if source.triad == 0 else "accel", place)
+            if named is not None:
+                name, component = named
+                picks.setdefault(name, {}).setdefault(component, np.zeros(len(P)))[begin + number] = 1.0
+    return {name: np.array([np.sqrt(w @ P @ w) for _, w in sorted(components.items())]) for name, components in picks.items()}
+
+
+def _named(source: str, triad: str, place: int) -> tuple[str, int] | None:
+    """The error state that a component of a source belongs to, and which of its components; None for others."""
+    if source == "matrix":
+        row, column = divmod(place, 3)
+        return (f"{triad}_scale", row) if row == column else (f"{triad}_misalignment", place)
+    return (f"{triad}_bias", place) if "bias" in source or "flicker" in source else None
+
+
+def errors_left(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Array:
+    """The covariance of the states of `Layout.sources`, in their order, after all blocks."""
+    filter_ = None
+    for steps in blocks:
+        filter_ = filter_ or CovarianceFilter(layout, prior, steps)
+        filter_.block(steps)
+    assert filter_ is not None
+    return filter_.P[NAVIGATION:, NAVIGATION:]
