@@ -25,8 +25,8 @@ import insenv
 from insenv.core.model import Values
 from insenv.estimators import get_all
 from insenv.estimators.contract import Estimator
-from insenv.evaluation.limits.aids import Aid, aid_of
 from insenv.evaluation.limits.bound import blocks_of, layout_of
+from insenv.evaluation.limits.states import Aid, aid_of
 from insenv.scenario import build, load
 from insenv.scenario.limits import TRAJECTORY_SEED, prior_of
 from insenv.sensors.odometer import ODOMETER, axis

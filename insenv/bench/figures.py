@@ -81,8 +81,8 @@ def _processor() -> str:
 
 def _measurements() -> dict[str, tuple[str, Callable[[], Figure]]]:
     """By name of a figure, its unit and how it is measured."""
-    # here, so that `python -m insenv.bench.lockstep` starts without loading every measurement
-    from insenv.bench import envs, estimators, fmu, lockstep, mavlink, page_machine, speed, truth
+    # here, so that `python -m insenv.bench.mavlink` starts without loading every measurement
+    from insenv.bench import envs, estimators, fmu, mavlink, page_machine, speed, truth
     from insenv.estimators import registered
 
     stepped = [e.id for e in registered().values() if not e.smooths]
@@ -119,7 +119,7 @@ def _measurements() -> dict[str, tuple[str, Callable[[], Figure]]]:
         "mavlink.rate": ("Hz", mavlink.rate),
         "mavlink.lateness.p99": ("ms", mavlink.lateness),
         "mavlink.cpu": ("%", mavlink.cpu),
-        "mavlink.lockstep": ("x", lockstep.px4),
+        "mavlink.lockstep": ("x", mavlink.lockstep),
         "import.insenv": ("s", speed.import_time),
         "start.help": ("x", lambda: speed.start("--help")),
         "start.list": ("x", lambda: speed.start("list")),

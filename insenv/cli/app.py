@@ -8,9 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from insenv.cli import board, fmu
-from insenv.cli.describe import describe
 from insenv.cli.lists import examples, list_all, new, schema
-from insenv.cli.measures import bench, prove, reproduce
+from insenv.cli.measures import bench, describe, prove, reproduce
 from insenv.cli.options import HELP, OnceCommand
 from insenv.cli.runs import page, replay, run
 from insenv.cli.stream import stream

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Json, Out, Output, command, nonempty_path
+from insenv.base.errors import InputError, InsenvError
+from insenv.base.output import check_output_file
+from insenv.cli.options import Json, Out, Output, command, nonempty_path, out_option
 from insenv.cli.signals import DONE, FAILED
 
 
@@ -98,3 +101,79 @@ def bench(
         print_json(shown.as_json())
         return
     print_blocks(shown.blocks())
+
+
+# The command `insenv describe`: the description of a log that nobody has described.
+
+
+@dataclass
+class DescriptionOutput(Output):
+    """Where the description goes, and the run of it.  Raises `InputError` for what cannot be written, before the work."""
+
+    out: Annotated[
+        Optional[Path],  # noqa: UP045
+        out_option("LOG.toml", "Write the description to this file and run fusion on it; otherwise only print what is found."),
+    ] = None
+    run_out: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            "--run-out",
+            parser=nonempty_path,
+            metavar="DIR",
+            help="Write the run, its page and its figure there.",
+        ),
+    ] = None
+    no_figure: Annotated[bool, typer.Option("--no-figure", help="With --run-out: write no figure and no page.")] = False
+    no_run: Annotated[bool, typer.Option("--no-run", help="Do not run fusion on the described log.")] = False
+
+    def __post_init__(self) -> None:
+        self.folder = None
+        self.written = None
+        if self.out is not None:
+            check_output_file(self.out, ".toml")
+        if self.run_out is not None:
+            if self.out is None or self.no_run:
+                raise InputError("--run-out DIR keeps the run: allowed with -o LOG.toml and without --no-run")
+            from insenv.report import OutputFolder
+
+            self.folder = OutputFolder(self.run_out)
+
+
+@command
+def describe(
+    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="The files of a log, or one folder.")],
+    output: DescriptionOutput,
+) -> int:
+    """Find columns, units, axes, clock and lever arm of a log from its files; write its description and run fusion on it."""
+    from insenv.cli.output import print_line
+    from insenv.runs.replayed import replay
+    from insenv.studies.describe import describe as describe_log
+    from insenv.studies.describe.written import document, write
+
+    path = output.out
+    next_step = "-o LOG.toml writes the description and runs fusion on it"
+    with output.working(" ".join(files)) as progress:
+        described = describe_log(
+            [nonempty_path(file) for file in files],
+            folder=Path() if path is None else path.parent,
+            title="" if path is None else path.stem,
+            progress=progress.describe,
+        )
+        report = None
+        if path is not None:
+            next_step = f"insenv replay {path} -e fusion --out DIR writes the page of the run"
+            write(described, path)
+        if path is not None and not output.no_run:
+            progress.describe("fusion")
+            try:
+                report = replay(path, "fusion", progress=progress)
+            except InsenvError as error:
+                print_line(f"insenv: {path} is written, but fusion does not run on it: {error}", stderr=True)
+                output.show(document(described, path), next_step)
+                return FAILED
+        if report is not None and output.folder is not None:
+            from insenv.report import write_files
+
+            output.written = write_files(report, output.folder, output.figure)
+    output.show(document(described, path, report), next_step)
+    return DONE

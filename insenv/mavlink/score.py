@@ -39,7 +39,7 @@ from insenv.mavlink.messages import Message, View
 from insenv.mavlink.messages.fields import DEG_E7
 from insenv.mavlink.simulation import PLACE, POSE
 from insenv.report import Report
-from insenv.runs.function import Called
+from insenv.runs.follower import Called
 from insenv.runs.simulated import result_of
 
 LOCAL_NED, BODY_FRD = 1, 12

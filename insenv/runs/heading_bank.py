@@ -34,8 +34,7 @@ from insenv.estimators import Estimator, Knowledge, get
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.logs import RecordedLog
 from insenv.logs.instruments import sample_columns
-from insenv.runs.rest import wrapped
-from insenv.runs.standing_readings import Heading
+from insenv.runs.rest import Heading, wrapped
 from insenv.scenario.inputs import input_rows
 
 COUNT = 12

@@ -25,8 +25,7 @@ from insenv.logs.declared_units import rest_hint
 from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
 from insenv.runs.heading_bank import attitude_by_motion, heading_of
 from insenv.runs.log_remarks import latitude_text
-from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
-from insenv.runs.standing_readings import heading_at_rest
+from insenv.runs.rest import RestStart, gyrocompass_sigma, heading_at_rest, start_at_rest
 from insenv.runs.stated_start import KEYS, ROUNDED_PLACE, is_moored, stated_of, swaying
 from insenv.vehicles import registry as vehicles
 

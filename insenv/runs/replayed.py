@@ -34,8 +34,8 @@ from insenv.runs.follower import Follower
 from insenv.runs.log_remarks import fixes_delayed, latitude_at_rest, noise_in_motion, standstill_missed, unseen
 from insenv.runs.reference_check import reference_notes
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, rounding, start_time
+from insenv.runs.rest import with_datum
 from insenv.runs.simulated import follower_of, members, result_of
-from insenv.runs.standing_readings import with_datum
 from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.inputs import RECORDS, chunks, recording_interval
 

@@ -20,8 +20,7 @@ from insenv.evaluation.limits import Limit
 from insenv.evaluation.outages import Outages
 from insenv.evaluation.specific_force import SpecificForce
 from insenv.report import Report
-from insenv.runs.follower import Follower
-from insenv.runs.function import Called, EstimateFunction, FunctionFollower, parted, sample_names
+from insenv.runs.follower import Called, EstimateFunction, Follower, FunctionFollower, parted, sample_names
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
 from insenv.scenario.files import named_estimators

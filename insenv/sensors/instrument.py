@@ -2,7 +2,7 @@
 
 The plant evaluates the equation at the truth, with the errors that it has drawn (`insenv.sensors.sampled`).  A fusion filter
 evaluates it at its estimate, with the errors that it estimates (`insenv.estimators.fusion.instruments`).  The limit
-differentiates it along the truth (`insenv.evaluation.limits.aids`).  The errors stated to an estimator, the sections of
+differentiates it along the truth (`insenv.evaluation.limits.states`).  The errors stated to an estimator, the sections of
 scenarios and logs, the columns of exported logs and the sources of error of a budget follow from the same declaration.
 
 Every measurement has the rows ``ID_new``, 1 on the one sample with which it arrives, and ``ID_age``, the time from its epoch

@@ -6,7 +6,7 @@ from insenv.bench import figures
 
 SHORT = {
     "speed.REPETITIONS": 1, "speed.SAMPLES": 20, "speed.STARTS": 1, "speed.NUMERIC_REPETITIONS": 1, "peers.SAMPLES": 20,
-    "estimators.REPETITIONS": 1, "estimators.DURATION_S": 2.0, "estimators.SAMPLES": 10, "envs.REPETITIONS": 1,
+    "estimators.REPETITIONS": 1, "estimators.DURATION_S": 2.0, "envs.REPETITIONS": 1,
     "envs.LONG": 60.0, "peers.feedback_filter": lambda *_, **__: None, "fmu.REPETITIONS": 1, "fmu.DURATION_S": 0.5,
     "mavlink.STREAMED_S": 0.5,
 }  # fmt: skip

@@ -12,7 +12,7 @@ from insenv import record, replay
 from insenv.base.errors import InputError
 from insenv.logs.recorded import RecordedLog
 from insenv.logs.rest import rest_of, rest_rows
-from insenv.runs.standing_readings import heading_at_rest
+from insenv.runs.rest import heading_at_rest
 
 NOTHING = dict.fromkeys(
     ("latitude_deg", "longitude_deg", "height_m", "velocity_mps", "roll_deg", "pitch_deg", "heading_deg", "position_sigma_m",

@@ -16,11 +16,10 @@ import insenv
 from insenv.core.runner import make_runner
 from insenv.report.page import page_json
 from insenv.report.tables import number
-from insenv.scenario import build, error_sources, load
-from insenv.scenario.error_sources import sensors_of
+from insenv.scenario import build, load
 from insenv.sensors import IMU, registry
 from insenv.studies import budget as budget_module
-from insenv.studies.budget import packed, switch_off, switchable
+from insenv.studies.budget import packed, sensors_of, switch_off, switchable
 from insenv.studies.budget_result import budget_page, budget_rows
 
 PERFECT = {"grade": "perfect", "gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0}
@@ -94,7 +93,7 @@ def test_the_receiver_states_the_same_whatever_is_switched_off():
     plant = build(load("car-city-drive"), duration_s=20.0)
     model = switchable(plant.model, sensors_of(plant.scenario))
     assert model is switchable(plant.model, sensors_of(plant.scenario))
-    sources = error_sources.sources_of(plant, range(3))
+    sources = budget_module.sources_of(plant, range(3))
     quiet = [source for source in sources if source.name.startswith("GNSS")]
     whole = packed(model, plant.parameters)
     shown = {
@@ -134,11 +133,10 @@ def test_every_error_row_of_every_sensor_is_in_one_source():
 
 @pytest.mark.slow
 def test_a_sensor_of_another_package_is_part_of_the_method(monkeypatch):
-    real = error_sources.sensors_of
+    real = budget_module.sensors_of
     unknown = {sensor.id: replace(sensor, errors=None, stated=None) for sensor in real(load("car-city-drive"))}
-    for module in (error_sources, budget_module):
-        patched = lambda scenario: tuple(unknown["gnss"] if s.id == "gnss" else s for s in real(scenario))  # noqa: E731
-        monkeypatch.setattr(module, "sensors_of", patched)
+    patched = lambda scenario: tuple(unknown["gnss"] if s.id == "gnss" else s for s in real(scenario))  # noqa: E731
+    monkeypatch.setattr(budget_module, "sensors_of", patched)
     settings = {"loosely-coupled": {"rotation_error": 0.0}}
     found = insenv.budget(changed("car-city-drive", rate_hz=100.0), "loosely-coupled", 2, duration_s=3.0, settings=settings)
     assert any(note.startswith("rotation_error = 0 mrad is set") for note in found.notes)

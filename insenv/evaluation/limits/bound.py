@@ -13,9 +13,8 @@ from insenv.core.model import Model
 from insenv.core.tables import Array
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, STEEP, VELOCITY
-from insenv.evaluation.limits.aids import aids_of
 from insenv.evaluation.limits.recursion import Layout, Prior, recursion
-from insenv.evaluation.limits.states import mooring_of, receiver_of, unit_of, wander_of
+from insenv.evaluation.limits.states import aids_of, mooring_of, receiver_of, unit_of, wander_of
 from insenv.evaluation.limits.steps import Steps, fixes_of, step_ends, steps_along
 
 FLOOR = {

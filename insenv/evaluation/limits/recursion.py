@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.core.tables import Array
-from insenv.evaluation.limits.aids import Aid
-from insenv.evaluation.limits.states import REST_SIGMA, SWAY_SIGMA, Mooring, Source, Unit, entering
+from insenv.evaluation.limits.states import REST_SIGMA, SWAY_SIGMA, Aid, Mooring, Source, Unit, entering
 from insenv.evaluation.limits.steps import (
     DR,
     DV,

@@ -20,9 +20,8 @@ from insenv.base.toml import Number, Positive, Section, key, list_of
 from insenv.core.tables import Array
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs.units import ANGLE_UNITS
-from insenv.scenario.tracks.points import Points, checked
 from insenv.scenario.tracks.section import RecordedFile, knot_interval, spacing
-from insenv.scenario.tracks.shape import Shape, check_velocity, motion, shaped
+from insenv.scenario.tracks.shape import Points, Shape, check_velocity, checked, motion, shaped
 from insenv.vehicles.section import MAX_DURATION_S
 
 _Three = Annotated[tuple[str, str, str], list_of(3, "three names of variables")]

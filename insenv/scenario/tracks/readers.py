@@ -23,7 +23,7 @@ from insenv.logs.formats import TRACKS, is_flight_log
 from insenv.logs.formats.contract import NamedTrack
 from insenv.logs.formats.csv_table import Column, check_finite, read_table
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS
-from insenv.scenario.tracks.points import Points
+from insenv.scenario.tracks.shape import Points
 
 
 class Columns(Section):

@@ -14,9 +14,8 @@ from insenv.base.errors import InputError
 from insenv.base.remarks import Remark
 from insenv.base.toml import Number, Positive, key
 from insenv.geodesy import POLAR_RADIUS
-from insenv.scenario.tracks.points import Points, checked
 from insenv.scenario.tracks.readers import Column, Columns, fingerprint, formats, points_of
-from insenv.scenario.tracks.shape import Shape, shaped, start_of
+from insenv.scenario.tracks.shape import Points, Shape, checked, shaped, start_of
 from insenv.vehicles.section import MARGIN_MPS, StartSection, VehicleSection
 from insenv.vehicles.track import DEGREE, SIZES, track
 from insenv.vehicles.truth import Vehicle

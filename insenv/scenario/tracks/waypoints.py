@@ -18,9 +18,8 @@ from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
 from insenv.base.toml import Number, Positive, key
 from insenv.core.tables import Array
-from insenv.scenario.tracks.points import Points, checked
 from insenv.scenario.tracks.section import TrackSection, knot_interval
-from insenv.scenario.tracks.shape import Shape, shaped
+from insenv.scenario.tracks.shape import Points, Shape, checked, shaped
 from insenv.vehicles.section import MAX_DURATION_S, PlaceSection
 
 STEP_S = 0.25

@@ -37,10 +37,9 @@ from insenv.scenario import ScenarioLike, with_settings
 from insenv.scenario.variation import Variation, variation_of
 from insenv.studies.campaign.block import Arrays, StoppedError, run_block
 from insenv.studies.campaign.comparison import Comparison, compare
-from insenv.studies.campaign.limits import campaign_limit
 from insenv.studies.campaign.plan import Plan, make_plan
 from insenv.studies.campaign.store import MANIFEST, Folder, Memory, check_compared
-from insenv.studies.campaign.summary import Summary, summarise
+from insenv.studies.campaign.summary import Summary, campaign_limit, summarise
 
 # The workers of a campaign, as executors: threads of this process, a pool of processes or a Dask cluster.
 

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
 from insenv.evaluation.limits import recursion
-from insenv.evaluation.limits.aids import Aid, aids_of
-from insenv.evaluation.limits.states import receiver_of, unit_of
+from insenv.evaluation.limits.states import Aid, aids_of, receiver_of, unit_of
 from insenv.evaluation.limits.steps import Steps, fixes_of
 from insenv.geodesy.magnetic import world_magnetic_model
 from insenv.scenario import build, limit, load

@@ -7,8 +7,7 @@ import pytest
 
 from insenv import geodesy
 from insenv.base.errors import InputError
-from insenv.scenario.tracks.points import Points
-from insenv.scenario.tracks.shape import check_velocity, shaped
+from insenv.scenario.tracks.shape import Points, check_velocity, shaped
 
 
 def motion(time):

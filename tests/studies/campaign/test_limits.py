@@ -10,7 +10,7 @@ from insenv.studies.campaign import make_plan, parse_variation, run_campaign
 
 def test_the_limit_follows_what_is_varied(monkeypatch):
     """Each run has the limit of its own scenario; of many runs, some have, and this is said."""
-    monkeypatch.setattr("insenv.studies.campaign.limits.VARIED_RUNS", 3)
+    monkeypatch.setattr("insenv.studies.campaign.summary.VARIED_RUNS", 3)
     variations = [parse_variation("start.latitude_deg=20:85"), parse_variation("imu.gyro_arw_deg_sqrt_h=0.001:0.01")]
     plan = make_plan(slow_ship(), "analytic", 3, first_seed=1, duration_s=20.0, variations=variations)
     found = run_campaign(plan)

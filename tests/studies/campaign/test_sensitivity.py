@@ -49,7 +49,7 @@ def test_the_noise_of_the_runs_is_left_to_one():
 
 def test_a_campaign_says_which_key_matters(monkeypatch):
     """The heading of an analytic alignment depends on the gyro bias to the east, b / (Omega cos L), and not on the height."""
-    monkeypatch.setattr("insenv.studies.campaign.limits.VARIED_RUNS", 1)
+    monkeypatch.setattr("insenv.studies.campaign.summary.VARIED_RUNS", 1)
     scenario = changed("static-ecef", start={"heading_deg": 0.0}, rate_hz=5.0)
     vary = {"imu.gyro_bias_deg_h.1": (0.0, 2.0), "start.height_m": (0.0, 100.0)}
     found = insenv.campaign(scenario, "analytic", 64, seed=1, duration_s=10.0, vary=vary)

@@ -116,7 +116,7 @@ def test_a_sobol_sequence_is_more_even_than_chance():
 
 
 def test_the_results_of_a_design_do_not_depend_on_the_blocks(monkeypatch):
-    monkeypatch.setattr("insenv.studies.campaign.limits.VARIED_RUNS", 1)
+    monkeypatch.setattr("insenv.studies.campaign.summary.VARIED_RUNS", 1)
     plan = make_plan(slow_ship(), "analytic", 16, first_seed=3, duration_s=2.0, design="latin",
                      variations=[parse_variation("start.latitude_deg=0:60")])  # fmt: skip
     assert same(run_campaign(plan), run_campaign(replace(plan, block_samples=1), workers=threads(2)))
