@@ -45,7 +45,7 @@ from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 from insenv.sensors.registry import instruments, registered
 from insenv.sensors.sampled import Sampled
-from insenv.studies.proof_logs import public_logs
+from insenv.studies.proof import public_logs
 from insenv.studies.proof_result import Proof
 from insenv.vehicles import section as legs
 from insenv.vehicles.aircraft import AircraftLeg, AircraftSection

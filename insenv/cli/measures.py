@@ -16,7 +16,7 @@ from insenv.cli.signals import DONE, FAILED
 
 def _logs(incomplete: str) -> list[str]:
     """The public logs that a shell offers."""
-    from insenv.studies.proof_logs import public_logs
+    from insenv.studies.proof import public_logs
 
     return [name for name in public_logs() if name.startswith(incomplete)]
 
@@ -148,7 +148,7 @@ def describe(
     from insenv.cli.output import print_line
     from insenv.runs.replayed import replay
     from insenv.studies.describe import describe as describe_log
-    from insenv.studies.describe.written import document, write
+    from insenv.studies.describe.describing import document, write
 
     path = output.out
     next_step = "-o LOG.toml writes the description and runs fusion on it"

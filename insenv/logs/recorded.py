@@ -15,10 +15,9 @@ from insenv.base.remarks import Remark, clock
 from insenv.core.tables import Array
 from insenv.estimators import ImuDataSheet
 from insenv.estimators.parts.rows import FIX_INPUTS
-from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
-from insenv.logs.noise import densities_in_motion, in_motion
+from insenv.logs.noise import AssumedUnit, assumed_unit, densities_in_motion, in_motion
 from insenv.sensors import registry
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.grade_file import grade_of

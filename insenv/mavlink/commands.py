@@ -16,7 +16,7 @@ from typing import Any
 from insenv.base.errors import InputError
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message
 from insenv.mavlink.messages.schedule import MAX_HZ
-from insenv.mavlink.messages.status import available_modes
+from insenv.mavlink.messages.state import available_modes
 from insenv.mavlink.parameters import NEXT_ALIGNMENT, REAL32
 from insenv.mavlink.score import READERS
 from insenv.mavlink.vehicle import Vehicle

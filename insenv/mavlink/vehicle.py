@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from insenv.base.errors import InputError
 from insenv.estimators import Estimator
 from insenv.mavlink.messages import Message, Schedule, View, make
-from insenv.mavlink.messages.status import error_messages
+from insenv.mavlink.messages.state import error_messages
 from insenv.mavlink.messages.view import MANUAL, MILLI_G, MM_S2
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters, of_mapping
 from insenv.mavlink.score import Score

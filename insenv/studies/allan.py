@@ -13,7 +13,7 @@ from insenv.base.remarks import Remark, declared, remark
 from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Array
 from insenv.logs import RecordedLog, load
-from insenv.logs.assumed_unit import assumed_unit
+from insenv.logs.noise import assumed_unit
 from insenv.studies.allan_result import SensorNoise, UnitNoise
 from insenv.studies.noise_terms import Curve, Terms, allantools, curve, fit
 from insenv.studies.rest import part_of

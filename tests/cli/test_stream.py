@@ -19,8 +19,8 @@ from rich.console import Console
 from scipy.spatial.transform import Rotation
 from streamed_vehicle import Receiver, decoded, estimate, frame_of, logged, lost, quiet, wait_for
 
-from insenv.cli.dashboard import Rates, dashboard, picture
 from insenv.cli.signals import Ending
+from insenv.cli.stream import Rates, dashboard, picture
 from insenv.mavlink import Stream, Vehicle
 from insenv.mavlink.score import Score
 from insenv.mavlink.wire import Signing, open_link

@@ -18,8 +18,8 @@ from insenv.logs.units import axes_matrix
 from insenv.studies.describe import UnclearError, describe, fixes
 from insenv.studies.describe.agreement import Track
 from insenv.studies.describe.inertial import gyro_units, kind_of_name
+from insenv.studies.describe.sources import text_table
 from insenv.studies.describe.tables import FIX_RATES, IMU_RATES, with_time
-from insenv.studies.describe.text_layout import text_table
 
 PLAIN = ROOT / "examples" / "logs"
 FILES = ("plain-imu.csv", "plain-gnss.csv")

@@ -14,7 +14,7 @@ from simulated_log import simulated_log
 
 from insenv.evaluation.outages import Outage, Outages
 from insenv.report.console import as_text
-from insenv.studies import proof, proof_logs
+from insenv.studies import proof
 from insenv.studies.proof import prove
 from insenv.studies.proof_result import Compared, Judged, LogProof, Proof, Withheld, summary
 
@@ -76,8 +76,8 @@ def test_what_is_not_there_is_said_in_one_sentence(data, tmp_path, monkeypatch):
     assert f"1 of its 3 files are not here: {FOLDER}/GNSS-RTK.txt; `git clone" in missing and str(tmp_path) in missing
     (tmp_path / FOLDER / "GNSS-RTK.txt").write_text("no numbers\n")
     refused(call("prove", NAME, "--data", tmp_path), "GNSS-RTK.txt")
-    monkeypatch.setattr(proof_logs, "is_there", lambda name, folder: False)
-    assert "its data are not here: package:onavdata; `pip install" in proof_logs.public_logs()["umn-thor-75"].missing(tmp_path)
+    monkeypatch.setattr(proof, "is_there", lambda name, folder: False)
+    assert "its data are not here: package:onavdata; `pip install" in proof.public_logs()["umn-thor-75"].missing(tmp_path)
 
 
 def test_a_run_that_states_too_little_counts_as_silent_unless_it_says_so():
@@ -101,6 +101,6 @@ def test_the_recorded_results_are_those_of_the_code():
 
 
 def test_every_description_has_its_licence_and_source_and_the_record_is_of_these_logs():
-    known = proof_logs.public_logs()
+    known = proof.public_logs()
     assert all(log.description["licence"] and log.description["source"] and log.get for log in known.values())
     assert {log["name"]: log["used"] for log in RECORD["logs"]} == {log.name: log.used for log in known.values()}

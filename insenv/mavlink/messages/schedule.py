@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import ceil, inf
 
 from insenv.base.errors import InputError, nearest
-from insenv.mavlink.messages import estimate, sensor, status
+from insenv.mavlink.messages import sensor, state
 from insenv.mavlink.messages.fields import Message, Values
 from insenv.mavlink.messages.view import View
 
@@ -33,12 +33,12 @@ class Streamed:
 
 
 STREAMED: dict[str, Streamed] = {
-    "HEARTBEAT": Streamed(1.0, status.heartbeat),
-    "SYS_STATUS": Streamed(1.0, status.sys_status, 2),
+    "HEARTBEAT": Streamed(1.0, state.heartbeat),
+    "SYS_STATUS": Streamed(1.0, state.sys_status, 2),
     "SYSTEM_TIME": Streamed(1.0, lambda view: (view.unix_us, view.time_ms), 12),
-    "EXTENDED_SYS_STATE": Streamed(1.0, status.extended_sys_state, 2),
+    "EXTENDED_SYS_STATE": Streamed(1.0, state.extended_sys_state, 2),
     "CURRENT_MODE": Streamed(0.0, lambda view: (0, view.mode.number, view.mode.number)),
-    "HOME_POSITION": Streamed(0.5, status.home_position),
+    "HOME_POSITION": Streamed(0.5, state.home_position),
     "GPS_GLOBAL_ORIGIN": Streamed(0.5, lambda view: (*view.place(*view.home), view.time_us)),
     "HIL_SENSOR": Streamed(200.0, lambda view: sensor.imu(view, "HIL_SENSOR")),
     "HIGHRES_IMU": Streamed(50.0, lambda view: sensor.imu(view, "HIGHRES_IMU"), 1),
@@ -47,17 +47,17 @@ STREAMED: dict[str, Streamed] = {
     "SCALED_PRESSURE": Streamed(2.0, sensor.scaled_pressure, 1),
     "GPS_RAW_INT": Streamed(5.0, sensor.gps_raw_int, 2),
     "HIL_GPS": Streamed(MAX_HZ, sensor.hil_gps),
-    "HIL_STATE_QUATERNION": Streamed(20.0, estimate.hil_state_quaternion),
+    "HIL_STATE_QUATERNION": Streamed(20.0, state.hil_state_quaternion),
     "ATTITUDE": Streamed(20.0, lambda view: (view.time_ms, *view.derived("euler", "rate_nb_b")), 10),
-    "ATTITUDE_QUATERNION": Streamed(20.0, estimate.attitude_quaternion, 10),
+    "ATTITUDE_QUATERNION": Streamed(20.0, state.attitude_quaternion, 10),
     "LOCAL_POSITION_NED": Streamed(  # velocity along the axes at the vehicle
         10.0, lambda view: (view.time_ms, *view.derived("offset"), *view.estimated_velocity_n.tolist()), 6
     ),
-    "GLOBAL_POSITION_INT": Streamed(10.0, estimate.global_position_int, 6),
-    "ODOMETRY": Streamed(20.0, estimate.odometry),
-    "VFR_HUD": Streamed(5.0, estimate.vfr_hud, 11),
-    "ALTITUDE": Streamed(5.0, estimate.altitude, 6),
-    "ESTIMATOR_STATUS": Streamed(1.0, estimate.estimator_status, 12),
+    "GLOBAL_POSITION_INT": Streamed(10.0, state.global_position_int, 6),
+    "ODOMETRY": Streamed(20.0, state.odometry),
+    "VFR_HUD": Streamed(5.0, state.vfr_hud, 11),
+    "ALTITUDE": Streamed(5.0, state.altitude, 6),
+    "ESTIMATOR_STATUS": Streamed(1.0, state.estimator_status, 12),
 }
 """By name, in the order in which they are sent.  HIL_GPS is looked for at each sample and sent once per fix."""
 
@@ -67,8 +67,8 @@ SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
 
 MESSAGES: dict[str, Content] = {
     **{name: message.values for name, message in STREAMED.items()},
-    "AUTOPILOT_VERSION": status.autopilot_version,
-    "AVAILABLE_MODES": lambda view: status.available_modes(view)[0],
+    "AUTOPILOT_VERSION": state.autopilot_version,
+    "AVAILABLE_MODES": lambda view: state.available_modes(view)[0],
 }
 """Every message that the vehicle can make, by name."""
 

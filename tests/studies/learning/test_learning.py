@@ -16,8 +16,7 @@ from insenv.runs.ensemble import ensemble
 from insenv.scenario import load
 from insenv.studies.learning import training
 from insenv.studies.learning.regressor import LSSVMRegressor, pivots, rbf
-from insenv.studies.learning.samples import EMPTY, collect, denoised, sine_vector, smooth_misalignment
-from insenv.studies.learning.training import Choice, digest, train
+from insenv.studies.learning.training import EMPTY, Choice, collect, denoised, digest, sine_vector, smooth_misalignment, train
 
 TRAINING = "large-misalignment-training"
 
