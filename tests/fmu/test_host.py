@@ -58,12 +58,12 @@ def sanitized(folder: Path, fmi: int) -> Path:
     return binary
 
 
-FAST = (ID, 3)
 EVERY = [(id, 3) for id in (*registered(), *names())] + [(id, 2) for id in (ID, "fusion-smoother", "car-city-drive")]
 """The equations of a model are the same C in both versions of FMI; what surrounds them is the same C for all models."""
 
 
-@pytest.mark.parametrize(("id", "fmi"), [pytest.param(*one, marks=() if one == FAST else pytest.mark.slow) for one in EVERY])
+@pytest.mark.slow
+@pytest.mark.parametrize(("id", "fmi"), EVERY)
 def test_wrong_calls_are_refused_under_the_sanitizers(id, fmi):
     """Every wrong call is refused with a reason and changes nothing, and no sanitizer reports an error."""
     folder = unzipped(id, fmi)

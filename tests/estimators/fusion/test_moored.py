@@ -63,7 +63,7 @@ def test_the_start_has_the_moments_of_the_rotation_in_an_uncertain_heading(sigma
 
 
 def test_any_heading_is_found_in_a_slow_surge_that_alignments_take_for_tilt():
-    scenario = changed("ship-slow-surge", rate_hz=20.0)
+    scenario = changed("ship-slow-surge", rate_hz=10.0)
     (result,) = insenv.run(scenario, "fusion", seed=970001).results
     channels = ("roll_deg", "pitch_deg", "heading_deg", "north_m", "east_m")
     assert all(np.max(np.abs(result.errors[name]) / result.sigma[name]) < 4.5 for name in channels)
