@@ -17,7 +17,11 @@ from insenv.scenario import load
 
 
 @pytest.mark.parametrize(
-    ("grade", "seconds"), [("navigation", 80.0), ("consumer", 80.0), pytest.param("industrial", 300.0, marks=pytest.mark.slow)]
+    ("grade", "seconds"),
+    [
+        ("navigation", 80.0),
+        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("consumer", 80.0), ("industrial", 300.0))),
+    ],
 )
 def test_without_a_grade_the_stated_sigma_is_honest(grade, seconds):
     """As a ship's navigator, 33 to 99 % of these errors would be beyond three sigma."""
@@ -114,7 +118,10 @@ def test_the_sigmas_of_initial_are_those_of_the_start(start):
 
 @pytest.mark.parametrize(
     ("rest", "said", "ids"),
-    [(None, "the log does not begin at rest", ["fusion", "loosely-coupled"]), (5.0, "the vehicle moves at 20 s", "fusion")],
+    [
+        (None, "the log does not begin at rest", ["fusion", "loosely-coupled"]),
+        pytest.param(5.0, "the vehicle moves at 20 s", "fusion", marks=pytest.mark.slow),
+    ],
 )
 def test_under_way_the_motion_gives_the_attitude(rest, said, ids):
     """A rest that ended 15 s before is no start at rest."""
