@@ -31,7 +31,9 @@ def noted(values):
         yield from noted(each)
 
 
-@pytest.mark.parametrize("command", DOCUMENTS)
+@pytest.mark.parametrize(
+    "command", [pytest.param(name, marks=pytest.mark.slow) if name in ("allan", "tune") else name for name in DOCUMENTS]
+)
 def test_every_note_of_a_document_has_a_code(command):
     make, code = DOCUMENTS[command]
     parts = list(noted(make().as_json()))

@@ -150,7 +150,7 @@ def shell(line):
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("command", ["schema", "list"])
+@pytest.mark.parametrize("command", ["schema", pytest.param("list", marks=pytest.mark.slow)])
 def test_a_reader_that_has_gone_ends_a_command_with_141(command):
     """The output of `schema` is larger than a pipe holds; that of others stays in buffers until the end."""
     assert shell(f"(sleep 0.01; {PYTHON} {command}; echo $? >&2) | true") == (0, "", "141\n")

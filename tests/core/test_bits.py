@@ -32,7 +32,7 @@ from insenv.web.live import live
 FUSED = "fusion", "fusion-smoother"
 TABLE: dict[str, tuple[float, float, tuple[str, ...]]] = {
     # scenario: rate, Hz; duration, s; estimators, whose model or composition is another one than in the lines above
-    "large-misalignment": (10.0, 600.0, (*registered(),)),
+    "large-misalignment": (10.0, 300.0, (*registered(),)),
     "ship-swaying": (20.0, 20.0, ("q-method",)),
     "ship-moored-paper": (20.0, 20.0, ("inertial-fir",)),
     "ship-irregular-sea": (20.0, 20.0, ("q-method",)),

@@ -239,7 +239,8 @@ def surging(surge, latitude_deg):
     return [block[name][:, plan.times >= 200.0][:, :, :3] for name in ("error", "sigma")]
 
 
-@pytest.mark.parametrize(("surge", "latitude_deg"), [(SURGE, 45.0), ({"amplitude_m": 2.0, "period_s": 18.0}, 70.0)])
+@pytest.mark.parametrize(("surge", "latitude_deg"),
+    [pytest.param(SURGE, 45.0, marks=pytest.mark.slow), ({"amplitude_m": 2.0, "period_s": 18.0}, 70.0)])  # fmt: skip
 def test_motion_below_the_stop_band_counts_in_the_stated_sigmas(surge, latitude_deg):
     """Without it, three of four headings are beyond three sigma."""
     error, sigma = surging(surge, latitude_deg)
@@ -250,7 +251,8 @@ def test_motion_below_the_stop_band_counts_in_the_stated_sigmas(surge, latitude_
         assert rms[:2].max() < 0.0025
 
 
-@pytest.mark.parametrize(("scenario", "codes"), [("ship-swaying", []), ("ship-slow-surge", ["slow-motion"])])
+@pytest.mark.parametrize(("scenario", "codes"),
+    [pytest.param("ship-swaying", [], marks=pytest.mark.slow), ("ship-slow-surge", ["slow-motion"])])  # fmt: skip
 def test_slow_motion_is_named(scenario, codes):
     """Not the bend of gravity's way, 2e-3 m/s^2 in ten minutes, nor noise of the stated size."""
     report = insenv.run(scenario, "inertial-fir", duration_s=600.0, seed=5)

@@ -13,7 +13,11 @@ from insenv.scenario import load
 
 @pytest.mark.parametrize(
     "scenario, estimator, samples",
-    [("car-city-drive", "loosely-coupled", 1000), ("ship-swaying", "qakf", 1000), ("car-odometer", "fusion", 500)],
+    [
+        ("car-city-drive", "loosely-coupled", 1000),
+        ("ship-swaying", "qakf", 1000),
+        pytest.param("car-odometer", "fusion", 500, marks=pytest.mark.slow),
+    ],
 )
 def test_estimates_are_those_of_a_run(scenario, estimator, samples):
     result = run(load(scenario), [estimator], duration_s=5.0).results[0]

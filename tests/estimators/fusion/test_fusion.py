@@ -100,6 +100,7 @@ def test_notes_on_the_choice(scenario, filter, settings, said, unsaid):
     assert said in notes and unsaid not in notes
 
 
+@pytest.mark.slow
 def test_a_magnetometer_shows_a_heading_of_which_nothing_is_known():
     knowledge = {"heading_sigma_deg": 180.0, "heading_error_deg": -150.0}
     report = insenv.run(changed("multirotor-hover", knowledge=knowledge), "fusion", duration_s=12.0, seed=12)

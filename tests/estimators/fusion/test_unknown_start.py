@@ -34,7 +34,8 @@ def ratio(result, names, until=None):
 
 
 @pytest.mark.parametrize(("name", "seconds", "sigma"),
-    [("car-unknown-heading", 80.0, 0.5), ("aircraft-inflight-alignment", 60.0, 0.02)])  # fmt: skip
+    [pytest.param("car-unknown-heading", 80.0, 0.5, marks=pytest.mark.slow),
+     ("aircraft-inflight-alignment", 60.0, 0.02)])  # fmt: skip
 def test_a_car_and_an_aircraft_find_their_attitude(name, seconds, sigma):
     scenario = changed(name, knowledge=UNKNOWN, rate_hz=60.0)
     (result,) = insenv.run(scenario, "fusion", seed=20001, duration_s=seconds).results
