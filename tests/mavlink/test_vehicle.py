@@ -241,13 +241,7 @@ def test_the_undulation_is_given_before_the_start():
 
 @pytest.mark.parametrize(
     "name, value, kind",
-    [
-        ("E_INN_GATE", nan, 9),
-        ("E_INN_GATE", -1.0, 9),
-        ("E_INN_GATE", 6.0, 6),
-        ("S_GYR_BIAS_X", 1.0, 9),
-        ("SIM_RATE", 100.0, 9),
-    ],
+    [("E_INN_GATE", nan, 9), ("E_INN_GATE", -1.0, 9), ("E_INN_GATE", 6.0, 6), ("S_GYR_BIAS_X", 1.0, 9), ("SIM_RATE", 100.0, 9)],
 )
 def test_a_wrong_value_changes_nothing_and_is_announced(name, value, kind):
     vehicle = quiet()
