@@ -240,7 +240,7 @@ def surging(surge, latitude_deg):
 
 
 @pytest.mark.parametrize(("surge", "latitude_deg"),
-    [pytest.param(SURGE, 45.0, marks=pytest.mark.slow), ({"amplitude_m": 2.0, "period_s": 18.0}, 70.0)])  # fmt: skip
+    [(SURGE, 45.0), pytest.param({"amplitude_m": 2.0, "period_s": 18.0}, 70.0, marks=pytest.mark.slow)])  # fmt: skip
 def test_motion_below_the_stop_band_counts_in_the_stated_sigmas(surge, latitude_deg):
     """Without it, three of four headings are beyond three sigma."""
     error, sigma = surging(surge, latitude_deg)
