@@ -62,11 +62,11 @@ def errors_of(result, from_s):
 
 
 @pytest.mark.parametrize(("name", "sensor", "latency", "seconds", "from_s", "level", "heading"), [
-    pytest.param(CAR, "gnss", 0.0, 90.0, 45.0, 5e-5, 5e-4, marks=pytest.mark.slow),
+    (CAR, "gnss", 0.0, 90.0, 45.0, 5e-5, 5e-4),
     (CAR, "gnss", 0.05, 90.0, 45.0, 3e-4, 3e-3),
     pytest.param(CAR, "gnss", 0.4, 90.0, 45.0, 3e-3, 3e-2, marks=pytest.mark.slow),
     ("aircraft-inflight-alignment", "gnss", 0.0, 80.0, 60.0, 2e-3, 2e-3),
-    pytest.param(SHIP, "dvl", 0.0, 340.0, 300.0, 1e-3, 5e-3, marks=pytest.mark.slow),
+    (SHIP, "dvl", 0.0, 340.0, 300.0, 1e-3, 5e-3),
     (SHIP, "dvl", 0.2, 340.0, 300.0, 1e-3, 2e-2),
 ])  # fmt: skip
 def test_without_errors_the_attitude_is_exact(name, sensor, latency, seconds, from_s, level, heading):
