@@ -33,8 +33,7 @@ def measured(random, names, groups, records):
 
 @pytest.mark.parametrize(("scenario", "id", "scales", "wander", "codes"), [
     ("ship-dvl", "fusion", (1e-12, 0.3, 1e3), {}, "aid-misfit fixes-diverged fixes-overconfident no-fix no-fix-but-aids"),
-    pytest.param("car-city-drive", "loosely-coupled", (1.0,), {"fix_wander_sigma": 1.0},
-                 "fixes-count-less steep-pitch too-sure", marks=pytest.mark.slow),
+    ("car-city-drive", "loosely-coupled", (1.0,), {"fix_wander_sigma": 1.0}, "fixes-count-less steep-pitch too-sure"),
     ("car-city-drive", "loosely-coupled", (1.0,), {"fix_wander_sigma": 0.0}, "fixes-slow-errors fixes-overconfident"),
     pytest.param("aircraft-inflight-alignment", "velocity-integration", (0.01, 3.0), {}, "heading-unknown too-sure",
                  marks=pytest.mark.slow),

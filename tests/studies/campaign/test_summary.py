@@ -153,8 +153,7 @@ OUTLIERS = (
 GRADES = (SURE, "imu.grade=choice(navigation, consumer)", "aid-misfit motion-errors-as-noise too-sure", "in 1 of 4")
 
 
-@pytest.mark.parametrize(("estimator", "case"),
-    [("loosely-coupled", GRADES), pytest.param("fusion", OUTLIERS, marks=pytest.mark.slow)])  # fmt: skip
+@pytest.mark.parametrize(("estimator", "case"), [("loosely-coupled", GRADES), ("fusion", OUTLIERS)])
 def test_what_runs_say_of_measurements_errors_and_parameters_is_counted(estimator, case):
     """What holds of the parameters holds of some of the varied values alone."""
     more, varied, codes, said = case
