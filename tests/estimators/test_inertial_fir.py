@@ -251,8 +251,7 @@ def test_motion_below_the_stop_band_counts_in_the_stated_sigmas(surge, latitude_
         assert rms[:2].max() < 0.0025
 
 
-@pytest.mark.parametrize(("scenario", "codes"),
-    [pytest.param("ship-swaying", [], marks=pytest.mark.slow), ("ship-slow-surge", ["slow-motion"])])  # fmt: skip
+@pytest.mark.parametrize(("scenario", "codes"), [("ship-swaying", []), ("ship-slow-surge", ["slow-motion"])])
 def test_slow_motion_is_named(scenario, codes):
     """Not the bend of gravity's way, 2e-3 m/s^2 in ten minutes, nor noise of the stated size."""
     report = insenv.run(scenario, "inertial-fir", duration_s=600.0, seed=5)
