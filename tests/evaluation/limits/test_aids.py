@@ -177,7 +177,7 @@ EAST = {
 """Straight on with a perfect unit: the start tells nothing of the velocity along it."""
 LEVEL = {"grade": "tactical", "accel_bias_sigma_ug": 10.0, "accel_instability_ug": 0.0, "accel_misalignment_sigma_urad": 0.0}
 """To 10 ug; the gyros tell nothing of north."""
-FREE = {"knowledge": {"position_sigma_m": [1.0, 1.0, 6.0], "velocity_sigma_mps": 1e-3}, "duration_s": 600.0, "rate_hz": 5.0}
+FREE = {"knowledge": {"position_sigma_m": [1.0, 1.0, 6.0], "velocity_sigma_mps": 1e-3}, "duration_s": 600.0}
 SAILING = {
     "vehicle": {"kind": "ship", "start_speed_mps": 8.0}, "knowledge": {"velocity_sigma_mps": 5.0, "heading_sigma_deg": 0.01},
 }  # fmt: skip
