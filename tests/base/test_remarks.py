@@ -19,7 +19,7 @@ DOCUMENTS = {
     "comparison": (lambda: insenv.campaign(car(), ["wander-sins", "analytic"], 2, duration_s=2.0), "times-differ"),
     "budget": (lambda: insenv.budget(slow_ship(), "q-method", 2, duration_s=2.0), "too-short"),
     "tune": (lambda: insenv.tune(slow_ship(), "q-method", runs=2, held_out=2, evaluations=4, duration_s=2.0), "too-short"),
-    "allan": (lambda: insenv.allan(LOG / "plain.toml", from_s=60.0, to_s=100.0), "moves-in-part"),
+    "allan": (lambda: insenv.allan(LOG / "plain.toml", from_s=60.0, to_s=80.0), "moves-in-part"),
 }
 
 
@@ -31,7 +31,9 @@ def noted(values):
         yield from noted(each)
 
 
-@pytest.mark.parametrize("command", DOCUMENTS)
+@pytest.mark.parametrize(
+    "command", [pytest.param(name, marks=pytest.mark.slow) if name in ("allan", "tune") else name for name in DOCUMENTS]
+)
 def test_every_note_of_a_document_has_a_code(command):
     make, code = DOCUMENTS[command]
     parts = list(noted(make().as_json()))

@@ -10,21 +10,11 @@ SHORT = {
     "envs.LONG": 60.0, "peers.feedback_filter": lambda *_, **__: None, "fmu.REPETITIONS": 1, "fmu.DURATION_S": 0.5,
     "mavlink.STREAMED_S": 0.5,
 }  # fmt: skip
-FMU = ("fmu.c-host", "fmu.fmpy", "fmu.export")
-QUICK = (
-    *FMU, "interpreter.propagate15", "import.insenv", "numeric.one", "numeric.many", "batch.propagate15",
-)  # fmt: skip
+QUICK = ("interpreter.propagate15", "import.insenv", "numeric.one", "numeric.many")
 LONG = (
-    "native.propagate15",
-    "mavlink.unit",
-    "fmu.loop",
-    "fmu.ssp",
-    "fmu.pythonfmu",
-    "step.fusion-15",
-    "batch.fusion-21",
-    "vector.small",
-    "vector.reset.manoeuvre",
-)
+    "fmu.c-host", "fmu.fmpy", "fmu.export", "fmu.loop", "fmu.ssp", "fmu.pythonfmu", "native.propagate15", "batch.propagate15",
+    "mavlink.unit", "step.fusion-15", "batch.fusion-21", "vector.small", "vector.reset.manoeuvre",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)])

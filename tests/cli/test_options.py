@@ -33,10 +33,10 @@ def test_a_wrong_call_is_one_sentence_with_the_value_and_what_is_allowed(line, t
     assert len(list(tmp_path.iterdir())) == len(files)
 
 
-FULL = {f"{RUN} -o out": "'out'", "examples new": "'new'", "fmu export q-method -o x.fmu": "x.fmu"}
+FULL = {f"{RUN} --no-figure -o out": "'out'", "examples new": "'new'", "fmu export q-method -o x.fmu": "x.fmu"}
 
 
-@pytest.mark.parametrize("line", [*FULL, f"allan {PLAIN} --grade-out g.toml"])
+@pytest.mark.parametrize("line", [*FULL, f"allan {PLAIN} --from 0 --to 25 --grade-out g.toml"])
 def test_a_full_disk_is_status_1_and_names_the_path(line, tmp_path, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")

@@ -57,7 +57,7 @@ def test_former_names_of_options_work_with_a_note(tmp_path):
     assert call(*given, "--grade", tmp_path / "a.toml")[::2] == (0, said)
     assert "gyro_arw_deg_sqrt_h" in (tmp_path / "a.toml").read_text()
     for out in ("--out", "--output", "-o"):
-        assert call(*SHORT, "-e", "q-method", "--no-figure", out, tmp_path / "x")[0] == 0
+        assert call("run", "ship-swaying", "--duration", 1, "--no-figure", out, tmp_path / "x")[0] == 0
 
 
 def test_a_shell_completes_commands_scenarios_and_estimators(monkeypatch):

@@ -69,12 +69,6 @@ def test_a_log_that_is_none_says_what_it_is_in_every_command(tmp_path):
         refused(answer, "a.gpx", "a GPX file", "recorded")
 
 
-def test_a_byte_order_mark_does_no_harm(tmp_path):
-    for path in (OWN, *PLAIN.parent.glob("plain*")):
-        (tmp_path / path.name).write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
-    assert run(tmp_path / OWN.name)[0] == 0 == replay(tmp_path / "plain.toml", "loosely-coupled")[0]
-
-
 def test_a_scenario_that_names_no_estimator(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(OWN.read_text("utf-8").replace("estimators = ", "# estimators = "), encoding="utf-8")

@@ -150,20 +150,17 @@ def shell(line):
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("command", ["schema", "list"])
+@pytest.mark.parametrize("command", ["schema", pytest.param("list", marks=pytest.mark.slow)])
 def test_a_reader_that_has_gone_ends_a_command_with_141(command):
     """The output of `schema` is larger than a pipe holds; that of others stays in buffers until the end."""
     assert shell(f"(sleep 0.01; {PYTHON} {command}; echo $? >&2) | true") == (0, "", "141\n")
 
 
 def test_a_closed_stdout_is_named_after_the_work_and_without_stderr_the_status_tells(tmp_path):
-    status, _, err = shell(f"{PYTHON} {' '.join(SHORT)} --no-figure --out '{tmp_path}' >&-")
+    status, _, err = shell(f"{PYTHON} run ship-swaying -e analytic --duration 1 --no-figure --out '{tmp_path}' >&-")
     assert status == 1 and err.endswith("insenv: standard output is closed\n")
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".json", ".npz"]
-    assert shell(f"{PYTHON} run nonesuch 2>&-") == (2, "", "")
     assert shell(f"{PYTHON} run nonesuch >&- 2>&-")[0] == 2
-    status, out, err = shell(f"{PYTHON} list sensors 2>&- | head -2")
-    assert (status, err, out.count("\n")) == (0, "", 2)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

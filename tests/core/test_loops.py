@@ -26,7 +26,7 @@ def _long(p, x, u):
     return {"a": ca.vertcat(*values[-3:]), "b": ca.vertcat(*turned)}
 
 
-@pytest.mark.parametrize(("least", "longest"), [(6, 40), (2, 1), (10**6, 100)])
+@pytest.mark.parametrize(("least", "longest"), [(6, 40), pytest.param(2, 1, marks=pytest.mark.slow), (10**6, 100)])
 def test_loops_and_pieces_give_the_same_bits(monkeypatch, least, longest):
     b = tuple(0.01 * k for k in range(40))
     rows = Table((Row("a", "Numbers", shape=(3,), start=(0.3, -0.2, 0.9)), Row("b", "Numbers", shape=(40,), start=b)))

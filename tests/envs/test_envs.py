@@ -12,8 +12,8 @@ from insenv.sensors.registry import instruments
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 RANDOM = {"imu": "random", "heading_deg": (0.0, 360.0), "sea_state": (0.5, 1.5), "initial_error": (1.0, 90.0)}
-OWN = (SHIP, DRIVE, "insenv/Tuning-v0", "insenv/FaultTuning-v0", "insenv/Manoeuvre-v0")
-"""One of each class; the others are these with another vehicle."""
+OWN = (SHIP, DRIVE, "insenv/FaultTuning-v0")
+"""The others are these with another vehicle, without faults, or in test_manoeuvre.py."""
 COMPACT = {"observation": "compact", "action": "correction"}
 
 
@@ -21,8 +21,8 @@ COMPACT = {"observation": "compact", "action": "correction"}
     ("id", "more"),
     [pytest.param(id, {}, marks=() if id in OWN else pytest.mark.slow) for id in IDS]
     + [
-        (SHIP, RANDOM), (SHIP, COMPACT), (SHIP, {**COMPACT, "dtype": "float32"}),
-        pytest.param(SHIP, {"observation": "compact"}, marks=pytest.mark.slow),
+        (SHIP, RANDOM), (SHIP, {**COMPACT, "dtype": "float32"}),
+        *(pytest.param(SHIP, more, marks=pytest.mark.slow) for more in (COMPACT, {"observation": "compact"})),
     ],
 )  # fmt: skip
 def test_every_environment_conforms(id, more):

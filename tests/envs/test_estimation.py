@@ -133,7 +133,7 @@ def test_the_reward_of_a_navigation_counts_nine_components():
         assert reward == pytest.approx(-measure_of(e, info["limit"]) / 20.0, rel=1e-3)
 
 
-@pytest.mark.parametrize("id", [*IDS[:4], *IDS[-2:]])
+@pytest.mark.parametrize("id", [IDS[0], *(pytest.param(id, marks=pytest.mark.slow) for id in IDS[1:3]), IDS[3], *IDS[-2:]])
 def test_the_end_pays_what_dense_rewards_pay_on_the_way(id):
     """Until then a step costs its time; the score of an alignment lacks the measure of the report."""
     envs = [gymnasium.make(id, **SHORT, reward=reward) for reward in ("final", "dense")]

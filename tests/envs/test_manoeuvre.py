@@ -44,6 +44,7 @@ def test_a_turntable_and_another_reward_conform():
     testing.check_id(ID, **SHORT, scenario=PARKED, reward="dense", estimator="loosely-coupled")
 
 
+@pytest.mark.slow
 def test_manoeuvres_beat_driving_straight(car):
     patterns = {"straight": lambda k: (0, 0), "S-turns": lambda k: (0, 1 if k % 16 < 8 else -1)}
     found = {name: [driven(car, pattern, 30, seed) for seed in range(3)] for name, pattern in patterns.items()}

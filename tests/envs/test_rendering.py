@@ -12,7 +12,7 @@ SHORT = {"samples_per_step": 10, "duration_s": 0.5}
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
 
 
-@pytest.mark.parametrize("id", [SHIP, DRIVE])
+@pytest.mark.parametrize("id", [SHIP, pytest.param(DRIVE, marks=pytest.mark.slow)])
 def test_an_image_shows_the_episode(id):
     env = gymnasium.make(id, render_mode="rgb_array", **SHORT)
     env.reset(seed=1)

@@ -111,7 +111,8 @@ def test_the_filter_of_each_row_starts_from_the_knowledge_of_that_row(id):
     assert np.array_equal(starts.complete(p.copy(), x), done) and len(calls) == len(p)
 
 
-@pytest.mark.parametrize(("kind", "given"), [(ManoeuvreEnv, {}), (TuningEnv, {"scenario": "ship-underway"})])
+@pytest.mark.parametrize(("kind", "given"),
+    [(ManoeuvreEnv, {}), pytest.param(TuningEnv, {"scenario": "ship-underway"}, marks=pytest.mark.slow)])  # fmt: skip
 def test_the_filter_knows_what_that_of_a_run_knows(kind, given):
     """Also the errors of the unit that grow with motion, and the part of a fix's error that lasts."""
     env = kind(**given)

@@ -30,7 +30,10 @@ def _plant_of(env, seed: int, vary) -> tuple:
     return plan.plant_of(0)
 
 
-@pytest.mark.parametrize("vary", [VARY, {key: value for key, value in VARY.items() if "vehicle" not in key}])
+SOME = {key: value for key, value in VARY.items() if "vehicle" not in key}
+
+
+@pytest.mark.parametrize("vary", [pytest.param(VARY, marks=pytest.mark.slow), SOME])
 def test_the_run_of_a_seed_has_the_values_of_a_campaign(vary):
     """To the bit, whether all of the plant is made anew or only the rows of the sections that vary."""
     env, seen = gymnasium.make(DRIVE, **SHORT, vary={"imu.gyro_bias_deg_h": (7.0, 8.0)}).unwrapped, set()

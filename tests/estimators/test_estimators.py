@@ -52,7 +52,7 @@ def results(name, ids, seconds):
         return insenv.run(scenario, ids, seed=7, duration_s=seconds).results
 
 
-@pytest.mark.parametrize("id", NEAR)
+@pytest.mark.parametrize("id", [pytest.param(id, marks=pytest.mark.slow) if id == "gyrocompass" else id for id in NEAR])
 def test_one_run_is_near_its_limit_and_states_its_error(id):
     """No sigma below what any estimator can have, but for 20 % of the printed filters and of chance; errors of 3.5 sigma."""
     name, seconds, level, heading = NEAR[id]

@@ -239,7 +239,8 @@ def surging(surge, latitude_deg):
     return [block[name][:, plan.times >= 200.0][:, :, :3] for name in ("error", "sigma")]
 
 
-@pytest.mark.parametrize(("surge", "latitude_deg"), [(SURGE, 45.0), ({"amplitude_m": 2.0, "period_s": 18.0}, 70.0)])
+@pytest.mark.parametrize(("surge", "latitude_deg"),
+    [(SURGE, 45.0), pytest.param({"amplitude_m": 2.0, "period_s": 18.0}, 70.0, marks=pytest.mark.slow)])  # fmt: skip
 def test_motion_below_the_stop_band_counts_in_the_stated_sigmas(surge, latitude_deg):
     """Without it, three of four headings are beyond three sigma."""
     error, sigma = surging(surge, latitude_deg)

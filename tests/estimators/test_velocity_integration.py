@@ -64,7 +64,7 @@ def errors_of(result, from_s):
 @pytest.mark.parametrize(("name", "sensor", "latency", "seconds", "from_s", "level", "heading"), [
     (CAR, "gnss", 0.0, 90.0, 45.0, 5e-5, 5e-4),
     (CAR, "gnss", 0.05, 90.0, 45.0, 3e-4, 3e-3),
-    (CAR, "gnss", 0.4, 90.0, 45.0, 3e-3, 3e-2),
+    pytest.param(CAR, "gnss", 0.4, 90.0, 45.0, 3e-3, 3e-2, marks=pytest.mark.slow),
     ("aircraft-inflight-alignment", "gnss", 0.0, 80.0, 60.0, 2e-3, 2e-3),
     (SHIP, "dvl", 0.0, 340.0, 300.0, 1e-3, 5e-3),
     (SHIP, "dvl", 0.2, 340.0, 300.0, 1e-3, 2e-2),

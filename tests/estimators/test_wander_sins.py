@@ -19,7 +19,7 @@ def test_the_plain_form_is_of_first_order(monkeypatch):
     assert (coarse / fine == pytest.approx(2.0, rel=0.2)) and coarse.max() > 100.0  # mm
 
 
-@pytest.mark.parametrize("vehicle", ["ship", "car", "aircraft"])
+@pytest.mark.parametrize("vehicle", ["ship", "car", pytest.param("aircraft", marks=pytest.mark.slow)])
 def test_drift_with_a_perfect_unit_is_of_second_order(vehicle):
     """Below a millimetre; it falls at least with the square of the interval: 4 for second order, 8 for third."""
     assert drift_ned(vehicle, 200.0).max() < (0.1 if vehicle == "ship" else 1.0)  # mm

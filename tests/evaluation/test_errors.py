@@ -34,6 +34,7 @@ def test_wrapped_angles():
     assert wrapped_deg(angles).tolist() == [-180.0, -180.0, -1.0, 0.0, 179.0, -180.0, -1.0]
 
 
+@pytest.mark.slow
 def test_the_answer_of_a_vehicle_at_rest_is_stated_as_the_sensors_allow():
     """What the answer moves by noise alone is not counted twice."""
     sigma = run("car-parked-paper", "q-method").results[0].sigma

@@ -225,13 +225,11 @@ def test_strict_fails_after_the_report_is_written(drive, tmp_path):
     late = drive.with_name("late.toml")
     late.write_text(drive.read_text("utf-8").replace("time_offset_s = 0.0", "time_offset_s = 0.3"), encoding="utf-8")
     assert call("replay", drive, *arguments, "--strict")[0] == 0
-    status, text, said = call("replay", late, *arguments)
-    assert status == 0 and "health: overconfident" in text and not said
-    status, text, said = call("replay", late, *arguments, "--strict", "--json")
+    status, text, said = call("replay", late, *arguments, "--strict")
     contradicted = "contradicted: loosely-coupled by filter-restarted, fixes-contradict"
     assert status == 1 and said == f"insenv: --strict: overconfident: loosely-coupled about its fixes; {contradicted}\n"
-    assert json.loads(text)["results"][0]["health"]["verdict"] == "overconfident"
-    assert (tmp_path / "late.json").exists()
+    assert "health: overconfident" in text
+    assert json.loads((tmp_path / "late.json").read_text())["results"][0]["health"]["verdict"] == "overconfident"
 
 
 @pytest.mark.slow

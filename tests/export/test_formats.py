@@ -17,7 +17,7 @@ from insenv.export import to_dataframes
 
 @pytest.fixture(scope="module")
 def report():
-    return insenv.run("car-city-drive", ["loosely-coupled", "wander-sins"], seed=4, duration_s=30.0)
+    return insenv.run("car-city-drive", ["loosely-coupled", "wander-sins"], seed=4, duration_s=10.0)
 
 
 def test_csv_has_truth_estimate_errors_sigma_and_limit(tmp_path, report):
@@ -84,8 +84,9 @@ def test_nmea_is_read_by_pynmea2(tmp_path):
         "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 12.0}]},
         "gnss": {"grade": "rtk", "interval_s": 0.2, "position_noise_m": [0.01, 0.03, 0.05]},
     }  # fmt: skip
-    fixes = insenv.record(scenario).gnss
-    lines = insenv.write(insenv.record(scenario), tmp_path, "nmea")[0].read_bytes().decode("ascii").split("\r\n")
+    log = insenv.record(scenario)
+    fixes, (path,) = log.gnss, insenv.write(log, tmp_path, "nmea")
+    lines = path.read_bytes().decode("ascii").split("\r\n")
     sentences = [pynmea2.parse(line, check=True) for line in lines if line]
     kinds = {kind: [s for s in sentences if s.sentence_type == kind] for kind in ("GGA", "RMC", "VTG", "GST")}
     assert {kind: len(each) for kind, each in kinds.items()} == dict.fromkeys(kinds, len(fixes.time))
@@ -108,7 +109,7 @@ def test_nmea_is_read_by_pynmea2(tmp_path):
 
 def test_rerun_reads_its_recording(tmp_path, report):
     chunk = pytest.importorskip("rerun.chunk")
-    log = insenv.record("car-city-drive", seed=4, duration_s=30.0)
+    log = insenv.record("car-city-drive", seed=4, duration_s=10.0)
     (path,) = insenv.write(report, tmp_path, "rerun", log=log)
     found = {}
     for each in chunk.RrdReader(str(path)).stream().to_chunks():
@@ -149,6 +150,6 @@ def test_what_cannot_be_written_is_named(tmp_path, report, monkeypatch):
 def test_the_command_writes_beside_the_results(tmp_path):
     out = tmp_path / "out"
     flags = ("--no-figure", "--gpx", "--kml", "--log", "--json")
-    status, text, _ = call("run", "car-city-drive", "--duration", "20", "--out", out, *flags)
+    status, text, _ = call("run", "car-city-drive", "--duration", "5", "--out", out, *flags)
     files = {Path(path).name for path in json.loads(text)["files"]}
     assert status == 0 and {"car-city-drive.gpx", "car-city-drive.kml"} <= files <= {path.name for path in out.iterdir()}

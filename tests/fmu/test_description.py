@@ -22,8 +22,12 @@ from insenv.fmu.subject import subject
 from insenv.scenario import names
 
 EXTRA = {"time", "sample_interval", "parameters.step_is_one_increment", "sample_number"}  # not rows of the tables
-QUICK = ("loosely-coupled", "qakf-improved", "ship-swaying")
-ALL = [pytest.param(id, marks=() if id in QUICK else pytest.mark.slow) for id in (*estimators.registered(), *names())]
+QUICK = {"loosely-coupled": 3, "qakf-improved": 2, "ship-swaying": 2}
+ALL = [
+    pytest.param(id, fmi, marks=() if QUICK.get(id) == fmi else pytest.mark.slow)
+    for id in (*estimators.registered(), *names())
+    for fmi in (2, 3)
+]
 
 
 def read(path, name="modelDescription.xml"):
@@ -62,8 +66,7 @@ def check(variable, types, row):
     assert (-math.inf if low is None else float(low), math.inf if high is None else float(high)) == (row.lower, row.upper)
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("id", ALL)
+@pytest.mark.parametrize(("id", "fmi"), ALL)
 def test_the_description_is_valid_and_every_variable_is_a_row(bare, id, fmi):
     path = bare(id, fmi)
     assert validate_fmu(str(path)) == []

@@ -380,6 +380,7 @@ def test_simulate_fmu_gives_the_reference_signals():
     np.testing.assert_allclose(found["time"][::10], wanted["time"], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_sources_rebuild_to_the_same_outputs(slave, tmp_path):
     """By cmake, which `fmpy compile` uses."""
     folder, built = tmp_path / "x", tmp_path / "built"

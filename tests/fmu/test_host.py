@@ -17,15 +17,8 @@ from insenv.base.resources import fmu_folder
 from insenv.estimators import registered
 from insenv.scenario import build, load, names
 
-ID, SAMPLES = "qakf-improved", 300
+ID = "qakf-improved"
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer"]
-
-
-def test_the_result_of_the_host_is_that_of_the_model():
-    """Also after two resets; of FMI 2 below."""
-    columns = columns_for(ID, SAMPLES)
-    found = hosted(unzipped(ID, 3), input_csv(columns, "host.csv"), runs=3)
-    np.testing.assert_array_equal(found.values, in_process(ID, columns))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the line is for Linux and macOS")
@@ -34,11 +27,11 @@ def test_the_documented_command_compiles_the_host_which_prints_the_reason_for_a_
     (line,) = [line for line in page.splitlines() if line.startswith("$ cc ")]
     words = shlex.split(line.removeprefix("$ ").replace("fmu/examples/", f"{fmu_folder()}/examples/"))
     subprocess.run([c_compiler(), *words[1:]], cwd=tmp_path, check=True)
-    columns = columns_for(ID, 10)
+    columns = columns_for(ID, 300)
     table = input_csv(columns, "line.csv")
     done, output = started(unzipped(ID), table, step=0.0075, host=tmp_path / "host")
     assert done.returncode == 1 and "allowed is one sample interval, 0.005 s" in done.stderr and not output.exists()
-    found = hosted(unzipped(ID), table, host=tmp_path / "host")
+    found = hosted(unzipped(ID), table, host=tmp_path / "host", runs=3)  # two resets
     np.testing.assert_array_equal(found.values, in_process(ID, columns))
 
 
@@ -58,12 +51,12 @@ def sanitized(folder: Path, fmi: int) -> Path:
     return binary
 
 
-FAST = (ID, 3)
 EVERY = [(id, 3) for id in (*registered(), *names())] + [(id, 2) for id in (ID, "fusion-smoother", "car-city-drive")]
 """The equations of a model are the same C in both versions of FMI; what surrounds them is the same C for all models."""
 
 
-@pytest.mark.parametrize(("id", "fmi"), [pytest.param(*one, marks=() if one == FAST else pytest.mark.slow) for one in EVERY])
+@pytest.mark.slow
+@pytest.mark.parametrize(("id", "fmi"), EVERY)
 def test_wrong_calls_are_refused_under_the_sanitizers(id, fmi):
     """Every wrong call is refused with a reason and changes nothing, and no sanitizer reports an error."""
     folder = unzipped(id, fmi)

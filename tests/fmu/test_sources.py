@@ -10,7 +10,7 @@ from insenv.base.resources import fmu_folder
 ID, WARNINGS = "qakf-improved", ["-Wall", "-Wextra", "-pedantic", "-Werror"]
 
 
-@pytest.mark.parametrize(("fmi", "other"), [(2, "ship-swaying"), (3, LOOP)])
+@pytest.mark.parametrize(("fmi", "other"), [(2, "ship-swaying"), pytest.param(3, LOOP, marks=pytest.mark.slow)])
 def test_two_fmus_are_compiled_without_warnings_and_linked_into_one_program(fmi, other):
     main, objects = scratch() / f"two-{fmi}.c", []
     ids = [subject_of(each).identifier for each in (ID, other)]

@@ -181,18 +181,15 @@ NAN = float("nan")
 ORIGIN = Origin(0.8, 0.2, 100.0, 1.7e9)
 
 
-@pytest.mark.parametrize(
-    ("name", "changes", "message"),
-    [
-        ("ODOMETRY", {"child_frame_id": 8}, "child_frame_id = 8: allowed is 12 .* or 1"),
-        ("ODOMETRY", {"q": [NAN, 0, 0, 0]}, "q_nb = .*: allowed are finite numbers"),
-        ("ODOMETRY", {"x": 4.8e6}, "x, y, z = .*: allowed are finite distances from home"),
-        ("ATTITUDE", {"yaw": 90.0}, "yaw = 90 rad: allowed is a finite angle"),
-        ("ATTITUDE_QUATERNION", {"q1": 0.5}, "has the norm 0.5"),
-        ("ATTITUDE_QUATERNION", {"repr_offset_q": [0.0, 1.0, 0.0, 0.0]}, "repr_offset_q = .*: allowed is none"),
-        ("VISION_POSITION_ESTIMATE", {"z": NAN}, "x, y, z"),
-    ],
-)
+@pytest.mark.parametrize(("name", "changes", "message"), [
+    ("ODOMETRY", {"child_frame_id": 8}, "child_frame_id = 8: allowed is 12 .* or 1"),
+    ("ODOMETRY", {"q": [NAN, 0, 0, 0]}, "q_nb = .*: allowed are finite numbers"),
+    ("ODOMETRY", {"x": 4.8e6}, "x, y, z = .*: allowed are finite distances from home"),
+    ("ATTITUDE", {"yaw": 90.0}, "yaw = 90 rad: allowed is a finite angle"),
+    ("ATTITUDE_QUATERNION", {"q1": 0.5}, "has the norm 0.5"),
+    ("ATTITUDE_QUATERNION", {"repr_offset_q": [0.0, 1.0, 0.0, 0.0]}, "repr_offset_q = .*: allowed is none"),
+    ("VISION_POSITION_ESTIMATE", {"z": NAN}, "x, y, z"),
+])  # fmt: skip
 def test_nonsense_is_refused_in_one_sentence(name, changes, message):
     with pytest.raises(InputError, match=message) as error:
         estimate_of(estimate(name, **changes), ORIGIN)

@@ -11,10 +11,11 @@ from insenv.mavlink import Simulation
 from insenv.scenario import load
 
 
-@pytest.mark.parametrize(
-    "scenario, estimator, samples",
-    [("car-city-drive", "loosely-coupled", 1000), ("ship-swaying", "qakf", 1000), ("car-odometer", "fusion", 500)],
-)
+@pytest.mark.parametrize("scenario, estimator, samples", [
+    ("car-city-drive", "loosely-coupled", 1000),
+    ("ship-swaying", "qakf", 1000),
+    pytest.param("car-odometer", "fusion", 500, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_estimates_are_those_of_a_run(scenario, estimator, samples):
     result = run(load(scenario), [estimator], duration_s=5.0).results[0]
     vehicle, found = quiet(scenario, estimator=estimator), []

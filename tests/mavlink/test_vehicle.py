@@ -91,7 +91,8 @@ def test_a_diverged_estimate_is_announced_and_not_sent():
     assert estimated <= {m.get_type() for m in steps(vehicle, 2.0)} and vehicle.view.state == "aligning"
 
 
-@pytest.mark.parametrize(("name", "seconds"), [("aircraft-survey", 60), ("ship-underway", 120)])
+@pytest.mark.parametrize(("name", "seconds"),
+    [("aircraft-survey", 60), pytest.param("ship-underway", 120, marks=pytest.mark.slow)])  # fmt: skip
 def test_a_wrong_reported_heading_is_never_aligned(name, seconds):
     """It counts as aligned only where the filter has found the true heading: car and aircraft do so as they accelerate."""
     vehicle = quiet(changed(name, knowledge={"heading_error_deg": 20.0}), hz=20)  # of a standard deviation of a few degrees
@@ -240,13 +241,7 @@ def test_the_undulation_is_given_before_the_start():
 
 @pytest.mark.parametrize(
     "name, value, kind",
-    [
-        ("E_INN_GATE", nan, 9),
-        ("E_INN_GATE", -1.0, 9),
-        ("E_INN_GATE", 6.0, 6),
-        ("S_GYR_BIAS_X", 1.0, 9),
-        ("SIM_RATE", 100.0, 9),
-    ],
+    [("E_INN_GATE", nan, 9), ("E_INN_GATE", -1.0, 9), ("E_INN_GATE", 6.0, 6), ("S_GYR_BIAS_X", 1.0, 9), ("SIM_RATE", 100.0, 9)],
 )
 def test_a_wrong_value_changes_nothing_and_is_announced(name, value, kind):
     vehicle = quiet()

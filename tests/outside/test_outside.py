@@ -110,6 +110,7 @@ def test_an_instrument_in_one_file_is_measured_estimated_and_bounded():
     assert result.sigma["heading_deg"][-1] > 0.9 * result.limit_sigma["heading_deg"][-1]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compass")
 def test_its_log_and_its_error_budget_follow(tmp_path):
     quick = {**SHORT, "duration_s": 8, "rate_hz": 50}

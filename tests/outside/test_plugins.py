@@ -56,27 +56,24 @@ def section(rail, **methods):
     return type("Mine", (rail["trolley"].TrolleySection,), {"__module__": __name__, **methods})
 
 
-@pytest.mark.parametrize(
-    ("made", "changes", "message"),
-    [
-        (of_step, lambda p, x, u: {"q_nb": x.q_nb + u.delta_velo[0]}, "no row named 'delta_velo'; did you mean"),
-        (of_step, lambda p, x, u: {"q_nb": x.q_nb[:3]}, "row 'q_nb' has the shape 3 x 1"),
-        (of_step, lambda p, x, u: None, "the result is of type NoneType"),
-        (of_step, lambda p, x, u: {"q_nb": x.q_nb if u.dt > 0 else -x.q_nb}, "a CasADi symbol has no truth value"),
-        (of_step, lambda p, x, u: {"q_nb": x.q_nb + ca.SX.zeros(3)}, "RuntimeError: Dimension mismatch"),
-        (of_model, {"output": lambda p, x: {}}, "output: row 'q_nb' is missing"),
-        (of_model, {"steps": {"sample": lambda p, x, u: {}}}, "step 'sample': function: allowed is a Step"),
-        (of_estimator, {"motion": "foo"}, "estimator 'ahrs': motion = 'foo'"),
-        (of_estimator, {"kind": "navigation"}, "'ahrs': an estimator of kind 'navigation' has the output 'velocity_n'"),
-        (of_estimator, {"prepare": lambda known: {"lattitude": 1}}, "prepare: no row named 'lattitude'; did you mean"),
-        (of_estimator, {"prepare": lambda known: 1 / 0}, "estimator 'ahrs', prepare: ZeroDivisionError"),
-        (of_law, {"along": lambda p, x: [{"rail_phase": 0}]}, "along: 1 results: allowed are 3"),
-        (of_law, {"angles": lambda p, x: [p.mean_rol, p.mean_pitch, 0]}, "no row named 'mean_rol'; did you mean"),
-        (of_law, {"state": Table((Row("q_nb", "Mine"),))}, "q_nb"),
-        (of_section, {"vehicle": lambda self: self.law}, "vehicle kind 'trolley', vehicle: AttributeError: 'Mine'"),
-        (of_section, {"rows": lambda self, start: {"rail_amplitude": 1}}, "rows: 'rail_angular_frequency' is missing"),
-    ],
-)
+@pytest.mark.parametrize(("made", "changes", "message"), [
+    (of_step, lambda p, x, u: {"q_nb": x.q_nb + u.delta_velo[0]}, "no row named 'delta_velo'; did you mean"),
+    (of_step, lambda p, x, u: {"q_nb": x.q_nb[:3]}, "row 'q_nb' has the shape 3 x 1"),
+    (of_step, lambda p, x, u: None, "the result is of type NoneType"),
+    (of_step, lambda p, x, u: {"q_nb": x.q_nb if u.dt > 0 else -x.q_nb}, "a CasADi symbol has no truth value"),
+    (of_step, lambda p, x, u: {"q_nb": x.q_nb + ca.SX.zeros(3)}, "RuntimeError: Dimension mismatch"),
+    (of_model, {"output": lambda p, x: {}}, "output: row 'q_nb' is missing"),
+    (of_model, {"steps": {"sample": lambda p, x, u: {}}}, "step 'sample': function: allowed is a Step"),
+    (of_estimator, {"motion": "foo"}, "estimator 'ahrs': motion = 'foo'"),
+    (of_estimator, {"kind": "navigation"}, "'ahrs': an estimator of kind 'navigation' has the output 'velocity_n'"),
+    (of_estimator, {"prepare": lambda known: {"lattitude": 1}}, "prepare: no row named 'lattitude'; did you mean"),
+    (of_estimator, {"prepare": lambda known: 1 / 0}, "estimator 'ahrs', prepare: ZeroDivisionError"),
+    (of_law, {"along": lambda p, x: [{"rail_phase": 0}]}, "along: 1 results: allowed are 3"),
+    (of_law, {"angles": lambda p, x: [p.mean_rol, p.mean_pitch, 0]}, "no row named 'mean_rol'; did you mean"),
+    (of_law, {"state": Table((Row("q_nb", "Mine"),))}, "q_nb"),
+    (of_section, {"vehicle": lambda self: self.law}, "vehicle kind 'trolley', vehicle: AttributeError: 'Mine'"),
+    (of_section, {"rows": lambda self, start: {"rail_amplitude": 1}}, "rows: 'rail_angular_frequency' is missing"),
+])  # fmt: skip
 def test_a_fault_names_its_model_estimator_or_vehicle(rail, made, changes, message):
     with said(message) as caught:
         made(rail, changes)
@@ -141,13 +138,10 @@ def declare(tmp_path, monkeypatch):
     return written
 
 
-@pytest.mark.parametrize(
-    ("name", "entry", "warned", "refused"),
-    [
-        ("other", "insenv.estimators.gyrocompass:ESTIMATOR", "it holds the estimator 'gyrocompass'", "the same name"),
-        ("broken", "no_such_module:X", "No module named 'no_such_module'", "package 'mine'.*mend or uninstall the package"),
-    ],
-)
+@pytest.mark.parametrize(("name", "entry", "warned", "refused"), [
+    ("other", "insenv.estimators.gyrocompass:ESTIMATOR", "it holds the estimator 'gyrocompass'", "the same name"),
+    ("broken", "no_such_module:X", "No module named 'no_such_module'", "package 'mine'.*mend or uninstall the package"),
+])  # fmt: skip
 def test_a_broken_package_is_an_error_only_if_it_is_asked_for(declare, name, entry, warned, refused):
     declare(f"[insenv.test]\n{name} = {entry}\nanalytic = insenv.estimators.analytic:ESTIMATOR")
     found = Plugins("estimator", "insenv.test", estimators._id, {"q-method": ESTIMATORS["q-method"]})

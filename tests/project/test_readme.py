@@ -17,7 +17,6 @@ import pytest
 from places import ROOT
 from readme_links import ReadmeLinks, absolute
 
-FIRST = ("README.md", "docs/index.md", "docs/api.md", "docs/scenarios.md")
 AS_INSTALLED = ("README.md", "docs/cli.md")  # with the packages that README.md installs alone
 PAGES = [
     ROOT / "README.md",
@@ -115,12 +114,15 @@ def linked(folder: Path) -> Path:
 ALL = [b for page in PAGES for b in blocks_of(page.relative_to(ROOT).as_posix(), page.read_text("utf-8"))]
 
 
-def marked(things: list, page_of) -> list:
-    return [pytest.param(x, id=str(x), marks=[] if page_of(x) in FIRST else pytest.mark.slow) for x in things]
+def marked(things: list, is_fast) -> list:
+    return [pytest.param(x, id=str(x), marks=[] if is_fast(x) else pytest.mark.slow) for x in things]
 
 
-@pytest.mark.parametrize("block",
-    marked([b for b in ALL if b.language in ("console", "sh") or b.reason], lambda block: block.page))  # fmt: skip
+COMMANDS = [b for b in ALL if b.language in ("console", "sh") or b.reason]
+FIRST_RUN = next(b for b in COMMANDS if "insenv run" in b.text)
+
+
+@pytest.mark.parametrize("block", marked(COMMANDS, FIRST_RUN.__eq__))
 def test_commands(block, tmp_path):
     if block.reason is not None:
         pytest.skip(f"{block}: {block.reason}")
@@ -150,7 +152,7 @@ for name in sys.argv[1:]:
 """
 
 
-@pytest.mark.parametrize("page", marked(WITH_PYTHON, str))
+@pytest.mark.parametrize("page", marked(WITH_PYTHON, "README.md".__eq__))
 def test_python(page, tmp_path):
     """Each block alone; a traceback names the line of the page."""
     texts = {b.line: b.text for b in ALL if b.page == page and b.language == "python" and not b.reason}

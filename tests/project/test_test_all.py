@@ -23,7 +23,8 @@ def test_again_says_what_it_runs_and_why_and_a_target_without_tests_counts_its_c
 
 @pytest.mark.parametrize(("chosen", "reason"), [
     (["tests/none.py"], "tests/none.py: no such file or folder"),
-    (["-k", "none", "tests"], "no test matches tests -k 'none'"), (["-k", "a b"], "-k 'a b': expected end of input"),
+    pytest.param(["-k", "none", "tests"], "no test matches tests -k 'none'", marks=pytest.mark.slow),
+    pytest.param(["-k", "a b"], "-k 'a b': expected end of input", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_pytest_with_workers_says_why_it_runs_nothing(chosen, reason, tmp_path):
     (tmp_path / "tests").mkdir()

@@ -21,7 +21,7 @@ def read(log, folder):  # as a file, of which reading finds the time at rest
 
 @pytest.fixture(scope="module")
 def parked(tmp_path_factory):
-    return read(insenv.record("car-parked", duration_s=60.0), tmp_path_factory.mktemp("log"))
+    return read(insenv.record(changed("car-parked", rate_hz=60.0), duration_s=60.0), tmp_path_factory.mktemp("log"))
 
 
 def test_gyros_at_rest_show_the_latitude(parked):

@@ -16,9 +16,10 @@ from insenv.runs.replay_start import initial_knowledge
 from insenv.scenario import load
 
 
-@pytest.mark.parametrize(
-    ("grade", "seconds"), [("navigation", 80.0), ("consumer", 80.0), pytest.param("industrial", 300.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("grade", "seconds"), [
+    ("navigation", 80.0),
+    *(pytest.param(*each, marks=pytest.mark.slow) for each in (("consumer", 80.0), ("industrial", 300.0))),
+])  # fmt: skip
 def test_without_a_grade_the_stated_sigma_is_honest(grade, seconds):
     """As a ship's navigator, 33 to 99 % of these errors would be beyond three sigma."""
     log = car_log(grade, seconds, seed=301, wait_s=seconds / 10, told=False, outages=True, estimator=WANDER)
@@ -112,10 +113,10 @@ def test_the_sigmas_of_initial_are_those_of_the_start(start):
     assert default["roll_deg"] == pytest.approx(1.0, rel=0.05) if start == "reference" else default["roll_deg"] < 0.2
 
 
-@pytest.mark.parametrize(
-    ("rest", "said", "ids"),
-    [(None, "the log does not begin at rest", ["fusion", "loosely-coupled"]), (5.0, "the vehicle moves at 20 s", "fusion")],
-)
+@pytest.mark.parametrize(("rest", "said", "ids"), [
+    (None, "the log does not begin at rest", ["fusion", "loosely-coupled"]),
+    pytest.param(5.0, "the vehicle moves at 20 s", "fusion", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_under_way_the_motion_gives_the_attitude(rest, said, ids):
     """A rest that ended 15 s before is no start at rest."""
     log = started(car_log("tactical", 80.0, seed=4, wait_s=3.0), start_s=20.0, static_until_s=rest)

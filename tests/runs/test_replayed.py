@@ -53,15 +53,12 @@ def test_an_alignment_runs_on_a_log_without_a_reference():
     assert np.degrees([roll, pitch]) == pytest.approx([start.roll_deg, start.pitch_deg], abs=0.2)
 
 
-@pytest.mark.parametrize(
-    ("changes", "id", "start", "message"),
-    [
-        ({}, "loosely-coupled", "coarse", "heading at the start: no instrument measures it"),
-        ({}, "loosely-coupled", "reference", "must give position, velocity and attitude"),
-        ({"gnss": False}, "loosely-coupled", "coarse", "needs GNSS"),
-        ({"gnss": False}, "q-method", "coarse", "needs the place"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "id", "start", "message"), [
+    ({}, "loosely-coupled", "coarse", "heading at the start: no instrument measures it"),
+    ({}, "loosely-coupled", "reference", "must give position, velocity and attitude"),
+    ({"gnss": False}, "loosely-coupled", "coarse", "needs GNSS"),
+    ({"gnss": False}, "q-method", "coarse", "needs the place"),
+])  # fmt: skip
 def test_the_error_names_what_a_log_lacks_to_start_an_estimator(changes, id, start, message):
     with pytest.raises(InsenvError, match=message):
         replay(parked(**changes), id, start=start)

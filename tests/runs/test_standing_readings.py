@@ -31,7 +31,7 @@ def standing(name: str, seed: int) -> RecordedLog:
     return started(record(scenario, seed=seed, duration_s=10.0), static_until_s=9.5, **NOTHING)
 
 
-@pytest.mark.parametrize("name", WITH)
+@pytest.mark.parametrize("name", ["rm3100", "two antennas", pytest.param("autopilot", marks=pytest.mark.slow)])
 def test_the_heading_at_rest_is_as_good_as_stated(name):
     """Eight seeds; the level, which turns the field's vertical part, is that of the accelerometers."""
     ratios = []

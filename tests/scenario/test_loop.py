@@ -13,7 +13,7 @@ from insenv.scenario.inputs import input_rows
 from insenv.scenario.loop import loop_model
 
 SAMPLES = 220  # a fix, some tens of covariances, the first windows
-QUICK = ("analytic", "aqe-sukf", "ecef-kf", "loosely-coupled", "q-method", "velocity-integration", "wander-sins")
+QUICK = ("analytic", "ecef-kf", "loosely-coupled", "q-method")
 """One of each kind of conditions and inputs; tests/core/test_bits.py runs the loop of each estimator."""
 
 

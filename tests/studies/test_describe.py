@@ -65,7 +65,7 @@ def as_structure(folder):
     return [folder / "log.mat"]
 
 
-@pytest.mark.parametrize("written", [as_csv, as_arrays, as_structure])
+@pytest.mark.parametrize("written", [as_csv, pytest.param(as_arrays, marks=pytest.mark.slow), as_structure])
 def test_the_plain_log_is_described_as_its_own_description_says(tmp_path, written):
     """Columns, units, axes, clock and vehicle of a log that stands beside its description, without a word of it."""
     made = describe(written(tmp_path), folder=tmp_path)

@@ -112,6 +112,7 @@ def test_a_log_without_fixes_or_with_few_is_refused():
         insenv.tune(log_of_car(30.0), "loosely-coupled")
 
 
+@pytest.mark.slow
 def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
     """Innovations do not show it; where they are small and the filter models none, a note says so."""
     log = log_of_car(80.0)

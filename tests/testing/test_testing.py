@@ -68,28 +68,25 @@ def in_degrees(p, x, u):
     return STEP.function(p, x, SimpleNamespace(**{**vars(u), "delta_angle": u.delta_angle * 57.3}))
 
 
-@pytest.mark.parametrize(
-    ("changes", "promise"),
-    [
-        ({"parameters": MODEL.parameters + Table((Row("gain", "Gain."),))}, "row 'gain': meaning = 'Gain.'"),
-        ({"parameters": MODEL.parameters + Table((Row("gain", "Gain", "furlong"),))}, "row 'gain': unit = 'furlong'"),
-        ({"parameters": MODEL.parameters + Table((Row("arm_b", "Arm", "m", (3,), "n"),))}, "row 'arm_b': frame = 'n'"),
-        (
-            {"parameters": Table((replace(MODEL.parameters["latitude"], unit="deg"), *list(MODEL.parameters)[1:]))},
-            "parameter 'latitude': unit = 'deg': allowed is 'rad', as the start gives it",
-        ),
-        ({"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.SX([2, 0, 0, 0])}}, "q_nb is not of unit norm"),
-        (
-            {"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.sqrt(-(x.first[2] ** 2)) * ca.SX.ones(4)}},
-            "output 'q_nb' = nan",
-        ),
-        ({"output": lambda p, x: {"q_nb": MODEL.output(p, x)["q_nb"]}}, "row 'attitude_sigma' is missing"),
-        (with_inputs(replace(ANGLE, unit="deg")), "input 'delta_angle': unit = 'deg': allowed is 'rad', as sensor 'imu' gives"),
-        (with_inputs(replace(ANGLE, frame="n")), "input 'delta_angle': frame = 'n': allowed is 'b', as sensor 'imu' gives it"),
-        (with_inputs(Row("gnss_valdi", "Misspelt")), "input 'gnss_valdi': nothing feeds it; did you mean 'gnss_valid'"),
-        ({"steps": {"sample": replace(STEP, function=in_degrees)}}, "input 'delta_angle': q_nb changes by 57.3 times"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "promise"), [
+    ({"parameters": MODEL.parameters + Table((Row("gain", "Gain."),))}, "row 'gain': meaning = 'Gain.'"),
+    ({"parameters": MODEL.parameters + Table((Row("gain", "Gain", "furlong"),))}, "row 'gain': unit = 'furlong'"),
+    ({"parameters": MODEL.parameters + Table((Row("arm_b", "Arm", "m", (3,), "n"),))}, "row 'arm_b': frame = 'n'"),
+    (
+        {"parameters": Table((replace(MODEL.parameters["latitude"], unit="deg"), *list(MODEL.parameters)[1:]))},
+        "parameter 'latitude': unit = 'deg': allowed is 'rad', as the start gives it",
+    ),
+    ({"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.SX([2, 0, 0, 0])}}, "q_nb is not of unit norm"),
+    (
+        {"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.sqrt(-(x.first[2] ** 2)) * ca.SX.ones(4)}},
+        "output 'q_nb' = nan",
+    ),
+    ({"output": lambda p, x: {"q_nb": MODEL.output(p, x)["q_nb"]}}, "row 'attitude_sigma' is missing"),
+    (with_inputs(replace(ANGLE, unit="deg")), "input 'delta_angle': unit = 'deg': allowed is 'rad', as sensor 'imu' gives"),
+    (with_inputs(replace(ANGLE, frame="n")), "input 'delta_angle': frame = 'n': allowed is 'b', as sensor 'imu' gives it"),
+    (with_inputs(Row("gnss_valdi", "Misspelt")), "input 'gnss_valdi': nothing feeds it; did you mean 'gnss_valid'"),
+    ({"steps": {"sample": replace(STEP, function=in_degrees)}}, "input 'delta_angle': q_nb changes by 57.3 times"),
+])  # fmt: skip
 def test_an_estimator_that_breaks_a_promise_is_found(changes, promise):
     whole = get("wander-sins" if "steps" in changes else "analytic")
     broken = replace(whole, model=replace(whole.model, id="broken", **changes))

@@ -35,7 +35,8 @@ def measured(random, names, groups, records):
     ("ship-dvl", "fusion", (1e-12, 0.3, 1e3), {}, "aid-misfit fixes-diverged fixes-overconfident no-fix no-fix-but-aids"),
     ("car-city-drive", "loosely-coupled", (1.0,), {"fix_wander_sigma": 1.0}, "fixes-count-less steep-pitch too-sure"),
     ("car-city-drive", "loosely-coupled", (1.0,), {"fix_wander_sigma": 0.0}, "fixes-slow-errors fixes-overconfident"),
-    ("aircraft-inflight-alignment", "velocity-integration", (0.01, 3.0), {}, "heading-unknown too-sure"),
+    pytest.param("aircraft-inflight-alignment", "velocity-integration", (0.01, 3.0), {}, "heading-unknown too-sure",
+                 marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_the_sentences_are_those_of_a_run(scenario, id, scales, wander, codes, tmp_path):
     plant = build(load(scenario))

@@ -74,6 +74,7 @@ def equal_to_run_of_its_scenario(shown, folder, row):
     assert np.ascontiguousarray(shown[f"e0_{row}"]).tobytes() == report.results[0].outputs[row].tobytes()
 
 
+@pytest.mark.slow
 def test_worker_gives_a_scenario_with_its_numbers_and_refuses_in_a_sentence(tmp_path):
     made = live_page(*SHIP)
     wrong = reset(9, **{"start.latitude_deg": 91}), reset(5000)

@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from command_line import call, strict
 from live_pages import unpacked
 
@@ -18,6 +19,7 @@ def test_writes_one_file_without_requests(tmp_path):
     assert not re.search(r"""(?:src|href)\s*=\s*["']https?:""", text)
 
 
+@pytest.mark.slow
 def test_the_page_of_a_run_simulates_too(tmp_path, monkeypatch):
     monkeypatch.setattr("insenv.web.live.wasm", lambda source: b"")
     code, _, err = call("run", *SHORT, "--out", tmp_path, "--live")

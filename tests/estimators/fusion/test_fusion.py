@@ -85,8 +85,8 @@ WHEELS, SLOWER = ["odometer", "non_holonomic"], changed("car-odometer", rate_hz=
 
 @pytest.mark.parametrize(("scenario", "filter", "settings", "said", "unsaid"), [
     ("car-survey", fusion(["gyro_misalignment"], ["gnss"]), {}, "standard deviation at the start is 0", "neither"),
-    # 13 m off
-    ("multirotor-hover", "fusion", {"states": ["gnss_wander"]}, "neither estimates nor counts as noise", "is 0"),
+    pytest.param("multirotor-hover", "fusion", {"states": ["gnss_wander"]}, "neither estimates nor counts as noise", "is 0",
+                 marks=pytest.mark.slow),  # 13 m off
     (SLOWER, fusion([], ["odometer"]), {}, "holds the height", "at the start is 0"),  # 1.5 km after 600 s
     (SLOWER, fusion([], WHEELS), {}, "none of the aids shows the heading", "holds the height"),
     (with_barometer_alone(0.2), "fusion", {}, "holds the horizontal velocity", "neither states"),
@@ -100,9 +100,10 @@ def test_notes_on_the_choice(scenario, filter, settings, said, unsaid):
     assert said in notes and unsaid not in notes
 
 
+@pytest.mark.slow
 def test_a_magnetometer_shows_a_heading_of_which_nothing_is_known():
     knowledge = {"heading_sigma_deg": 180.0, "heading_error_deg": -150.0}
-    report = insenv.run(changed("multirotor-hover", knowledge=knowledge), "fusion", duration_s=40.0, seed=12)
+    report = insenv.run(changed("multirotor-hover", knowledge=knowledge), "fusion", duration_s=12.0, seed=12)
     assert "start-uncertain" not in [note.code for note in report.results[0].notes]
     late = report.to_dataframe().loc[5.0:]
     assert (late["error_heading_deg"].abs() < 3 * late["sigma_heading_deg"]).all() and late["sigma_heading_deg"].max() < 2.0
@@ -122,7 +123,7 @@ def test_a_delay_and_a_lever_arm_are_found():
     assert outputs["fix_refused_count"][-1] == 0
 
 
-@pytest.mark.parametrize(("grade", "seed"), [("navigation", 10022), ("industrial", 10001)])
+@pytest.mark.parametrize(("grade", "seed"), [pytest.param("navigation", 10022, marks=pytest.mark.slow), ("industrial", 10001)])
 def test_a_parked_car_stays_where_it_is(grade, seed):
     """By detection of rest alone these drove off, by 10 km and more: their start, or their heading, was 3 sigmas off."""
     result = insenv.run(changed("car-parked", imu={"grade": grade}, rate_hz=50.0), "fusion", seed=seed).results[0]

@@ -63,24 +63,13 @@ def test_the_start_has_the_moments_of_the_rotation_in_an_uncertain_heading(sigma
 
 
 def test_any_heading_is_found_in_a_slow_surge_that_alignments_take_for_tilt():
-    scenario = changed("ship-slow-surge", rate_hz=20.0)
+    scenario = changed("ship-slow-surge", rate_hz=10.0)
     (result,) = insenv.run(scenario, "fusion", seed=970001).results
     channels = ("roll_deg", "pitch_deg", "heading_deg", "north_m", "east_m")
     assert all(np.max(np.abs(result.errors[name]) / result.sigma[name]) < 4.5 for name in channels)
     stated = [result.sigma["heading_deg"][np.searchsorted(result.time, seconds - 0.01)] for seconds in (300.0, 600.0)]
     assert stated[0] < 1.5 * 0.0432 and stated[1] < 1.2 * 0.0284  # the limits
     assert [note.split(" after")[0] for note in result.notes] == ["heading found"] and result.health.verdict == "consistent"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("period_s", [10.0, 40.0, 60.0])
-def test_stated_sigmas_hold_over_seeds(period_s):
-    """NEES of 9 errors over 32 runs: 3 standard deviations of the mean are 2.3."""
-    scenario = changed("ship-slow-surge", vehicle={"sway": {"north": [{"amplitude_m": 0.3, "period_s": period_s}]}})
-    summary = insenv.campaign(scenario, "fusion", 32, seed=971000)
-    assert np.max(summary.nees.mean[summary.time > 60.0]) < 9.0 + 3.0
-    rms, stated, limit = (getattr(summary.courses["heading_deg"], name)[-1] for name in ("rms", "stated", "limit"))
-    assert rms < 1.4 * limit and stated < 1.2 * limit
 
 
 def test_each_oscillator_is_remembered_over_its_own_period():

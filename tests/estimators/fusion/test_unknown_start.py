@@ -34,7 +34,8 @@ def ratio(result, names, until=None):
 
 
 @pytest.mark.parametrize(("name", "seconds", "sigma"),
-    [("car-unknown-heading", 80.0, 0.5), ("aircraft-inflight-alignment", 60.0, 0.02)])  # fmt: skip
+    [pytest.param("car-unknown-heading", 80.0, 0.5, marks=pytest.mark.slow),
+     ("aircraft-inflight-alignment", 60.0, 0.02)])  # fmt: skip
 def test_a_car_and_an_aircraft_find_their_attitude(name, seconds, sigma):
     scenario = changed(name, knowledge=UNKNOWN, rate_hz=60.0)
     (result,) = insenv.run(scenario, "fusion", seed=20001, duration_s=seconds).results
@@ -180,7 +181,7 @@ def test_errors_of_a_level_without_a_heading_belong_to_biases_in_body_axes():
     [({"heading_sigma_deg": 12.0}, {}, 40.0), ({}, {"interval_s": 60.0}, 300.0)])  # fmt: skip
 def test_the_way_by_a_log_is_as_uncertain_as_stated(knowledge, dvl, seconds):
     """Of a heading known to 12 deg, in which the way was not laid before: 28 sigma off; of velocities a minute apart."""
-    scenario = changed("ship-log-alignment", knowledge=knowledge, dvl=dvl, rate_hz=20.0)
+    scenario = changed("ship-log-alignment", knowledge=knowledge, dvl=dvl, rate_hz=10.0)
     (result,) = insenv.run(scenario, "fusion", seed=502 if knowledge else 500, duration_s=seconds).results
     assert ratio(result, NAVIGATION[:3]) < 4.0
 

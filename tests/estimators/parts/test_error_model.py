@@ -265,6 +265,7 @@ def test_a_parked_car_learns_no_heading_from_being_level(monkeypatch, filter):
         assert abs(result.errors["heading_deg"][-1]) < 3 * result.sigma["heading_deg"][-1]
 
 
+@pytest.mark.slow
 def test_a_heading_30_deg_off_is_found_while_driving(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     known = {"heading_sigma_deg": 30.0, "heading_error_deg": 30.0}

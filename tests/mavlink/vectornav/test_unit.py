@@ -148,16 +148,14 @@ def test_the_status_aligns_tracks_loses_gnss_and_comes_back():
     assert status(vehicle)[0] == 0
 
 
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        ({"gnss": {"outages_s": ((50.0, 90.0),)}}, (3, set())),
-        ({"knowledge": DOUBTED}, (1, {2})),
-        ({"knowledge": DOUBTED, "gnss": {"outages_s": ((50.0, 90.0),)}}, (3, set())),  # whatever the doubt
-        ({"imu": {"gyro_range_deg_s": 0.001}}, (1, {2})),
-        ({"imu": {"drop_probability": 0.999}, "heading": {}}, (1, {2, 5, 9, 10})),  # with the heading of two antennas
-    ],
-)
+@pytest.mark.parametrize(("changes", "expected"), [
+    ({"gnss": {"outages_s": ((50.0, 90.0),)}}, (3, set())),
+    ({"knowledge": DOUBTED}, (1, {2})),
+    ({"knowledge": DOUBTED, "gnss": {"outages_s": ((50.0, 90.0),)}}, (3, set())),  # whatever the doubt
+    ({"imu": {"gyro_range_deg_s": 0.001}}, (1, {2})),
+    # with the heading of two antennas
+    pytest.param({"imu": {"drop_probability": 0.999}, "heading": {}}, (1, {2, 5, 9, 10}), marks=pytest.mark.slow),
+])  # fmt: skip
 def test_failures_of_a_scenario_reach_the_bytes(changes, expected):
     vehicle = quiet(changed("car-city-drive", **changes), hz=20, estimator="fusion" if "heading" in changes else None)
     steps(vehicle, 60.0)

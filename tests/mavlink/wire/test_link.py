@@ -20,14 +20,11 @@ from insenv.mavlink.wire.transports import EXPIRY_S, MAX_CLIENTS, MAX_DATAGRAM_B
 TCP = socket.SOCK_STREAM
 
 
-@pytest.mark.parametrize(
-    ("text", "kind", "host", "port"),
-    [
-        ("udpin::14550", "udpin", "127.0.0.1", 14550),
-        ("tcpout:[::1]:5760", "tcpout", "::1", 5760),
-        ("serial:/dev/ttyUSB0", "serial", "/dev/ttyUSB0", 57600),
-    ],
-)
+@pytest.mark.parametrize(("text", "kind", "host", "port"), [
+    ("udpin::14550", "udpin", "127.0.0.1", 14550),
+    ("tcpout:[::1]:5760", "tcpout", "::1", 5760),
+    ("serial:/dev/ttyUSB0", "serial", "/dev/ttyUSB0", 57600),
+])  # fmt: skip
 def test_addresses(text, kind, host, port):
     address = parse_address(text)
     assert (address.kind, address.host, address.port) == (kind, host, port) and parse_address(str(address)) == address
