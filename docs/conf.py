@@ -91,6 +91,7 @@ html_static_path = ["_static"]
 html_extra_path = [str(GALLERY)]
 html_favicon = "_static/favicon.svg"
 html_css_files = ["site.css"]
+html_js_files = ["live-frame.js"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {

@@ -2,7 +2,8 @@
 
 The page of an estimator gets its picture and its tables, the public names of docs/api.md become links, links whose text is the
 name of a file get the title of its page, and links to an anchor ``<a id="health"></a>`` become links to the heading below it,
-as Sphinx knows headings alone.  A page that no table of contents names stands below the reference.
+as Sphinx knows headings alone.  A page that no table of contents names stands below the reference.  The
+figure of the first page becomes a live page with one click.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ def extended(name: str, text: str) -> str:
         names = ((one.removeprefix(thumbnails.ESTIMATOR), thumbnails.shown(one, "..")) for one in thumbnails.of_estimators())
         rows = [(f"[]({page}.md)", picture) for page, picture in names]
         text += f"\n## At a glance\n\nEach on the example of its page.\n\n{markdown(('', ''), rows)}\n"
+    if name == "index":
+        text = site_gallery.with_frame(text)
     if name == "gallery":
         text = site_gallery.with_links(text)
     if name == "api":

@@ -18,9 +18,7 @@ export function h(tag, attributes = {}, ...children) {
     if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
     else element.setAttribute(name, value === true ? "" : String(value));
   }
-  for (const child of children.flat()) {
-    if (child !== null && child !== undefined && child !== false) element.append(child instanceof Node ? child : String(child));
-  }
+  fill(element, ...children.flat());
   return element;
 }
 
@@ -28,9 +26,8 @@ export function h(tag, attributes = {}, ...children) {
  * @param {Element} element
  * @param {...Child} children */
 export function fill(element, ...children) {
-  element.replaceChildren(
-    ...children.filter((child) => child || child === 0).map((child) => (child instanceof Node ? child : String(child))),
-  );
+  const some = children.filter((child) => child || child === 0);
+  element.replaceChildren(...some.map((child) => (child instanceof Node ? child : String(child))));
 }
 
 /** A panel with its title, the unit of what it shows, and what stands beside them.

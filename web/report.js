@@ -32,11 +32,7 @@ export function reportPage(report, live = null) {
       drawnPanel(panel, array, span, names, axis),
     );
     plots.push(...made);
-    const grid = h(
-      "div",
-      { class: `panels of-${section.columns}` },
-      made.map((/** @type {any} */ plot) => plot.element),
-    );
+    const grid = h("div", { class: `panels of-${section.columns}` }, made.map((/** @type {any} */ plot) => plot.element));
     return h("section", {}, h("h2", {}, section.title), section.note && h("p", { class: "quiet" }, section.note), grid);
   });
   const show = (/** @type {number} */ group, /** @type {boolean} */ shown) => plots.forEach((plot) => plot.show(group, shown));
@@ -58,11 +54,7 @@ export function reportPage(report, live = null) {
       h("div", { class: `tables${report.tables.length > 1 ? " several" : ""}` }, report.tables.map(summaryTable)),
       h("p", { class: "quiet" }, report.explained.join(" ")),
       report.notes.length > 0 &&
-        h(
-          "ul",
-          { class: "notes" },
-          report.notes.map((/** @type {string} */ note) => h("li", {}, note)),
-        ),
+        h("ul", { class: "notes" }, report.notes.map((/** @type {string} */ note) => h("li", {}, note))),
       bar,
       sections,
     ),

@@ -20,8 +20,8 @@ export function vehicleViews(live, at, history) {
   const numbers = readings(live, at);
   const track = makeTrack(live, at);
   const truth = { q: at("q_nb").at, attitude: at("attitude").at };
-  const estimates = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({
-    group,
+  const estimates = live.estimators.map((/** @type {any} */ one) => ({
+    group: one.group,
     q: at(`${one.prefix}q_nb`).at,
     attitude: at(`${one.prefix}attitude`).at,
     sigma: one.stated.indexOf("heading_deg") < 0 ? null : at(`${one.prefix}sigma`).at + one.stated.indexOf("heading_deg"),

@@ -90,6 +90,22 @@ def opened(browser, address, page):
     return wrong
 
 
+def test_a_click_on_the_figure_of_the_first_page_runs_a_live_page_there(browser, address):
+    assert opened(browser, address, "index.html") == []
+    browser.driver.find_element("css selector", ".live-frame a").click()
+    browser.driver.switch_to.frame(browser.driver.find_element("css selector", ".live-frame iframe"))
+    browser.until("document.getElementById('clock')?.textContent >= '0:01.0'")
+    browser.driver.switch_to.default_content()
+    assert browser.console() == []
+
+
+@pytest.mark.parametrize("word, page", [("install", "Installation"), ("Kalman", "fusion")])
+def test_a_search_leads_to_the_page_that_a_reader_looks_for(browser, address, word, page):
+    assert opened(browser, address, f"search.html?q={word}") == []
+    browser.until("/found [1-9]|[1-9][0-9]* pages/i.test(document.querySelector('.search-summary')?.textContent ?? '')")
+    assert page in browser.value("document.querySelector('ul.search li a').textContent")
+
+
 LAZY = "document.querySelectorAll('img[loading=lazy]').forEach(i => i.loading = 'eager')"
 PICTURES = "return [...document.images].filter(i => i.complete && !i.naturalWidth && i.loading != 'lazy').map(i => i.src)"
 MATHS = "return ['.math', '.math mjx-container', 'mjx-merror, [data-mjx-error]'].map(s => document.querySelectorAll(s).length)"

@@ -72,3 +72,5 @@ def test_each_live_page_of_the_gallery_can_run_and_has_a_link():
     shown = site_gallery.with_links(text)
     assert site_sources.extended("a", "[b.md](b.md#d), [e](e.md)") == "[](b.md#d), [e](e.md)"
     assert all(f'href="live/{name}"' in shown for name in wanted) and "not run" not in shown
+    first = site_sources.extended("index", (ROOT / "docs" / "index.md").read_text("utf-8"))
+    assert site_gallery.FIRST in wanted and f'href="live/{site_gallery.FIRST}#run"' in first

@@ -109,7 +109,7 @@ def test_another_grade_alone_has_the_notes_of_insenv_run(browser):
 
 
 @pytest.mark.slow
-def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
+def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page_and_a_link_may_start_it(browser):
     browser.open(page_file(*SHIP), fragment="#seed=999999")
     told = browser.until("document.getElementById('wrong')?.textContent")
     assert told.startswith("This link cannot be followed: seed = 999999")
@@ -118,6 +118,8 @@ def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
     typed(browser, "seed", "2.5")
     sentence = "seed = 2.5: allowed is a whole number, 0 to 1023. The run still uses 1"
     browser.until(f"document.body.innerText.includes('{sentence}')")
+    browser.open(page_file(*SHIP), fragment="#run")
+    browser.until("document.getElementById('clock')?.textContent > '0:00.5'")
     assert browser.console() == []
 
 
