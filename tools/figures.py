@@ -108,7 +108,7 @@ def of_drive() -> None:
 
     with browser() as shown, tempfile.TemporaryDirectory() as folder:
         path = insenv.page("car-city-drive", Path(folder) / "car.html", ["loosely-coupled"])
-        shown.open(path, (960, 600))
+        shown.open(path, (960, 745))
         shown.until("document.getElementById('clock')?.textContent === '0:00.0'")
 
         record_s = float(shown.value("document.getElementById('time').step"))
@@ -118,6 +118,8 @@ def of_drive() -> None:
                 shown.driver.execute_script("document.getElementById('step').click()")
                 records += 1
             shown.until(f"Math.abs(document.getElementById('time').value - {records * record_s}) < 1e-6")
+            if not pictures:
+                shown.driver.execute_script("document.getElementById('follow').click()")
             shown.driver.execute_async_script(SETTLED)
             pictures.append(Image.open(io.BytesIO(shown.driver.get_screenshot_as_png())).convert("RGB"))
     first, *others = pictures

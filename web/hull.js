@@ -8,11 +8,11 @@ import { colour, faint, groupColour } from "./theme.js";
 /** @typedef {[number, number, number]} Vector  in n or b, m */
 
 const DISTANCE = 7;
-const ELEVATION = 0.26;
-const QUARTER = 0.6;
+const ELEVATION = 0.3;
+const QUARTER = 0.85;
 const RADIUS = 2.3; // of the compass rose
 const WATER = 0.14; // m below the origin: the water of a ship
-const MIDDLE = 0.48; // of the height, where the camera looks
+const MIDDLE = 0.5; // of the height, where the camera looks
 const FAR = 1e5; // m: a point of the horizon
 
 /** A vector in b, turned into n by a quaternion (w, x, y, z) of the attitude.
@@ -106,7 +106,7 @@ function cut(face, side) {
  * @param {number[]} size */
 export function camera(azimuth, elevation, [width, height]) {
   const [sa, ca, se, ce] = [Math.sin(azimuth), Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation)];
-  const focal = Math.min(1.22 * width, 1.47 * height); // with which the letters of the rose stay inside
+  const focal = Math.min(1.2 * width, 1.38 * height); // with which the letters of the rose stay inside
   /** @param {Vector} point
    * @returns {Vector} */
   const project = ([n, e, d]) => {
@@ -178,7 +178,7 @@ function rose(context, project, heading, water) {
     const angle = (degrees * Math.PI) / 180;
     return project([radius * Math.cos(angle), radius * Math.sin(angle), below]);
   };
-  context.strokeStyle = colour("rule");
+  context.strokeStyle = colour("zero");
   context.lineWidth = 1;
   outline(context, Array.from({ length: 72 }, (_, place) => at(5 * place, RADIUS)));
   context.stroke();
@@ -186,10 +186,10 @@ function rose(context, project, heading, water) {
     context.fillStyle = faint(colour("c5"), 0.25);
     context.fill();
   }
-  outline(context, [at(heading, RADIUS - 0.05), at(heading + 6, RADIUS - 0.4), at(heading - 6, RADIUS - 0.4)]);
+  outline(context, [at(heading, RADIUS + 0.05), at(heading + 8, RADIUS - 0.45), at(heading - 8, RADIUS - 0.45)]);
   context.fillStyle = colour("muted");
   context.fill();
   const mark = (/** @type {number} */ degrees) => [at(degrees, RADIUS), at(degrees, degrees % 90 ? 2.18 : 2.05)];
-  stroked(context, colour("rule"), 1, ...Array.from({ length: 12 }, (_, k) => mark(30 * k)));
+  stroked(context, colour("zero"), 1, ...Array.from({ length: 12 }, (_, k) => mark(30 * k)));
   quarters(context, (degrees) => at(degrees, 2.55));
 }

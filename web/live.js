@@ -269,7 +269,6 @@ export function livePage(live) {
   // --- what is seen
 
   const paint = () => {
-    requestAnimationFrame(paint);
     if (model === "ready" && frame) {
       const [y, until] = back === null ? [frame.outputs, history] : [history.row(back), history.first(back + 1)];
       const time = back === null ? frame.time_s : y[at("time").at];
@@ -283,8 +282,15 @@ export function livePage(live) {
     }
     panels.draw(running);
   };
-  requestAnimationFrame(paint);
-  onTheme(views.ask);
+  const next = () => {
+    requestAnimationFrame(next);
+    paint();
+  };
+  requestAnimationFrame(next);
+  onTheme(() => {
+    views.ask();
+    paint(); // at once: for paper there is no further frame
+  });
   controls.show(state.seed, state.values);
   Promise.allSettled([loadRules(live.rules), followed]).then(() => session.send({ do: "load", live }));
 

@@ -131,6 +131,10 @@ def test_the_page_is_accessible_and_fits(browser, size, dark):
     titled = "[...document.querySelectorAll('.panel')].find((one) => one.textContent.startsWith('Heading error'))"
     of_box = "(one) => one.getBoundingClientRect().bottom"
     assert browser.value(f"((bottom, heading) => {lowest})({of_box}, {titled}) <= innerHeight")  # the first screen
+    dial = "document.querySelector('canvas.dial').toDataURL()"
+    before = browser.value(dial)
+    assert (browser.value(f"(dispatchEvent(new Event('beforeprint')), {dial})") != before) == dark  # paper is white
+    browser.driver.execute_script("dispatchEvent(new Event('afterprint'))")
     browser.driver.find_element(By.ID, "open-settings").send_keys(" ")
     browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true));")
     assert browser.value("document.getElementById('settings').contains(document.activeElement)")
