@@ -35,10 +35,12 @@ def test_everything_has_a_page(pages):
 
 
 @pytest.mark.parametrize("id", estimators.registered())
-def test_the_page_of_an_estimator_ends_with_its_tables(id):
+def test_the_page_of_an_estimator_ends_with_its_tables(pages, id):
     name = f"estimators/{site_tables.estimator_pages()[id].removesuffix('.md')}"
     written = (ROOT / "docs" / f"{name}.md").read_text("utf-8")
-    tables = site_sources.extended(name, written).partition(f"## Interface of `{id}`\n")[2]
+    shown = site_sources.extended(name, written)
+    assert (f"](../generated/{name}.md)" in shown) == (f"{name}.md" in pages)  # they have a page of their own
+    tables = pages.get(f"{name}.md", shown).partition(f"## Interface of `{id}`\n")[2]
     for table in ("inputs", "outputs", *(() if "<!-- begin parameters" in written else ("parameters",))):
         part = re.split(r"\n#+ ", tables.partition(f"### {table.title()} of `{id}`\n")[2])[0]
         assert re.findall(r"^\| `(\w+)` \|", part, re.MULTILINE) == list(getattr(estimators.get(id).model, table).names)
