@@ -41,6 +41,13 @@ export function panelOf(kind, title, unit, beside, ...children) {
   return h("div", { class: `panel${kind && ` ${kind}`}` }, h("div", { class: "head" }, h("h3", {}, title, shown), beside), children);
 }
 
+/** A section of panels beside each other.
+ * @param {{title: string, columns: number, note?: string}} section
+ * @param {HTMLElement[]} panels */
+export function sectionOf({ title, columns, note }, panels) {
+  return h("section", {}, h("h2", {}, title), note && h("p", { class: "quiet" }, note), h("div", { class: `panels of-${columns}` }, panels));
+}
+
 /** The JSON document of a kind that this page holds, or null.
  * @param {string} kind
  * @returns {any} */

@@ -1,6 +1,6 @@
 /** The plots of a live page: errors with sigma and limit, biases, test ratios; they grow with the records. */
 
-import { h } from "./dom.js";
+import { sectionOf } from "./dom.js";
 import { between } from "./history.js";
 import { roundUp } from "./numbers.js";
 import { timePlot } from "./timeplot.js";
@@ -85,14 +85,7 @@ export function livePanels(live, at, span) {
   };
   addEventListener("beforeprint", () => panels.filter((one) => one.due).forEach(redraw));
   return {
-    elements: sections.map((section) =>
-      h(
-        "section",
-        {},
-        h("h2", {}, section.title),
-        h("div", { class: `panels of-${section.columns}` }, section.panels.map((/** @type {any} */ one) => one.plot.element)),
-      ),
-    ),
+    elements: sections.map((section) => sectionOf(section, section.panels.map((/** @type {any} */ one) => one.plot.element))),
     panels: panels.map((one) => one.panel),
     heading: panels.find((one) => one.panel.title.startsWith("Heading error"))?.plot.element,
     show: (/** @type {number} */ group, /** @type {boolean} */ shown) => panels.forEach((one) => one.plot.show(group, shown)),
