@@ -112,7 +112,7 @@ def of_drive() -> None:
         shown.until("document.getElementById('clock')?.textContent === '0:00.0'")
 
         record_s = float(shown.value("document.getElementById('time').step"))
-        records, pictures = 0, []
+        records, pictures = 0, list[Image.Image]()
         for time in np.linspace(*SHOWN_S, FRAMES):
             while records < round(time / record_s):
                 shown.driver.execute_script("document.getElementById('step').click()")
@@ -123,7 +123,7 @@ def of_drive() -> None:
             shown.driver.execute_async_script(SETTLED)
             pictures.append(Image.open(io.BytesIO(shown.driver.get_screenshot_as_png())).convert("RGB"))
     first, *others = pictures
-    moving = {"save_all": True, "append_images": others, "duration": FRAME_MS, "loop": 0}
+    moving: dict[str, Any] = {"save_all": True, "append_images": others, "duration": FRAME_MS, "loop": 0}
     first.save(FOLDER / "page-drive.webp", quality=55, method=6, minimize_size=True, **moving)
 
 

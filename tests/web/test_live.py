@@ -131,9 +131,8 @@ def test_the_page_is_accessible_and_fits(browser, size, dark):
     titled = "[...document.querySelectorAll('.panel')].find((one) => one.textContent.startsWith('Heading error'))"
     of_box = "(one) => one.getBoundingClientRect().bottom"
     assert browser.value(f"((bottom, heading) => {lowest})({of_box}, {titled}) <= innerHeight")  # the first screen
-    dial = "document.querySelector('canvas.dial').toDataURL()"
-    before = browser.value(dial)
-    assert (browser.value(f"(dispatchEvent(new Event('beforeprint')), {dial})") != before) == dark  # paper is white
+    dial = "((when) => (dispatchEvent(new Event(when)), document.querySelector('canvas.dial').toDataURL()))"
+    assert browser.value(f"{dial}('afterprint') !== {dial}('beforeprint')") == dark  # paper is white
     browser.driver.execute_script("dispatchEvent(new Event('afterprint'))")
     browser.driver.find_element(By.ID, "open-settings").send_keys(" ")
     browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true));")
