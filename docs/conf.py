@@ -1,18 +1,22 @@
 """Configuration of the documentation site, which `make docs` builds into build/docs/html.
 
 The pages are the Markdown files of this folder, as they are read in the repository. The generated ones come from
-tools/site_pages.py; tutorials are executed, and kept in a cache under a digest of the code that they run.
+tools/site_pages.py; tutorials are executed side by side, and kept in a cache under a digest of the code that they run.
 """
 
 from __future__ import annotations
 
 import hashlib
 import inspect
+import logging
 import os
 import re
 import sys
 from pathlib import Path
 from typing import Any
+
+from jupyter_cache import get_cache
+from jupyter_cache.executors import load_executor
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
@@ -91,6 +95,7 @@ html_static_path = ["_static"]
 html_extra_path = [str(GALLERY)]
 html_favicon = "_static/favicon.svg"
 html_css_files = ["site.css"]
+html_js_files = ["live-frame.js"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
@@ -125,6 +130,20 @@ def write_pages(app: Any) -> None:
 def write_gallery(app: Any) -> None:
     """Write the live pages, which the site has in live/."""
     site_gallery.write_pages(GALLERY, CODE)
+
+
+def run_tutorials(app: Any) -> None:
+    """Run side by side the tutorials, and other pages with programs, whose outputs are not kept for this state of the code.
+
+    Their pages then take the outputs from the cache.  One that fails is run again when its page is read, which says where.
+    """
+    cache = get_cache(nb_execution_cache_path)
+    for path in sorted(Path(app.srcdir).rglob("*.md")):
+        if "{code-cell}" in path.read_text(encoding="utf-8"):
+            cache.add_nb_to_project(str(path), read_data={"name": "myst_nb_md", "type": "plugin"})
+    logger = logging.getLogger("tutorials")
+    logger.setLevel(logging.WARNING)
+    load_executor("temp-parallel", cache, logger).run_and_cache(timeout=nb_execution_timeout)
 
 
 def extend_page(app: Any, name: str, text: list[str]) -> None:
@@ -178,6 +197,7 @@ def setup(app: Any) -> dict[str, bool]:
     app.add_config_value("insenv_code", CODE + MAKER, "env")  # another one: all pages are read again
     app.connect("builder-inited", write_pages)
     app.connect("builder-inited", write_gallery)
+    app.connect("builder-inited", run_tutorials)
     app.connect("source-read", extend_page)
     app.connect("html-page-context", breakable)
     app.connect("autodoc-process-docstring", as_rst)

@@ -4,12 +4,13 @@
     python tools/figures.py analytic        those whose names begin so
 
 The figures of trained policies (tuner, aligner, manoeuvre-curve) come from ``examples/train_*.py --out DIR``.  Those of pages
-need the extra ``web``, Chromium and its driver.
+need the extra ``web``, Chromium and its driver; one, ``page-drive.webp``, moves: a car through an outage in ten seconds.
 """
 
 from __future__ import annotations
 
 import importlib
+import io
 import runpy
 import sys
 import tempfile
@@ -17,6 +18,8 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import insenv
 from insenv.base import style
@@ -93,6 +96,37 @@ def of_live_page() -> None:
         shown.driver.save_screenshot(str(FOLDER / "page-live.png"))
 
 
+FRAMES, FRAME_MS, SHOWN_S = 100, 100, (192.0, 250.0)
+"""Of the moving picture: its frames, the time between two, and the part of the drive that it shows, s."""
+SETTLED = """const done = arguments[0]; let left = 6;
+const next = () => (left-- ? requestAnimationFrame(next) : done()); next();"""
+
+
+def of_drive() -> None:
+    """A live page while a car drives through an outage, as a picture that moves; step by step, whatever the machine's speed."""
+    from PIL import Image
+
+    with browser() as shown, tempfile.TemporaryDirectory() as folder:
+        path = insenv.page("car-city-drive", Path(folder) / "car.html", ["loosely-coupled"])
+        shown.open(path, (960, 745))
+        shown.until("document.getElementById('clock')?.textContent === '0:00.0'")
+
+        record_s = float(shown.value("document.getElementById('time').step"))
+        records, pictures = 0, list[Image.Image]()
+        for time in np.linspace(*SHOWN_S, FRAMES):
+            while records < round(time / record_s):
+                shown.driver.execute_script("document.getElementById('step').click()")
+                records += 1
+            shown.until(f"Math.abs(document.getElementById('time').value - {records * record_s}) < 1e-6")
+            if not pictures:
+                shown.driver.execute_script("document.getElementById('follow').click()")
+            shown.driver.execute_async_script(SETTLED)
+            pictures.append(Image.open(io.BytesIO(shown.driver.get_screenshot_as_png())).convert("RGB"))
+    first, *others = pictures
+    moving: dict[str, Any] = {"save_all": True, "append_images": others, "duration": FRAME_MS, "loop": 0}
+    first.save(FOLDER / "page-drive.webp", quality=55, method=6, minimize_size=True, **moving)
+
+
 def browser() -> Any:
     """Headless Chromium, as the tests of pages have it."""
     sys.path.insert(0, str(ROOT / "tests" / "helpers"))
@@ -107,6 +141,7 @@ FIGURES: dict[str, Callable[[], None]] = {
     "active-alignment": partial(of_example, "active_alignment"),
     "page-run": of_run_page,
     "page-live": of_live_page,
+    "page-drive": of_drive,
 }
 
 

@@ -1,6 +1,6 @@
 """The live pages of the documentation site: each command `insenv page` of docs/gallery.md writes one, at each build.
 
-They are kept until the code changes, because each is compiled.
+They are kept until the code changes, because each is compiled.  One stands on the first page: a click on its figure starts it.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ GALLERY = ROOT / "docs" / "gallery.md"
 COMMAND = re.compile(r"^```console\n\$ (insenv page .*)\n```$", re.MULTILINE)
 FOLDER = "live"
 """Folder of the pages in the site."""
+FIRST = "ship-swaying.html"
+"""The page that the first page of the site shows."""
+FIGURE = re.compile(r"^!\[.*\]\(.*\)$", re.MULTILINE)
 
 
 def commands(text: str) -> dict[str, tuple[str, list[str]]]:
@@ -37,6 +40,12 @@ def with_links(text: str) -> str:
         return f"```{{raw}} html\n{opened}\n```\n\n{match.group()}"
 
     return COMMAND.sub(link, re.sub(r"<!-- not run: .*? -->\n(?=```console\n\$ insenv page )", "", text))
+
+
+def with_frame(text: str) -> str:
+    """The first page with a link on its figure, which docs/_static/live-frame.js opens in a frame in the figure's place."""
+    link = f'<a class="live-page" href="{FOLDER}/{FIRST}#run">Run it here</a>'
+    return FIGURE.sub(lambda match: f":::{{div}} live-frame\n{match[0]}\n\n```{{raw}} html\n{link}\n```\n:::", text, count=1)
 
 
 def write_pages(folder: Path, code: str) -> None:

@@ -13,7 +13,7 @@ import gymnasium
 import thumbnails
 from pages import ROOT, markdown
 from site_sensors import grades, sensor_pages
-from site_tables import DOCS, Pages, estimator_pages, overview, rows_with_bounds, sentence
+from site_tables import DOCS, Pages, estimator_pages, interfaces, overview, rows_with_bounds, sentence
 
 import insenv
 from insenv.base.shipped import SPECS, titles
@@ -22,7 +22,7 @@ from insenv.scenario import load, summaries
 
 def all_pages() -> Pages:
     """Every generated page."""
-    return {**environments(), **sensor_pages(), **grades(), **scenarios(), **reference()}
+    return {**environments(), **sensor_pages(), **grades(), **scenarios(), **interfaces(), **reference()}
 
 
 # --- environments ------------------------------------------------------------------------------------

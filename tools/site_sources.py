@@ -1,8 +1,9 @@
 """What the site changes in a page of docs/ before it is read: the repository shows the same files without it.
 
-The page of an estimator gets its picture and its tables, the public names of docs/api.md become links, links whose text is the
-name of a file get the title of its page, and links to an anchor ``<a id="health"></a>`` become links to the heading below it,
-as Sphinx knows headings alone.  A page that no table of contents names stands below the reference.
+The page of an estimator gets its picture and its tables (or a link to them), the public names of docs/api.md become links,
+links whose text is the name of a file get the title of its page, and links to an anchor ``<a id="health"></a>`` become links
+to the heading below it, as Sphinx knows headings alone. A page that no table of contents names stands below the reference.
+The figure of the first page becomes a live page with one click.
 """
 
 from __future__ import annotations
@@ -23,19 +24,32 @@ TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ANCHOR = re.compile(r'^<a id="(?P<id>[\w-]+)"></a>\n+#+ (?P<heading>.*)$', re.MULTILINE)
 NAMED = re.compile(r"\[[\w./-]+\.md\]\((?=[\w./-]+\.md[)#])")
 """A link whose text is the name of a file: the site shows the title of what it leads to."""
+INTERFACE = """## Interface
+
+[](../generated/estimators/{page}.md) lists every input and output.
+
+```{{toctree}}
+:hidden:
+
+../generated/estimators/{page}
+```
+"""
 LINK = re.compile(r"\]\((?P<page>[\w./-]*)#(?P<id>[\w-]+)\)")
 
 
 def extended(name: str, text: str) -> str:
     """The source of page `name` (its path in docs/ without suffix) as the site reads it."""
     if name.startswith("estimators/") and site_tables.estimators_on(text):
-        text = f"{text.rstrip()}\n\n{site_tables.estimator_tables(text)}"
-        title, _, rest = text.partition("\n\n")
-        text = f"{title}\n\n{thumbnails.shown(thumbnails.ESTIMATOR + posixpath.basename(name), '..')}\n\n{rest}"
+        page = posixpath.basename(name)
+        tables = INTERFACE.format(page=page) if page in site_tables.OWN_PAGE else site_tables.estimator_tables(text)
+        title, _, rest = text.rstrip().partition("\n\n")
+        text = f"{title}\n\n{thumbnails.shown(thumbnails.ESTIMATOR + page, '..')}\n\n{rest}\n\n{tables}"
     if name == "estimators/index":
         names = ((one.removeprefix(thumbnails.ESTIMATOR), thumbnails.shown(one, "..")) for one in thumbnails.of_estimators())
         rows = [(f"[]({page}.md)", picture) for page, picture in names]
         text += f"\n## At a glance\n\nEach on the example of its page.\n\n{markdown(('', ''), rows)}\n"
+    if name == "index":
+        text = site_gallery.with_frame(text)
     if name == "gallery":
         text = site_gallery.with_links(text)
     if name == "api":

@@ -15,6 +15,8 @@ from insenv.estimators.settings import keys_by_row
 DOCS = ROOT / "docs"
 Pages = dict[str, str]
 """Text by path below docs/generated/."""
+OWN_PAGE = ("fusion",)
+"""Pages of estimators whose tables are so long that they stand on a page of their own."""
 
 
 def overview(title: str, intro: str, head: Iterable[str], rows: Iterable[Iterable[str]], files: Iterable[str]) -> str:
@@ -33,6 +35,17 @@ def estimator_tables(text: str) -> str:
     """The tables of the estimators of a page, to be appended to it; without parameters where the page has them itself."""
     lists_parameters = "<!-- begin parameters" in text
     return "\n\n".join(_estimator(found, lists_parameters) for found in estimators_on(text))
+
+
+def interfaces() -> Pages:
+    """The tables that have a page of their own, below which their estimators' page would be too long."""
+    found = {}
+    for page in OWN_PAGE:
+        text = (DOCS / "estimators" / f"{page}.md").read_text(encoding="utf-8")
+        names = text.partition(":")[0]
+        about = f"What they do, and how they are used: [](../../estimators/{page}.md)."
+        found[f"estimators/{page}.md"] = f"{names}: inputs and outputs\n\n{about}\n\n{estimator_tables(text)}"
+    return found
 
 
 def _estimator(estimator: Estimator, lists_parameters: bool) -> str:

@@ -1,6 +1,7 @@
-/** A canvas with the pixels of the screen. */
+/** A canvas with the pixels of the screen, and lines on it. */
 
 import { h } from "./dom.js";
+import { colour } from "./theme.js";
 
 /**
  * @param {Record<string, any>} attributes
@@ -29,4 +30,35 @@ export function sharpCanvas(attributes, resized = () => {}) {
       return context;
     },
   };
+}
+
+/** Begin a path of lines through points.
+ * @param {CanvasRenderingContext2D} context
+ * @param {...number[][]} lines  x, y of each point */
+export function traced(context, ...lines) {
+  context.beginPath();
+  for (const line of lines) line.forEach(([x, y], place) => (place ? context.lineTo(x, y) : context.moveTo(x, y)));
+}
+
+/** Draw lines through points.
+ * @param {CanvasRenderingContext2D} context
+ * @param {string} paint
+ * @param {number} width
+ * @param {...number[][]} lines */
+export function stroked(context, paint, width, ...lines) {
+  context.strokeStyle = paint;
+  context.lineWidth = width;
+  traced(context, ...lines);
+  context.stroke();
+}
+
+/** Letters N, E, S and W at their places.
+ * @param {CanvasRenderingContext2D} context
+ * @param {(degrees: number) => number[]} place  x, y */
+export function quarters(context, place) {
+  context.fillStyle = colour("muted");
+  context.font = "12px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  ["N", "E", "S", "W"].forEach((letter, k) => context.fillText(letter, place(90 * k)[0], place(90 * k)[1]));
 }

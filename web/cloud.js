@@ -18,14 +18,11 @@ export function cloudPanel(live, start) {
   /** @type {{errors: Float64Array[]}[]} */
   let units = [];
   let [interval, limited] = [1, true];
-  const chosen = {
-    estimator: 0,
-    channel: live.estimators[0].channels.includes("heading_deg") ? "heading_deg" : live.estimators[0].channels[0],
-  };
+  const { channels } = live.estimators[0];
+  const chosen = { estimator: 0, channel: channels.includes("heading_deg") ? "heading_deg" : channels[0] };
   const go = button(`${UNITS} units`, () => start(UNITS), { id: "cloud" });
   const progress = h("output", { class: "quiet", id: "cloud-done" });
   const place = h("div", {});
-  const table = h("div", {});
   const estimator = h(
     "select",
     { "aria-label": "Estimator" },
@@ -64,7 +61,6 @@ export function cloudPanel(live, start) {
     ),
     h("div", { class: "pair" }, go, progress, choice),
     place,
-    table,
   );
   const column = (/** @type {{errors: Float64Array[]}} */ unit, /** @type {string} */ name) => {
     const { channels } = live.estimators[chosen.estimator];
@@ -73,31 +69,18 @@ export function cloudPanel(live, start) {
     return Array.from({ length: values.length / width }, (_, record) => values[record * width + k]);
   };
   const draw = () => {
-    if (!units.length) {
-      fill(place);
-      fill(table);
-      return;
-    }
+    if (!units.length) return fill(place);
     const { channel: name } = chosen;
     const { title, unit } = live.channels[name];
     /** @type {any[]} */
     const curves = units.map((one) => ({ kind: "thin", group: chosen.estimator, y: column(one, name) }));
     const x = curves[0].y.map((/** @type {number} */ _, /** @type {number} */ k) => (k + 1) * interval);
     const limit = limited ? live.limit?.sigma[name] : null;
-    if (limit)
-      curves.push({
-        kind: "limit",
-        group: -1,
-        y: x.map((/** @type {number} */ time) => between(live.limit.time_s, limit, time)),
-      });
+    const limits = () => x.map((/** @type {number} */ time) => between(live.limit.time_s, limit, time));
+    if (limit) curves.push({ kind: "limit", group: -1, y: limits() });
     const panel = { title: `${title} error of ${units.length} units`, unit, threshold: thresholdOf(live, name), x, curves };
-    const plot = timePlot(
-      panel,
-      makeSpan(0, x.at(-1) ?? 1),
-      live.estimators.map((/** @type {any} */ one) => one.id),
-    );
-    fill(place, plot.element);
-    fill(table, summaryTable(figures(live, units, chosen.estimator, column, limited)));
+    const plot = timePlot(panel, makeSpan(0, x.at(-1) ?? 1), live.estimators.map((/** @type {any} */ one) => one.id));
+    fill(place, plot.element, summaryTable(figures(live, units, chosen.estimator, column, limited)));
   };
   return {
     element,

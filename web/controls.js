@@ -5,19 +5,7 @@ import { button, h } from "./dom.js";
 import { roundDown } from "./numbers.js";
 import { given, rangesOf, stillUsed } from "./words.js";
 
-const GROUPS = {
-  imu: "Inertial unit",
-  gnss: "GNSS",
-  knowledge: "What estimators assume",
-  vehicle: "Vehicle",
-  start: "Start",
-};
-
-/**
- * @typedef {object} Controls
- * @property {HTMLElement} element
- * @property {(seed: number, values: Record<string, any>) => void} show  what is in force
- */
+const GROUPS = { imu: "Inertial unit", gnss: "GNSS", knowledge: "What estimators assume", vehicle: "Vehicle", start: "Start" };
 
 /**
  * @param {any} live  the document
@@ -25,7 +13,6 @@ const GROUPS = {
  *   by key; undefined for the scenario's own
  * @param {() => void} restore  the scenario as it was
  * @param {() => void} close  what the drawer of the controls asks for
- * @returns {Controls}
  */
 export function controlPanel(live, change, restore, close) {
   /** @type {Map<string, (value: any) => void>} */
@@ -56,6 +43,9 @@ export function controlPanel(live, change, restore, close) {
   );
   return {
     element,
+    /** Show what is in force.
+     * @param {number} number  the seed
+     * @param {Record<string, any>} values */
     show: (number, values) => {
       seed.show(number);
       // one of several sets of numbers brings its own figures: those of its section that are not given are then not known here
@@ -91,14 +81,16 @@ function seedRow(live, take) {
   const { input, wrong, give, show } = field("seed", { ...bounds, "aria-describedby": "seed-wrong" }, read, String, take);
   const more = () => give(String(Number(input.value) + 1));
   const next = button("Next", more, { class: "quiet", title: "The next unit and weather" });
-  const element = h(
-    "div",
-    { class: "control" },
-    h("label", { for: "seed" }, "seed"),
-    h("div", { class: "pair" }, input, next),
-    wrong,
-  );
-  return { element, show };
+  return { element: rowOf("seed", "seed", null, h("div", { class: "pair" }, input, next), wrong), show };
+}
+
+/** A control below its label.
+ * @param {string} id  of its field
+ * @param {string} label
+ * @param {string | null} title
+ * @param {...any} parts */
+function rowOf(id, label, title, ...parts) {
+  return h("div", { class: "control" }, h("label", { for: id, title }, label), parts);
 }
 
 /** A field for a number, and the sentence on what is wrong with what it holds.
@@ -138,8 +130,7 @@ function choice(control, take) {
   const id = `control-${control.key}`;
   const options = control.options.map((/** @type {any} */ option) => h("option", { value: option.value }, option.label));
   const select = h("select", { id, title: control.meaning, onchange: () => take(select.value) }, options);
-  const element = h("div", { class: "control" }, h("label", { for: id, title: control.meaning }, control.label), select);
-  return { element, show: (/** @type {any} */ value) => (select.value = value ?? "") };
+  return { element: rowOf(id, control.label, control.meaning, select), show: (/** @type {any} */ value) => (select.value = value ?? "") };
 }
 
 /** A number with its unit, and a slider over its usual range.
@@ -172,15 +163,8 @@ function amount(control, take) {
   const rounded = () => String(Number((Math.round(Number(slider.value) / step) * step).toPrecision(10)));
   slider.addEventListener("input", () => (input.value = rounded()));
   slider.addEventListener("change", () => give(rounded()));
-  const element = h(
-    "div",
-    { class: "control" },
-    h("label", { for: id, title: meaning }, label),
-    h("div", { class: "pair" }, input, h("span", { class: "unit" }, unit)),
-    slider,
-    h("span", { class: "hidden", id: `${id}-bounds` }, bounds),
-    wrong,
-  );
+  const pair = h("div", { class: "pair" }, input, h("span", { class: "unit" }, unit));
+  const element = rowOf(id, label, meaning, pair, slider, h("span", { class: "hidden", id: `${id}-bounds` }, bounds), wrong);
   return {
     element,
     show: (/** @type {any} */ value) => {

@@ -24,42 +24,26 @@ export function layout(curves, hidden, wraps = false) {
   /** @type {Curve[]} */
   const owners = [];
   for (const curve of curves) {
-    const paint = () => groupColour(curve.group);
-    const first = series.length + 1;
-    if (curve.kind === "band" || curve.kind === "between") {
-      series.push(
-        { stroke: "transparent", width: 0, points: { show: false } },
-        { stroke: "transparent", width: 0, points: { show: false } },
-      );
-      const fill = () => (hidden.has(curve.group) ? "transparent" : faint(paint(), 0.16 * (curve.strength ?? 1)));
-      bands.push({ series: [first, first + 1], fill });
-      owners.push(curve, curve);
-    } else if (curve.kind === "limit") {
-      const line = {
-        stroke: () => (curve.group < 0 ? colour("limit") : paint()),
-        width: 1.1,
-        dash: [5, 3],
-        points: { show: false },
-      };
-      series.push({ ...line }, { ...line });
-      owners.push(curve, curve);
-    } else if (curve.kind === "line" || curve.kind === "last") {
-      const line =
-        curve.kind === "last" ? { stroke: () => faint(paint(), 0.75), width: 0.8 } : { stroke: paint, width: curve.group < 0 ? 4 : 1.3 };
-      series.push({ ...line, points: { show: false }, ...(wraps ? { paths: wrapped } : {}) });
-      owners.push(curve);
-    } else if (curve.kind === "thin") {
-      series.push({ stroke: () => faint(paint(), 0.4), width: 0.8, points: { show: false } });
-      owners.push(curve);
-    } else {
-      const size = curve.kind === "points" ? 2.5 : 7;
-      series.push({
-        stroke: paint,
-        width: 1,
-        paths: () => null,
-        points: { show: true, size, fill: paint, stroke: paint, ...(curve.kind === "crosses" ? { paths: crosses } : {}) },
-      });
-      owners.push(curve);
+    const { kind, group } = curve;
+    const paint = () => groupColour(group);
+    const faded = (/** @type {number} */ opacity) => () => faint(paint(), opacity);
+    const add = (/** @type {any[]} */ ...lines) => {
+      series.push(...lines.map((line) => ({ points: { show: false }, ...line })));
+      owners.push(...lines.map(() => curve));
+    };
+    if (kind === "band" || kind === "between") {
+      const fill = () => (hidden.has(group) ? "transparent" : faint(paint(), 0.16 * (curve.strength ?? 1)));
+      bands.push({ series: [series.length + 1, series.length + 2], fill });
+      add(...Array(2).fill({ stroke: "transparent", width: 0 }));
+    } else if (kind === "limit") {
+      add(...Array(2).fill({ stroke: () => (group < 0 ? colour("limit") : paint()), width: 1.1, dash: [5, 3] }));
+    } else if (kind === "points" || kind === "crosses") {
+      const points = { show: true, size: kind === "points" ? 2.5 : 7, fill: paint, stroke: paint };
+      add({ stroke: paint, width: 1, paths: () => null, points: kind === "crosses" ? { ...points, paths: crosses } : points });
+    } else if (kind === "thin") add({ stroke: faded(0.4), width: 0.8 });
+    else {
+      const line = kind === "last" ? { stroke: faded(0.75), width: 0.8 } : { stroke: paint, width: group < 0 ? 4 : 1.3 };
+      add(wraps ? { ...line, paths: wrapped } : line);
     }
   }
   return { series, bands, owners };
@@ -74,10 +58,7 @@ export function columns(x, curves) {
   for (const curve of curves) {
     if (curve.kind === "band" || curve.kind === "between") found.push(curve.high, curve.low);
     else if (curve.kind === "limit")
-      found.push(
-        curve.y,
-        curve.y?.map((value) => (value === null ? null : -value)),
-      );
+      found.push(curve.y, curve.y?.map((value) => (value === null ? null : -value)));
     else found.push(curve.y);
   }
   return found;

@@ -1,16 +1,13 @@
 /** The heading dial: the true heading, the estimates, and their stated three sigma. */
 
-import { sharpCanvas } from "./canvas.js";
+import { quarters, sharpCanvas, stroked } from "./canvas.js";
 import { fixed } from "./numbers.js";
 import { colour, faint, groupColour } from "./theme.js";
 
 /** @typedef {{group: number, heading: number, sigma: number | null}} Needle  deg */
 
 export function headingDial() {
-  const canvas = sharpCanvas(
-    { class: "dial", role: "img", "aria-label": "Heading dial" },
-    () => shown && draw(...shown),
-  );
+  const canvas = sharpCanvas({ class: "dial", role: "img", "aria-label": "Heading dial" }, () => shown && draw(...shown));
   /** @type {[number, Needle[]] | undefined} */
   let shown;
   /** @param {number} truth  deg
@@ -32,14 +29,21 @@ export function headingDial() {
       context.fill();
     }
     context.lineCap = "round";
-    needle(context, truth, radius - 10, 6, colour("truth"));
-    for (const { group, heading } of needles) needle(context, heading, radius - 6, 2, groupColour(group));
+    stroked(context, colour("truth"), 6, [[0, 0], towards(truth, radius - 10)]);
+    for (const { group, heading } of needles) stroked(context, groupColour(group), 2, [[0, 0], towards(heading, radius - 6)]);
     context.fillStyle = colour("ink");
     context.font = "600 17px system-ui, sans-serif";
     context.textAlign = "center";
     context.fillText(`${fixed((truth + 360) % 360, 1)}\u00b0`, 0, Math.cos(radians(truth)) > 0 ? radius * 0.5 : -radius * 0.42);
   };
   return { element: canvas.element, draw };
+}
+
+/** From the middle in a direction, px.
+ * @param {number} degrees
+ * @param {number} radius */
+function towards(degrees, radius) {
+  return [radius * Math.sin(radians(degrees)), -radius * Math.cos(radians(degrees))];
 }
 
 /** @param {number} degrees */
@@ -55,36 +59,7 @@ function face(context, radius) {
   context.beginPath();
   context.arc(0, 0, radius, 0, 2 * Math.PI);
   context.stroke();
-  context.strokeStyle = colour("muted");
-  context.beginPath();
-  for (let degrees = 0; degrees < 360; degrees += 10) {
-    const [s, c] = [Math.sin(radians(degrees)), -Math.cos(radians(degrees))];
-    const inner = radius - (degrees % 30 ? 4 : 8);
-    context.moveTo(radius * s, radius * c);
-    context.lineTo(inner * s, inner * c);
-  }
-  context.stroke();
-  context.fillStyle = colour("muted");
-  context.font = "12px system-ui, sans-serif";
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  ["N", "E", "S", "W"].forEach((letter, place) => {
-    const angle = (place * Math.PI) / 2;
-    context.fillText(letter, (radius + 10) * Math.sin(angle), -(radius + 10) * Math.cos(angle));
-  });
-}
-
-/** @param {CanvasRenderingContext2D} context
- * @param {number} degrees
- * @param {number} length
- * @param {number} width
- * @param {string} paint */
-function needle(context, degrees, length, width, paint) {
-  const [s, c] = [Math.sin(radians(degrees)), -Math.cos(radians(degrees))];
-  context.strokeStyle = paint;
-  context.lineWidth = width;
-  context.beginPath();
-  context.moveTo(0, 0);
-  context.lineTo(length * s, length * c);
-  context.stroke();
+  const mark = (/** @type {number} */ degrees) => [towards(degrees, radius), towards(degrees, radius - (degrees % 30 ? 4 : 8))];
+  stroked(context, colour("muted"), 1, ...Array.from({ length: 36 }, (_, k) => mark(10 * k)));
+  quarters(context, (degrees) => towards(degrees, radius + 10));
 }

@@ -18,9 +18,7 @@ export function h(tag, attributes = {}, ...children) {
     if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
     else element.setAttribute(name, value === true ? "" : String(value));
   }
-  for (const child of children.flat()) {
-    if (child !== null && child !== undefined && child !== false) element.append(child instanceof Node ? child : String(child));
-  }
+  fill(element, ...children.flat());
   return element;
 }
 
@@ -28,9 +26,8 @@ export function h(tag, attributes = {}, ...children) {
  * @param {Element} element
  * @param {...Child} children */
 export function fill(element, ...children) {
-  element.replaceChildren(
-    ...children.filter((child) => child || child === 0).map((child) => (child instanceof Node ? child : String(child))),
-  );
+  const some = children.filter((child) => child || child === 0);
+  element.replaceChildren(...some.map((child) => (child instanceof Node ? child : String(child))));
 }
 
 /** A panel with its title, the unit of what it shows, and what stands beside them.
@@ -42,6 +39,13 @@ export function fill(element, ...children) {
 export function panelOf(kind, title, unit, beside, ...children) {
   const shown = unit !== "" && unit !== "1" && h("span", { class: "unit" }, ` ${unit}`);
   return h("div", { class: `panel${kind && ` ${kind}`}` }, h("div", { class: "head" }, h("h3", {}, title, shown), beside), children);
+}
+
+/** A section of panels beside each other.
+ * @param {{title: string, columns: number, note?: string}} section
+ * @param {HTMLElement[]} panels */
+export function sectionOf({ title, columns, note }, panels) {
+  return h("section", {}, h("h2", {}, title), note && h("p", { class: "quiet" }, note), h("div", { class: `panels of-${columns}` }, panels));
 }
 
 /** The JSON document of a kind that this page holds, or null.

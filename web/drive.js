@@ -11,20 +11,10 @@ const TURN = { ArrowLeft: -1, ArrowRight: 1, a: -1, d: 1 };
 const PUSH = { w: 1, s: -1, ArrowUp: 1, ArrowDown: -1 };
 
 /**
- * @typedef {object} Driver
- * @property {HTMLElement} element
- * @property {(speed: number, cuts: Record<string, number | null>) => void} show  the speed (m/s) now, and since when sensors are
- *   cut off, s
- * @property {(commanded: boolean) => void} driven  whether the vehicle has been driven
- * @property {() => void} release
- */
-
-/**
  * @param {any} live  the document; it has commands, or sensors to cut off
  * @param {(values: Record<string, number>) => void} command  by name, SI
  * @param {(sensor: string, on: boolean) => void} cut
  * @param {() => void} undo  drive as the scenario does
- * @returns {Driver}
  */
 export function driver(live, command, cut, undo) {
   /** @type {any[]} */
@@ -153,8 +143,7 @@ export function driver(live, command, cut, undo) {
   ]
     .filter(Boolean)
     .join(" ");
-  const cuts = live.outages.map((/** @type {any} */ { sensor }) => {
-    const name = sensor === "gnss" ? "GNSS" : sensor;
+  const cuts = live.outages.map((/** @type {any} */ { sensor, name }) => {
     const element = button(`Cut ${name}`, () => cut(sensor, !element.classList.contains("off")), { class: "cut", id: `cut-${sensor}` });
     return { sensor, name, element };
   });
@@ -167,15 +156,12 @@ export function driver(live, command, cut, undo) {
     sticks.length > 0 &&
       h("p", { class: "quiet" }, `${ways} Drag in the field; or click it, then use the arrow keys or W, A, S, D.`),
     telling,
-    h(
-      "div",
-      { class: "cuts" },
-      cuts.map((/** @type {any} */ one) => one.element),
-      back,
-    ),
+    h("div", { class: "cuts" }, cuts.map((/** @type {any} */ one) => one.element), back),
   );
   return {
     element,
+    /** @param {number} speed  m/s, now
+     * @param {Record<string, number | null>} now  since when sensors are cut off, s */
     show: (speed, now) => {
       state.speed = speed;
       if (state.along === null) place();
@@ -186,6 +172,7 @@ export function driver(live, command, cut, undo) {
         one.textContent = off ? `Give ${name} back` : `Cut ${name}`;
       }
     },
+    /** @param {boolean} commanded  whether the vehicle has been driven */
     driven: (commanded) => (back.hidden = !commanded),
     release: () => {
       state.along = null;

@@ -14,9 +14,7 @@ const LAST = "last run";
  * @param {{settings: boolean, commands: boolean}} changes  of the scenario as it stands: its limit is known, and all its notes
  * @param {{history: import("./history.js").Recorded, told: string} | null} last  the last run, if it ended */
 export function showEnd(section, live, history, changes, last) {
-  const tables = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) =>
-    endTable(live, one, group, history, changes, last?.history ?? null),
-  );
+  const tables = live.estimators.map((/** @type {any} */ one) => endTable(live, one, history, changes, last?.history ?? null));
   const columns = new Set(tables.flatMap((/** @type {any} */ one) => one.columns));
   const meanings = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
   if (live.estimators.some((/** @type {any} */ one) => one.channels.includes("vn_mps"))) meanings.push(live.explained.vn);
@@ -34,11 +32,10 @@ export function showEnd(section, live, history, changes, last) {
 /** The document of the table of an estimator (web/README.md).
  * @param {any} live
  * @param {any} estimator
- * @param {number} group
  * @param {import("./history.js").Recorded} history
  * @param {{settings: boolean, commands: boolean}} changes
  * @param {import("./history.js").Recorded | null} last */
-function endTable(live, estimator, group, history, changes, last) {
+function endTable(live, estimator, history, changes, last) {
   const { settled } = estimator;
   const statistics = statisticsOf(estimator, history);
   const prepared = !changes.settings && !changes.commands;
@@ -66,7 +63,7 @@ function endTable(live, estimator, group, history, changes, last) {
     caption: estimator.id,
     columns,
     rows: rows.map(({ channel, cells }) => [live.channels[channel].label, ...cells.map(number)]),
-    group,
+    group: estimator.group,
     below,
     warnings: rows.flatMap(({ cells }, place) => (ratio && (cells[cells.length - 1] ?? 0) > live.marked ? [[place, cells.length]] : [])),
     state: health?.verdict ?? "",

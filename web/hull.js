@@ -1,16 +1,19 @@
-/** The vehicle in three dimensions, true (solid) and estimated (outlines), over a compass rose: plain canvas, no GPU needed. */
+/** The vehicle in three dimensions, true (solid) and estimated (outlines), over a compass rose and before the horizon: plain canvas,
+ * no GPU needed. */
 
-import { sharpCanvas } from "./canvas.js";
+import { quarters, sharpCanvas, stroked, traced } from "./canvas.js";
 import { meshOf } from "./meshes.js";
 import { colour, faint, groupColour } from "./theme.js";
 
 /** @typedef {[number, number, number]} Vector  in n or b, m */
 
 const DISTANCE = 7;
-const ELEVATION = 0.42;
-const QUARTER = 0.6;
+const ELEVATION = 0.3;
+const QUARTER = 0.85;
 const RADIUS = 2.3; // of the compass rose
 const WATER = 0.14; // m below the origin: the water of a ship
+const MIDDLE = 0.5; // of the height, where the camera looks
+const FAR = 1e5; // m: a point of the horizon
 
 /** A vector in b, turned into n by a quaternion (w, x, y, z) of the attitude.
  * @param {ArrayLike<number>} q
@@ -57,7 +60,8 @@ export function hullView(shape) {
     const behind = Math.atan2(Math.sin(target - azimuth), Math.cos(target - azimuth));
     azimuth += fresh ? behind : 0.06 * behind;
     fresh = false;
-    const project = camera(azimuth + aside, elevation, size);
+    const { project, horizon } = camera(azimuth + aside, elevation, size);
+    land(context, project, horizon, size, shape === "ship");
     const faces = mesh.map((face) => face.map((corner) => turned(truth, corner)));
     if (shape === "ship") {
       solid(context, project, faces.map((face) => cut(face, 1)).filter((face) => face.length));
@@ -72,10 +76,7 @@ export function hullView(shape) {
       context.strokeStyle = groupColour(group);
       context.fillStyle = faint(groupColour(group), 0.06);
       for (const face of mesh) {
-        outline(
-          context,
-          face.map((corner) => project(turned(q, corner))),
-        );
+        outline(context, face.map((corner) => project(turned(q, corner))));
         context.fill();
         context.stroke();
       }
@@ -98,26 +99,42 @@ function cut(face, side) {
   });
 }
 
-/** The projection of a camera that looks at the origin in the direction `azimuth`, from above by `elevation` (rad).
+/** A camera that looks at the origin in the direction `azimuth`, from above by `elevation` (rad): what it makes of a point (x, y on
+ * the canvas, and the distance), and the height of the horizon on the canvas.
  * @param {number} azimuth
  * @param {number} elevation
- * @param {number[]} size
- * @returns {(point: Vector) => Vector}  x, y on the canvas, and the distance */
-function camera(azimuth, elevation, [width, height]) {
+ * @param {number[]} size */
+export function camera(azimuth, elevation, [width, height]) {
   const [sa, ca, se, ce] = [Math.sin(azimuth), Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation)];
-  const focal = Math.min(1.22 * width, 1.47 * height); // with which the letters of the rose stay inside
-  return ([n, e, d]) => {
+  const focal = Math.min(1.2 * width, 1.38 * height); // with which the letters of the rose stay inside
+  /** @param {Vector} point
+   * @returns {Vector} */
+  const project = ([n, e, d]) => {
     const depth = DISTANCE + n * ca * ce + e * sa * ce + d * se;
     const scale = focal / depth;
-    return [width / 2 + scale * (-n * sa + e * ca), 0.45 * height - scale * (n * ca * se + e * sa * se - d * ce), depth];
+    return [width / 2 + scale * (-n * sa + e * ca), MIDDLE * height - scale * (n * ca * se + e * sa * se - d * ce), depth];
   };
+  return { project, horizon: MIDDLE * height - (focal * se) / ce };
+}
+
+/** The ground or the sea up to the horizon, with a mark every 30 degrees that shows how the vehicle turns.
+ * @param {CanvasRenderingContext2D} context
+ * @param {(point: Vector) => Vector} project
+ * @param {number} horizon
+ * @param {number[]} size
+ * @param {boolean} sea */
+function land(context, project, horizon, [width, height], sea) {
+  context.fillStyle = sea ? faint(colour("c5"), 0.14) : faint(colour("muted"), 0.1);
+  context.fillRect(0, horizon, width, height - horizon);
+  const marks = Array.from({ length: 12 }, (_, k) => project([FAR * Math.cos((k * Math.PI) / 6), FAR * Math.sin((k * Math.PI) / 6), 0]));
+  const seen = marks.filter(([, , depth]) => depth > 0).map(([x]) => [[x, horizon], [x, horizon - 5]]);
+  stroked(context, colour("zero"), 1, [[0, horizon], [width, horizon]], ...seen);
 }
 
 /** @param {CanvasRenderingContext2D} context
  * @param {Vector[]} corners */
 function outline(context, corners) {
-  context.beginPath();
-  corners.forEach(([x, y], place) => (place ? context.lineTo(x, y) : context.moveTo(x, y)));
+  traced(context, corners);
   context.closePath();
 }
 
@@ -161,32 +178,18 @@ function rose(context, project, heading, water) {
     const angle = (degrees * Math.PI) / 180;
     return project([radius * Math.cos(angle), radius * Math.sin(angle), below]);
   };
-  context.strokeStyle = colour("rule");
+  context.strokeStyle = colour("zero");
   context.lineWidth = 1;
-  outline(
-    context,
-    Array.from({ length: 72 }, (_, place) => at(5 * place, RADIUS)),
-  );
+  outline(context, Array.from({ length: 72 }, (_, place) => at(5 * place, RADIUS)));
   context.stroke();
   if (water !== null) {
     context.fillStyle = faint(colour("c5"), 0.25);
     context.fill();
   }
-  outline(context, [at(heading, RADIUS - 0.05), at(heading + 6, RADIUS - 0.4), at(heading - 6, RADIUS - 0.4)]);
+  outline(context, [at(heading, RADIUS + 0.05), at(heading + 8, RADIUS - 0.45), at(heading - 8, RADIUS - 0.45)]);
   context.fillStyle = colour("muted");
   context.fill();
-  context.beginPath();
-  for (let degrees = 0; degrees < 360; degrees += 30) {
-    const [[x, y], [a, b]] = [at(degrees, RADIUS), at(degrees, degrees % 90 ? 2.18 : 2.05)];
-    context.moveTo(x, y);
-    context.lineTo(a, b);
-  }
-  context.stroke();
-  context.fillStyle = colour("muted");
-  context.font = "12px system-ui, sans-serif";
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  ["N", "E", "S", "W"].forEach((letter, place) =>
-    context.fillText(letter, .../** @type {[number, number]} */ (at(90 * place, 2.55).slice(0, 2))),
-  );
+  const mark = (/** @type {number} */ degrees) => [at(degrees, RADIUS), at(degrees, degrees % 90 ? 2.18 : 2.05)];
+  stroked(context, colour("zero"), 1, ...Array.from({ length: 12 }, (_, k) => mark(30 * k)));
+  quarters(context, (degrees) => at(degrees, 2.55));
 }

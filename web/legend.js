@@ -39,17 +39,18 @@ export function legend(groups, others, show) {
  * @returns {{kind: string, text: string}[]} */
 export function othersOf(panels, truth, shares = false) {
   const curves = panels.flatMap((panel) => panel.curves ?? []);
-  const found = [];
-  if (curves.some((curve) => curve.kind === "line" && curve.group < 0)) found.push({ kind: "truth", text: truth });
-  if (curves.some((curve) => curve.kind === "limit")) found.push({ kind: "limit", text: "theoretical limit, \u00b11 sigma" });
-  if (curves.some((curve) => curve.kind === "band")) found.push({ kind: "band", text: "stated \u00b13 sigma" });
-  if (shares) found.push({ kind: "band", text: "68 % and 95 % of the runs" });
-  if (panels.some((panel) => panel.shade?.length)) found.push({ kind: "outage", text: "no GNSS" });
-  if (panels.some((panel) => panel.from_s)) found.push({ kind: "statistics", text: "time of the statistics" });
-  if (panels.some((panel) => panel.threshold))
-    found.push({ kind: "linear", text: "scale: linear here, logarithmic beyond" });
-  const crossed =
-    curves.some((curve) => curve.kind === "crosses") || panels.some((panel) => panel.refused?.some((one) => one.at.length));
-  if (crossed) found.push({ kind: "cross", text: "fix refused" });
-  return found;
+  const some = (/** @type {string} */ kind) => curves.some((curve) => curve.kind === kind);
+  const crossed = some("crosses") || panels.some((panel) => panel.refused?.some((one) => one.at.length));
+  /** @type {[boolean, string, string][]} */
+  const found = [
+    [curves.some((curve) => curve.kind === "line" && curve.group < 0), "truth", truth],
+    [some("limit"), "limit", "theoretical limit, \u00b11 sigma"],
+    [some("band"), "band", "stated \u00b13 sigma"],
+    [shares, "band", "68 % and 95 % of the runs"],
+    [panels.some((panel) => panel.shade?.length), "outage", "no GNSS"],
+    [panels.some((panel) => panel.from_s), "statistics", "time of the statistics"],
+    [panels.some((panel) => panel.threshold), "linear", "scale: linear here, logarithmic beyond"],
+    [crossed, "cross", "fix refused"],
+  ];
+  return found.filter(([drawn]) => drawn).map(([, kind, text]) => ({ kind, text }));
 }

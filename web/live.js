@@ -34,7 +34,7 @@ export function livePage(live) {
   const session = startSession();
   const history = makeHistory(at, live.sizes.y, Math.ceil(live.samples / live.every) + 2);
   const span = makeSpan(0, SHORTEST);
-  const panels = livePanels(live, span);
+  const panels = livePanels(live, at, span);
   const views = vehicleViews(live, at, history);
   const ghost = lastRun(live, (run) => {
     panels.beside(run?.history ?? null);
@@ -186,7 +186,8 @@ export function livePage(live) {
   const refuse = (/** @type {unknown} */ error) => {
     wrong.textContent = `This link cannot be followed: ${error instanceof Error ? error.message : error}. The scenario is shown as it is.`;
   };
-  const followed = location.hash ? stateOf(location.hash, live) : null;
+  const starts = location.hash === "#run"; // of a page that stands in another one and was asked for there
+  const followed = location.hash && !starts ? stateOf(location.hash, live) : null;
   session.on("ready", () => {
     followed?.then((now) => {
       state = now;
@@ -231,7 +232,10 @@ export function livePage(live) {
     if (retired) ghost.begin(retired, state);
     retired = null;
     linked = false;
-    if (model !== "ready") become("ready");
+    if (model !== "ready") {
+      become("ready");
+      if (starts) run();
+    }
     if (due) controls.show(state.seed, state.values); // not with each command: a reader may be typing
     due = false;
     keep();
@@ -265,7 +269,6 @@ export function livePage(live) {
   // --- what is seen
 
   const paint = () => {
-    requestAnimationFrame(paint);
     if (model === "ready" && frame) {
       const [y, until] = back === null ? [frame.outputs, history] : [history.row(back), history.first(back + 1)];
       const time = back === null ? frame.time_s : y[at("time").at];
@@ -279,8 +282,15 @@ export function livePage(live) {
     }
     panels.draw(running);
   };
-  requestAnimationFrame(paint);
-  onTheme(views.ask);
+  const next = () => {
+    requestAnimationFrame(next);
+    paint();
+  };
+  requestAnimationFrame(next);
+  onTheme(() => {
+    views.ask();
+    paint(); // at once: for paper there is no further frame
+  });
   controls.show(state.seed, state.values);
   Promise.allSettled([loadRules(live.rules), followed]).then(() => session.send({ do: "load", live }));
 
@@ -294,13 +304,7 @@ export function livePage(live) {
     others.push({ kind: "outage", text: "no GNSS" });
   if (views.fixes) others.push({ kind: "fix", text: "fix of GNSS" });
   const names = live.estimators.map((/** @type {any} */ one) => ({ name: one.id }));
-  const keys = h(
-    "div",
-    { class: "bar" },
-    legend(names, others, hide),
-    ghost.element,
-    spanControls(span),
-  );
+  const keys = h("div", { class: "bar" }, legend(names, others, hide), ghost.element, spanControls(span));
   const main = h(
     "main",
     {},

@@ -1,6 +1,6 @@
 /** The plots of a live page: errors with sigma and limit, biases, test ratios; they grow with the records. */
 
-import { h } from "./dom.js";
+import { sectionOf } from "./dom.js";
 import { between } from "./history.js";
 import { roundUp } from "./numbers.js";
 import { timePlot } from "./timeplot.js";
@@ -20,16 +20,16 @@ export function thresholdOf(live, channel) {
 
 /**
  * @param {any} live
+ * @param {(name: string) => any} at  a row of the outputs
  * @param {import("./span.js").Span} span
  */
-export function livePanels(live, span) {
-  const at = (/** @type {string} */ name) => live.tables.outputs.find((/** @type {any} */ row) => row.name === name);
+export function livePanels(live, at, span) {
   const ids = live.estimators.map((/** @type {any} */ one) => one.id);
   /** @type {number[]} */
   const x = [];
   /** @type {number[]} */
   let longer = []; // times of the last run
-  /** @type {{panel: any, feeds: ((history: any, place: number, time: number) => void)[], last: {curve: any, read: Read}[], plot: any, due: boolean, seen: boolean}[]} */
+  /** @type {{panel: any, feeds: Read[], last: {curve: any, read: any}[], plot: any, due: boolean, seen: boolean}[]} */
   const panels = [];
   let limited = true;
 
@@ -39,6 +39,7 @@ export function livePanels(live, span) {
     panels.push(made);
     return made;
   };
+  const kit = { live, at, add };
   const channels = [...new Set(live.estimators.flatMap((/** @type {any} */ one) => one.channels))];
   const groups = [
     channels.filter((c) => c.endsWith("_deg")),
@@ -50,18 +51,18 @@ export function livePanels(live, span) {
     .map((group, place) => ({
       title: ["Attitude error", "Position error", "Velocity error"][place],
       columns: 3,
-      panels: group.map((channel) => errorPanel(add, live, at, channel, () => limited)),
+      panels: group.map((channel) => errorPanel(kit, channel, () => limited)),
     }));
   const { rows, axes } = live.biases;
   const biases = rows
     .flatMap((/** @type {any[]} */ [title, row, unit, factor]) =>
       axes.map((/** @type {string} */ axis, /** @type {number} */ k) =>
-        biasPanel(add, live, at, row, `${title}, ${axis}`, unit, factor, k),
+        biasPanel(kit, row, `${title}, ${axis}`, unit, factor, k),
       ),
     )
     .filter(Boolean);
   if (biases.length) sections.push({ title: "Estimated biases", columns: 3, panels: /** @type {any[]} */ (biases) });
-  const ratios = ratioPanel(add, live, at);
+  const ratios = ratioPanel(kit);
   if (ratios) sections.push({ title: "Test ratios of fixes", columns: 1, panels: [ratios] });
 
   const watcher = new IntersectionObserver(
@@ -84,18 +85,7 @@ export function livePanels(live, span) {
   };
   addEventListener("beforeprint", () => panels.filter((one) => one.due).forEach(redraw));
   return {
-    elements: sections.map((section) =>
-      h(
-        "section",
-        {},
-        h("h2", {}, section.title),
-        h(
-          "div",
-          { class: `panels of-${section.columns}` },
-          section.panels.map((/** @type {any} */ one) => one.plot.element),
-        ),
-      ),
-    ),
+    elements: sections.map((section) => sectionOf(section, section.panels.map((/** @type {any} */ one) => one.plot.element))),
     panels: panels.map((one) => one.panel),
     heading: panels.find((one) => one.panel.title.startsWith("Heading error"))?.plot.element,
     show: (/** @type {number} */ group, /** @type {boolean} */ shown) => panels.forEach((one) => one.plot.show(group, shown)),
@@ -132,7 +122,7 @@ export function livePanels(live, span) {
     limited: (/** @type {boolean} */ shown) => (limited = shown),
     /** Show the last run too. @param {import("./history.js").Recorded | null} history */
     beside: (history) => {
-      const column = (/** @type {Read} */ read) =>
+      const column = (/** @type {(history: import("./history.js").Recorded, record: number) => any} */ read) =>
         history ? Array.from({ length: history.count() }, (_, record) => read(history, record)) : [];
       longer = column((records, record) => records.value(at("time").at, record));
       for (const one of panels) {
@@ -144,95 +134,79 @@ export function livePanels(live, span) {
   };
 }
 
-/** @typedef {(history: import("./history.js").Recorded, record: number) => number} Read */
+/** @typedef {(history: import("./history.js").Recorded, record: number, time: number) => any} Read  what a curve has of a record
+ * @typedef {{live: any, at: (name: string) => any, add: (title: string, unit: string, more: any) => any}} Kit  what panels are made of */
+
+/** A curve that grows with the records.
+ * @param {any} made  the panel
+ * @param {string} kind
+ * @param {number} group
+ * @param {Record<string, Read>} reads  by the name of its values */
+function grow(made, kind, group, reads) {
+  /** @type {any} */
+  const curve = { kind, group };
+  made.panel.curves.push(curve);
+  for (const [name, read] of Object.entries(reads)) {
+    curve[name] = [];
+    made.feeds.push((/** @type {Parameters<Read>} */ ...record) => curve[name].push(read(...record)));
+  }
+}
 
 /** A line of this run, and of an estimator that of the last run below it.
  * @param {any} made  the panel
  * @param {number} group
- * @param {Read} read */
-function addLine(made, group, read) {
-  const [line, last] = ["line", "last"].map((kind) => ({ kind, group, y: /** @type {number[]} */ ([]) }));
-  made.panel.curves.push(...(group < 0 ? [line] : [last, line]));
-  made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => line.y.push(read(history, record)));
-  made.last.push({ curve: last, read });
+ * @param {number} place  of an output
+ * @param {number} [factor]  from SI */
+function addLine(made, group, place, factor = 1) {
+  const read = (/** @type {any} */ history, /** @type {number} */ record) => factor * history.value(place, record);
+  const last = { curve: { kind: "last", group, y: [] }, read };
+  if (group >= 0) made.panel.curves.push(last.curve);
+  made.last.push(last);
+  grow(made, "line", group, { y: read });
 }
 
-/** @param {any} add
- * @param {any} live
- * @param {(name: string) => any} at
+/** @param {Kit} kit
  * @param {string} channel
  * @param {() => boolean} limited */
-function errorPanel(add, live, at, channel, limited) {
+function errorPanel({ live, at, add }, channel, limited) {
   const { title, unit } = live.channels[channel];
   const made = add(`${title} error`, unit, { threshold: thresholdOf(live, channel), wraps: channel.endsWith("_deg") });
-  const { curves } = made.panel;
-  live.estimators.forEach((/** @type {any} */ { prefix, channels, stated }, /** @type {number} */ group) => {
+  for (const { prefix, channels, stated, group } of live.estimators) {
     const [error, sigma] = [channels.indexOf(channel), stated.indexOf(channel)];
     if (sigma >= 0) {
-      const place = at(`${prefix}sigma`).at + sigma;
-      const band = { kind: "band", group, low: /** @type {number[]} */ ([]), high: /** @type {number[]} */ ([]) };
-      curves.push(band);
-      made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => {
-        const value = 3 * history.value(place, record);
-        band.low.push(-value);
-        band.high.push(value);
-      });
+      /** @type {Read} */
+      const three = (history, record) => 3 * history.value(at(`${prefix}sigma`).at + sigma, record);
+      grow(made, "band", group, { low: (...record) => -three(...record), high: three });
     }
-    if (error >= 0) {
-      const place = at(`${prefix}error`).at + error;
-      addLine(made, group, (history, record) => history.value(place, record));
-    }
-  });
-  const limit = live.limit?.sigma[channel];
-  if (limit) {
-    const line = { kind: "limit", group: -1, y: /** @type {(number | null)[]} */ ([]) };
-    curves.push(line);
-    made.feeds.push((/** @type {any} */ _, /** @type {number} */ __, /** @type {number} */ time) =>
-      line.y.push(limited() ? between(live.limit.time_s, limit, time) : null),
-    );
+    if (error >= 0) addLine(made, group, at(`${prefix}error`).at + error);
   }
+  const limit = live.limit?.sigma[channel];
+  if (limit) grow(made, "limit", -1, { y: (_, __, time) => (limited() ? between(live.limit.time_s, limit, time) : null) });
   return made;
 }
 
-/** @param {any} add
- * @param {any} live
- * @param {(name: string) => any} at
+/** @param {Kit} kit
  * @param {string} name  of the row
  * @param {string} title
  * @param {any} unit
  * @param {number} factor  from SI
  * @param {number} axis */
-function biasPanel(add, live, at, name, title, unit, factor, axis) {
-  const owners = live.estimators
-    .map((/** @type {any} */ one, /** @type {number} */ group) => ({
-      group,
-      at: at(`${one.prefix}${name}`),
-      sigma: at(`${one.prefix}${name}_estimate_sigma`),
-    }))
-    .filter((/** @type {any} */ one) => one.at);
+function biasPanel({ live, at, add }, name, title, unit, factor, axis) {
+  const owners = live.estimators.filter((/** @type {any} */ one) => at(one.prefix + name));
   if (!owners.length) return null;
   const made = add(title, unit, {});
   const true_ = at(`${name}_true`);
-  const row = (/** @type {number} */ group, /** @type {number} */ place) =>
-    addLine(made, group, (history, record) => factor * history.value(place, record));
-  if (true_) row(-1, true_.at + axis);
-  for (const owner of owners) row(owner.group, owner.at.at + axis);
+  if (true_) addLine(made, -1, true_.at + axis, factor);
+  for (const { prefix, group } of owners) addLine(made, group, at(prefix + name).at + axis, factor);
   return made;
 }
 
-/** @param {any} add
- * @param {any} live
- * @param {(name: string) => any} at */
-function ratioPanel(add, live, at) {
-  const filters = live.estimators
-    .map((/** @type {any} */ one, /** @type {number} */ group) => ({ ...one, group }))
-    .filter((/** @type {any} */ one) => at(`${one.prefix}nis_used`));
+/** @param {Kit} kit */
+function ratioPanel({ live, at, add }) {
+  const filters = live.estimators.filter((/** @type {any} */ one) => at(`${one.prefix}nis_used`));
   if (!filters.length) return null;
   const made = add("Innovations over their stated sigmas, rms since the last record", "1", { log: true, level: 1 });
   for (const { prefix, group } of filters) {
-    const points = { kind: "points", group, y: /** @type {(number | null)[]} */ ([]) };
-    const crosses = { kind: "crosses", group, y: /** @type {(number | null)[]} */ ([]) };
-    made.panel.curves.push(points, crosses);
     const rows = ["nis_used", "nis_refused", "nis_used_count", "nis_refused_count"].map((name) => at(prefix + name));
     const sum = (/** @type {any} */ history, /** @type {any} */ row, /** @type {number} */ record) => {
       let total = 0;
@@ -240,13 +214,14 @@ function ratioPanel(add, live, at) {
         total += history.value(row.at + k, record) - (record ? history.value(row.at + k, record - 1) : 0);
       return total;
     };
-    made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => {
+    /** The ratio of a record that has a refused fix, or has none. @type {(...given: [boolean, ...Parameters<Read>]) => number | null} */
+    const ratio = (withRefused, history, record) => {
       const [used, refused, usedCount, refusedCount] = rows.map((row) => sum(history, row, record));
       const count = usedCount + refusedCount;
-      const ratio = count > 0 ? Math.sqrt((used + refused) / count) : null;
-      points.y.push(ratio && !refusedCount ? ratio : null);
-      crosses.y.push(ratio && refusedCount ? ratio : null);
-    });
+      return (count > 0 && refusedCount > 0 === withRefused && Math.sqrt((used + refused) / count)) || null;
+    };
+    grow(made, "points", group, { y: (...record) => ratio(false, ...record) });
+    grow(made, "crosses", group, { y: (...record) => ratio(true, ...record) });
   }
   return made;
 }

@@ -11,9 +11,9 @@ const FARTHEST = 1000; // m: a fix farther away is none yet
  */
 export function makeTrack(live, at) {
   const navigators = live.estimators
-    .map((/** @type {any} */ one, /** @type {number} */ group) => {
+    .map((/** @type {any} */ one) => {
       const sigma = ["east_m", "north_m"].map((name) => one.stated.indexOf(name)).filter((place) => place >= 0);
-      return { group, row: at(`${one.prefix}offset_n`), sigma: sigma.map((place) => at(`${one.prefix}sigma`).at + place) };
+      return { group: one.group, row: at(`${one.prefix}offset_n`), sigma: sigma.map((place) => at(`${one.prefix}sigma`).at + place) };
     })
     .filter((/** @type {any} */ one) => one.row);
   const sources = [{ group: -1, row: at("offset_n") }, ...navigators];
@@ -23,8 +23,8 @@ export function makeTrack(live, at) {
     north: /** @type {number[]} */ ([]),
   }));
   const filter = live.estimators
-    .map((/** @type {any} */ one, /** @type {number} */ group) => ({
-      group,
+    .map((/** @type {any} */ one) => ({
+      group: one.group,
       count: at(`${one.prefix}fix_count`),
       refused: at(`${one.prefix}fix_refused_count`),
     }))

@@ -48,12 +48,7 @@ function between(one, other) {
  * @returns {Vector[][]} */
 function box([x, y, z], [X, Y, Z]) {
   /** @returns {Vector[]} */
-  const outline = (/** @type {number} */ down) => [
-    [x, y, down],
-    [X, y, down],
-    [X, Y, down],
-    [x, Y, down],
-  ];
+  const outline = (/** @type {number} */ down) => [[x, y, down], [X, y, down], [X, Y, down], [x, Y, down]];
   return between(outline(z), outline(Z));
 }
 
@@ -82,26 +77,11 @@ function car() {
 function aircraft() {
   const ring = (/** @type {number} */ x, /** @type {number} */ r) => round(6, [x, 0, 0], [0, r, 0], [0, 0, r]);
   /** @type {Vector[]} */
-  const wing = [
-    [0.55, 0.1, 0.05],
-    [0.05, 1.75, -0.03],
-    [-0.3, 1.75, -0.03],
-    [-0.3, 0.1, 0.05],
-  ];
+  const wing = [[0.55, 0.1, 0.05], [0.05, 1.75, -0.03], [-0.3, 1.75, -0.03], [-0.3, 0.1, 0.05]];
   /** @type {Vector[]} */
-  const tailplane = [
-    [-1.05, 0.03, -0.05],
-    [-1.3, 0.62, -0.05],
-    [-1.5, 0.62, -0.05],
-    [-1.42, 0.03, -0.05],
-  ];
+  const tailplane = [[-1.05, 0.03, -0.05], [-1.3, 0.62, -0.05], [-1.5, 0.62, -0.05], [-1.42, 0.03, -0.05]];
   /** @type {Vector[]} */
-  const fin = [
-    [-0.95, 0, -0.1],
-    [-1.35, 0, -0.62],
-    [-1.55, 0, -0.62],
-    [-1.42, 0, -0.05],
-  ];
+  const fin = [[-0.95, 0, -0.1], [-1.35, 0, -0.62], [-1.55, 0, -0.62], [-1.42, 0, -0.05]];
   return [
     ...between(ring(1.5, 0.05), ring(1.1, 0.17)),
     ...between(ring(1.1, 0.17), ring(-0.4, 0.18)),
@@ -117,12 +97,7 @@ function multirotor() {
     [1, -1].flatMap((y) => {
       const [a, b] = [0.85 * x, 0.85 * y];
       /** @type {Vector[]} */
-      const arm = [
-        [0.2 * x, 0.12 * y, -0.02],
-        [a, b, -0.1],
-        [a + 0.05, b - 0.05, -0.1],
-        [0.25 * x, 0.07 * y, -0.02],
-      ];
+      const arm = [[0.2 * x, 0.12 * y, -0.02], [a, b, -0.1], [a + 0.05, b - 0.05, -0.1], [0.25 * x, 0.07 * y, -0.02]];
       return [arm, round(12, [a, b, -0.16], [0.42, 0, 0], [0, 0.42, 0])];
     }),
   );

@@ -24,17 +24,14 @@ export function readings(live, at) {
     return element;
   };
   const several = live.estimators.length > 1;
-  const named = (/** @type {string} */ id, /** @type {number} */ group) => {
-    const sample = swatch("line", () => groupColour(group));
-    return h("th", { scope: "row", class: "of", title: id }, sample, h("span", { class: "hidden" }, id));
-  };
+  const named = (/** @type {string} */ id, /** @type {number} */ group) =>
+    h("th", { scope: "row", class: "of", title: id }, swatch("line", () => groupColour(group)), h("span", { class: "hidden" }, id));
   // one line an estimator: the table is as wide for several as for one
   const rows = channels.map((channel) => {
     const truth = truths.find((one) => one.channel === channel);
     const { title, unit } = live.channels[channel];
     const decimals = unit === "m" ? 2 : 3;
-    const owners = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({ ...one, group }));
-    const lines = owners.filter((/** @type {any} */ one) => one.channels.includes(channel));
+    const lines = live.estimators.filter((/** @type {any} */ one) => one.channels.includes(channel));
     const true_ = truth
       ? cell((y) => fixed(channel === "heading_deg" ? (y[truth.place] + 360) % 360 : y[truth.place], decimals))
       : h("td", {});

@@ -1,7 +1,7 @@
 /** The page of a run, a replay or a campaign: tables, and sections of panels, from its document (web/README.md). */
 
 import { arraysOf, drawn } from "./arrays.js";
-import { h } from "./dom.js";
+import { h, sectionOf } from "./dom.js";
 import { intervalsPanel } from "./intervals.js";
 import { legend, othersOf } from "./legend.js";
 import { heading, origin } from "./origin.js";
@@ -28,26 +28,13 @@ export function reportPage(report, live = null) {
   /** @type {{element: HTMLElement, show: (group: number, shown: boolean) => void}[]} */
   const plots = [];
   const sections = report.sections.map((/** @type {any} */ section) => {
-    const made = section.panels.map((/** @type {any} */ panel) =>
-      drawnPanel(panel, array, span, names, axis),
-    );
+    const made = section.panels.map((/** @type {any} */ panel) => drawnPanel(panel, array, span, names, axis));
     plots.push(...made);
-    const grid = h(
-      "div",
-      { class: `panels of-${section.columns}` },
-      made.map((/** @type {any} */ plot) => plot.element),
-    );
-    return h("section", {}, h("h2", {}, section.title), section.note && h("p", { class: "quiet" }, section.note), grid);
+    return sectionOf(section, made.map((/** @type {any} */ plot) => plot.element));
   });
   const show = (/** @type {number} */ group, /** @type {boolean} */ shown) => plots.forEach((plot) => plot.show(group, shown));
-  const bar =
-    panels.length > 0 &&
-    h(
-      "div",
-      { class: "bar" },
-      legend(report.legend, othersOf(panels, report.truth, report.shares), show),
-      spanControls(span, axis, timed.find((/** @type {any} */ panel) => panel.from_s)?.from_s ?? null),
-    );
+  const key = legend(report.legend, othersOf(panels, report.truth, report.shares), show);
+  const shown = spanControls(span, axis, timed.find((/** @type {any} */ panel) => panel.from_s)?.from_s ?? null);
   return h(
     "div",
     { class: "frame" },
@@ -58,12 +45,8 @@ export function reportPage(report, live = null) {
       h("div", { class: `tables${report.tables.length > 1 ? " several" : ""}` }, report.tables.map(summaryTable)),
       h("p", { class: "quiet" }, report.explained.join(" ")),
       report.notes.length > 0 &&
-        h(
-          "ul",
-          { class: "notes" },
-          report.notes.map((/** @type {string} */ note) => h("li", {}, note)),
-        ),
-      bar,
+        h("ul", { class: "notes" }, report.notes.map((/** @type {string} */ note) => h("li", {}, note))),
+      panels.length > 0 && h("div", { class: "bar" }, key, shown),
       sections,
     ),
     h("footer", {}, "Drag over a plot to zoom, double-click for the whole run.", origin(report.version)),

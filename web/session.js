@@ -1,13 +1,6 @@
 /** The simulation in its worker: sends what to do, and gives what comes back to those who listen. */
 
-/**
- * @typedef {object} Session
- * @property {(message: Record<string, any>) => void} send
- * @property {(got: string, act: (message: any) => void) => void} on
- */
-
-/** Start the worker of this page.
- * @returns {Session} */
+/** Start the worker of this page. */
 export function startSession() {
   const source = document.getElementById("worker")?.textContent ?? "";
   const address = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
@@ -19,7 +12,7 @@ export function startSession() {
   worker.onerror = (event) =>
     give({ got: "error", message: `the simulation could not start: ${event.message || "its worker was refused"}` });
   return {
-    send: (message) => worker.postMessage(message),
-    on: (got, act) => listeners.set(got, [...(listeners.get(got) ?? []), act]),
+    send: (/** @type {Record<string, any>} */ message) => worker.postMessage(message),
+    on: (/** @type {string} */ got, /** @type {(message: any) => void} */ act) => listeners.set(got, [...(listeners.get(got) ?? []), act]),
   };
 }

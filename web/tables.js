@@ -35,11 +35,7 @@ export function summaryTable(table) {
   const sample = table.group === null ? null : swatch("line", () => groupColour(table.group));
   const health = table.below.find((/** @type {string} */ line) => line.startsWith(HEALTH)) ?? "";
   const state = table.state && badge(table.state, health.slice(HEALTH.length));
-  const head = h(
-    "tr",
-    {},
-    table.columns.map((/** @type {string} */ name) => h("th", { scope: "col" }, withUnit(name))),
-  );
+  const head = h("tr", {}, table.columns.map((/** @type {string} */ name) => h("th", { scope: "col" }, withUnit(name))));
   const marked = new Set(table.warnings.map((/** @type {number[]} */ [row, column]) => `${row},${column}`));
   const rows = table.rows.map((/** @type {string[]} */ [name, ...cells], /** @type {number} */ place) =>
     h(
@@ -54,10 +50,6 @@ export function summaryTable(table) {
     { class: `summary${table.wide ? " wide" : ""}` },
     h("h2", {}, sample, table.caption, state),
     scrolled(`Figures of ${table.caption}`, h("thead", {}, head), h("tbody", {}, rows)),
-    h(
-      "div",
-      {},
-      table.below.map((/** @type {string} */ sentence) => h("p", { class: "below" }, sentence)),
-    ),
+    h("div", {}, table.below.map((/** @type {string} */ sentence) => h("p", { class: "below" }, sentence))),
   );
 }

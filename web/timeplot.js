@@ -1,5 +1,6 @@
 /** A panel over time: curves, bands, limits, shading, zoom by pointer and keys, the values under the pointer. */
 
+import { stroked } from "./canvas.js";
 import { columns, layout, ranged } from "./curves.js";
 import { h, onceAFrame, panelOf, zoomKeys } from "./dom.js";
 import { firstWhere } from "./history.js";
@@ -24,12 +25,6 @@ import { colour, groupColour, onTheme } from "./theme.js";
  * @property {[number, number][]} [shade]
  * @property {number[]} x
  * @property {Curve[]} curves
- *
- * @typedef {object} TimePlot
- * @property {HTMLElement} element
- * @property {(group: number, shown: boolean) => void} show
- * @property {(x: number[], curves: Curve[]) => void} update  other values of the same curves
- * @property {(time: number | null) => void} point  the cursor at a time, s; null: none
  */
 
 const SYNC = "time";
@@ -42,7 +37,6 @@ const HEIGHT = 184;
  * @param {import("./span.js").Span} span
  * @param {string[]} names  of the groups
  * @param {import("./span.js").Axis} axis
- * @returns {TimePlot}
  */
 export function timePlot(panel, span, names, axis = TIME) {
   const { threshold = null, log = false } = panel;
@@ -97,17 +91,21 @@ export function timePlot(panel, span, names, axis = TIME) {
   onTheme(() => plot.redraw(false, true));
   return {
     element,
-    show: (group, shown) => {
+    show: (/** @type {number} */ group, /** @type {boolean} */ shown) => {
       if (shown) hidden.delete(group);
       else hidden.add(group);
       owners.forEach((owner, place) => owner.group === group && plot.setSeries(place + 1, { show: shown }));
       again();
     },
+    /** Other values of the same curves.
+     * @param {number[]} x
+     * @param {Curve[]} now */
     update: (x, now) => {
       curves = now;
       plot.setData(columns(x, now), false);
       again();
     },
+    /** @param {number | null} time  of the cursor, s; null: none */
     point: (time) => {
       pointed = time;
       if (time === null) plot.setCursor({ left: -10, top: -10 });
@@ -183,12 +181,7 @@ function background(u, { threshold = null, log = false, from_s: from = null, sha
   const base = log ? level : 0;
   if (base !== null && u.scales.y.min < base && u.scales.y.max > base) {
     const height = Math.round(u.valToPos(base, "y", true)) + 0.5;
-    ctx.strokeStyle = colour("zero");
-    ctx.lineWidth = 1;
-    ctx.beginPath();
-    ctx.moveTo(bbox.left, height);
-    ctx.lineTo(bbox.left + bbox.width, height);
-    ctx.stroke();
+    stroked(ctx, colour("zero"), 1, [[bbox.left, height], [bbox.left + bbox.width, height]]);
   }
   ctx.restore();
 }

@@ -1,6 +1,6 @@
 /** The track seen from above, north up, on a grid of 1, 2 or 5 times a power of ten metres: zoom by wheel, pinch and keys. */
 
-import { sharpCanvas } from "./canvas.js";
+import { sharpCanvas, stroked } from "./canvas.js";
 import { button, h, onceAFrame, panelOf, zoomKeys } from "./dom.js";
 import { minus, number, roundDown, tick } from "./numbers.js";
 import { colour, faint, groupColour, onTheme } from "./theme.js";
@@ -53,11 +53,14 @@ export function trackPlot(title, scene, label, moving = false) {
     paint(sharp.cleared(), size, scene, hidden, view ?? fitted(scene, size, hidden));
   };
   const draw = onceAFrame(now);
+  const followed = (/** @type {boolean} */ on) => {
+    following = on;
+    follow.setAttribute("aria-pressed", String(on));
+  };
   const setFollowing = (/** @type {boolean} */ on) => {
     const first = { ...scene, lines: scene.lines.slice(0, 1) };
     if (on && !view) view = { ...endOf(scene), scale: Math.min(CLOSER * fitted(first, size, new Set()).scale, size[0] / NEAREST) };
-    following = on;
-    follow.setAttribute("aria-pressed", String(on));
+    followed(on);
     if (on) draw();
     else if (view) reset();
   };
@@ -68,8 +71,7 @@ export function trackPlot(title, scene, label, moving = false) {
   };
   const zoom = (/** @type {number} */ factor) => change((now) => (now.scale *= factor));
   const move = (/** @type {number} */ right, /** @type {number} */ up) => {
-    following = false;
-    follow.setAttribute("aria-pressed", "false");
+    followed(false);
     change((now) => {
       now.east += right / now.scale;
       now.north += up / now.scale;
@@ -77,8 +79,7 @@ export function trackPlot(title, scene, label, moving = false) {
   };
   const reset = () => {
     view = null;
-    following = false;
-    follow.setAttribute("aria-pressed", "false");
+    followed(false);
     draw();
   };
   pointers(canvas, zoom, move, (x, y) => {
@@ -181,11 +182,7 @@ function paint(context, size, scene, hidden, view) {
   }
   for (const { group, east, north } of scene.last ?? []) {
     if (hidden.has(group)) continue;
-    context.strokeStyle = faint(groupColour(group), 0.6);
-    context.lineWidth = 0.7;
-    context.beginPath();
-    for (let place = 0; place < east.length; place++) context.lineTo(x(east[place]), y(north[place]));
-    context.stroke();
+    stroked(context, faint(groupColour(group), 0.6), 0.7, Array.from(east, (one, place) => [x(one), y(north[place])]));
   }
   for (const { group, centre, radii } of scene.ellipses ?? []) {
     if (hidden.has(group) || !radii.every(Number.isFinite)) continue;
@@ -200,17 +197,11 @@ function paint(context, size, scene, hidden, view) {
   const past = (/** @type {Fix} */ fix) => (fix.place ?? 0) < after;
   context.fillStyle = colour("fix");
   for (const fix of (scene.accepted ?? []).filter(past)) context.fillRect(x(fix.east) - 1, y(fix.north) - 1, 2, 2);
-  context.lineWidth = 1.5;
   for (const fix of scene.refused.filter(past)) {
     if (hidden.has(fix.group)) continue;
-    context.strokeStyle = groupColour(fix.group);
     const [a, b] = [x(fix.east), y(fix.north)];
-    context.beginPath();
-    context.moveTo(a - 3.5, b - 3.5);
-    context.lineTo(a + 3.5, b + 3.5);
-    context.moveTo(a - 3.5, b + 3.5);
-    context.lineTo(a + 3.5, b - 3.5);
-    context.stroke();
+    const bars = [1, -1].map((sign) => [[a - 3.5, b - 3.5 * sign], [a + 3.5, b + 3.5 * sign]]);
+    stroked(context, groupColour(fix.group), 1.5, ...bars);
   }
   ends(context, scene, hidden, x, y);
 }
@@ -222,15 +213,10 @@ function paint(context, size, scene, hidden, view) {
  * @param {(east: number) => number} x
  * @param {(north: number) => number} y */
 function ends(context, scene, hidden, x, y) {
-  const disc = (
-    /** @type {number} */ east,
-    /** @type {number} */ north,
-    /** @type {number} */ radius,
-    /** @type {string} */ fill,
-    /** @type {string} */ edge,
-  ) => {
+  /** @type {(line: Line, place: number, radius: number, fill: string, edge: string) => void} */
+  const disc = ({ east, north }, place, radius, fill, edge) => {
     context.beginPath();
-    context.arc(x(east), y(north), radius, 0, 2 * Math.PI);
+    context.arc(x(east[place]), y(north[place]), radius, 0, 2 * Math.PI);
     context.fillStyle = fill;
     context.fill();
     context.strokeStyle = edge;
@@ -238,12 +224,11 @@ function ends(context, scene, hidden, x, y) {
     context.stroke();
   };
   const begun = scene.lines[0];
-  if (begun?.east.length && Number.isFinite(begun.east[0]))
-    disc(begun.east[0], begun.north[0], 4, colour("surface"), colour("ink"));
+  if (begun?.east.length && Number.isFinite(begun.east[0])) disc(begun, 0, 4, colour("surface"), colour("ink"));
   for (const line of scene.lines) {
     const last = Math.min(scene.places[1], line.east.length) - 1;
     if (hidden.has(line.group) || last < 0) continue;
-    disc(line.east[last], line.north[last], line.group < 0 ? 4 : 3, groupColour(line.group), colour("surface"));
+    disc(line, last, line.group < 0 ? 4 : 3, groupColour(line.group), colour("surface"));
   }
 }
 
@@ -254,28 +239,18 @@ function ends(context, scene, hidden, x, y) {
  * @param {(north: number) => number} y */
 function grid(context, [width, height], view, x, y) {
   const step = roundDown(110 / view.scale);
-  context.strokeStyle = colour("grid");
-  context.lineWidth = 1;
-  context.beginPath();
-  const line = (/** @type {number} */ a, /** @type {number} */ b, /** @type {number} */ c, /** @type {number} */ d) => {
-    context.moveTo(Math.round(a) + 0.5, Math.round(b) + 0.5);
-    context.lineTo(Math.round(c) + 0.5, Math.round(d) + 0.5);
-  };
   const [west, south] = [view.east - width / 2 / view.scale, view.north - height / 2 / view.scale];
+  const sharp = (/** @type {number} */ place) => Math.round(place) + 0.5;
+  /** @type {number[][][]} */
+  const lines = [];
   for (let at = Math.ceil(west / step); at * step < west + width / view.scale; at++)
-    line(x(at * step), 0, x(at * step), height);
+    lines.push([[sharp(x(at * step)), 0], [sharp(x(at * step)), height]]);
   for (let at = Math.ceil(south / step); at * step < south + height / view.scale; at++)
-    line(0, y(at * step), width, y(at * step));
-  context.stroke();
-  const length = step * view.scale;
-  context.strokeStyle = context.fillStyle = colour("muted");
-  context.lineWidth = 1.5;
-  context.beginPath();
-  context.moveTo(12, height - 16);
-  context.lineTo(12, height - 11);
-  context.lineTo(12 + length, height - 11);
-  context.lineTo(12 + length, height - 16);
-  context.stroke();
+    lines.push([[0, sharp(y(at * step))], [width, sharp(y(at * step))]]);
+  stroked(context, colour("grid"), 1, ...lines);
+  const [left, end, low] = [12, 12 + step * view.scale, height - 11];
+  stroked(context, colour("muted"), 1.5, [[left, low - 5], [left, low], [end, low], [end, low - 5]]);
+  context.fillStyle = colour("muted");
   context.font = "11.5px system-ui, sans-serif";
   context.fillText(
     step >= 1000 ? `${tick(step / 1000)} km` : step >= 1 ? `${tick(step)} m` : `${tick(step * 100)} cm`,
@@ -283,13 +258,8 @@ function grid(context, [width, height], view, x, y) {
     height - 17,
   );
   const [right, top] = [width - 18, 14];
-  context.beginPath();
-  context.moveTo(right, top + 14);
-  context.lineTo(right, top);
-  context.moveTo(right - 3.5, top + 5);
-  context.lineTo(right, top);
-  context.lineTo(right + 3.5, top + 5);
-  context.stroke();
+  const arrow = [[right - 3.5, top + 5], [right, top], [right + 3.5, top + 5]];
+  stroked(context, colour("muted"), 1.5, [[right, top + 14], [right, top]], arrow);
   context.fillText("N", right - 4, top + 27);
 }
 

@@ -34,8 +34,7 @@ export function transport(live, acts) {
   pace.addEventListener("change", () => acts.pace(pace.value === "" ? null : Number(pace.value)));
   const settings = button("Settings", acts.settings, { id: "open-settings", "aria-controls": "settings", "aria-expanded": "false" });
   const time = h("output", { class: "clock", id: "clock" });
-  const badges = live.outages.map((/** @type {{sensor: string}} */ { sensor }) => {
-    const name = sensor === "gnss" ? "GNSS" : sensor;
+  const badges = live.outages.map((/** @type {any} */ { sensor, name }) => {
     return { sensor, name, since: /** @type {number | null} */ (null), element: h("output", { class: "sensor" }, `${name} on`) };
   });
   const sensors = h("div", { class: "sensors" }, badges.map((/** @type {any} */ one) => one.element));

@@ -16,6 +16,7 @@ export class Unit {
     const { p, x, u, y } = machine.live.sizes;
     this.machine = machine;
     this.records = records;
+    this.sizes = [p, x, u, y, 36];
     this.place = machine.reserve([p, x, u, y * records, 36]);
     this.sample = 0;
     /** @type {Command[]} */
@@ -24,24 +25,15 @@ export class Unit {
   }
 
   /** @param {number} which
-   * @param {number} size
    * @returns {Float64Array} a view, valid until memory grows */
-  view(which, size) {
-    return new Float64Array(this.machine.exports.memory.buffer, this.place[which], size);
+  view(which) {
+    return new Float64Array(this.machine.exports.memory.buffer, this.place[which], this.sizes[which]);
   }
 
-  get p() {
-    return this.view(0, this.machine.live.sizes.p);
-  }
-  get x() {
-    return this.view(1, this.machine.live.sizes.x);
-  }
-  get u() {
-    return this.view(2, this.machine.live.sizes.u);
-  }
-  get y() {
-    return this.view(3, this.machine.live.sizes.y);
-  }
+  get p() { return this.view(0); }
+  get x() { return this.view(1); }
+  get u() { return this.view(2); }
+  get y() { return this.view(3); }
 
   /** Start with a seed, the values of controls by key, and commands.
    * @param {number} seed
@@ -49,7 +41,7 @@ export class Unit {
    * @param {Command[]} commands */
   begin(seed, values, commands) {
     const { machine } = this;
-    const known = this.view(4, 36);
+    const known = this.view(4);
     checkCommands(machine.live, commands);
     this.p.set(machine.start.p);
     this.u.set(machine.start.u);

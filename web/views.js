@@ -5,7 +5,6 @@ import { h } from "./dom.js";
 import { hullView } from "./hull.js";
 import { makeTrack } from "./livetrack.js";
 import { readings } from "./readings.js";
-import { onTheme } from "./theme.js";
 
 const SLOW_MS = 100; // between two times that numbers and track are drawn while it runs
 
@@ -20,8 +19,8 @@ export function vehicleViews(live, at, history) {
   const numbers = readings(live, at);
   const track = makeTrack(live, at);
   const truth = { q: at("q_nb").at, attitude: at("attitude").at };
-  const estimates = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({
-    group,
+  const estimates = live.estimators.map((/** @type {any} */ one) => ({
+    group: one.group,
     q: at(`${one.prefix}q_nb`).at,
     attitude: at(`${one.prefix}attitude`).at,
     sigma: one.stated.indexOf("heading_deg") < 0 ? null : at(`${one.prefix}sigma`).at + one.stated.indexOf("heading_deg"),
@@ -29,7 +28,6 @@ export function vehicleViews(live, at, history) {
   /** @type {Set<number>} */
   const hidden = new Set();
   let [due, drawn] = [false, 0];
-  onTheme(() => (due = true));
   return {
     views: h("div", { class: "views" }, hull.element, dial.element, track.element),
     numbers: numbers.element,

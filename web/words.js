@@ -51,37 +51,13 @@ export function beyond({ key, unit, minimum, maximum }, value) {
   return `${given(key, value, of)}: allowed is ${minimum} to ${maximum}${of}`;
 }
 
-const MOST_NAMES = 8; // that a sentence lists; of more, the nearest ones
-const NEAREST_NAMES = 4;
-
 /** What is wrong with a name that is none of a list.
  * @param {string} key
  * @param {string} value
  * @param {string[]} names  allowed
  * @returns {string} */
 export function oneOf(key, value, names) {
-  const allowed = `${key} = ${JSON.stringify(value)}: allowed is`;
-  if (names.length <= MOST_NAMES) return `${allowed} ${orOf(names)}`;
-  const apart = new Map(names.map((name) => [name, distance(value, name)]));
-  const near = [...names].sort((a, b) => (apart.get(a) ?? 0) - (apart.get(b) ?? 0)).slice(0, NEAREST_NAMES);
-  return `${allowed} one of ${names.length} names, the nearest: ${near.join(", ")}`;
-}
-
-/** Characters to insert, remove or change between two texts (Levenshtein).
- * @param {string} a
- * @param {string} b */
-function distance(a, b) {
-  let row = [...b, ""].map((_, column) => column);
-  for (const [at, letter] of [...a].entries()) {
-    let diagonal = at;
-    const next = [at + 1];
-    for (const [column, other] of [...b].entries()) {
-      next.push(Math.min(row[column + 1] + 1, next[column] + 1, diagonal + (letter === other ? 0 : 1)));
-      diagonal = row[column + 1];
-    }
-    row = next;
-  }
-  return row[b.length];
+  return `${key} = ${JSON.stringify(value)}: allowed is ${orOf(names)}`;
 }
 
 /** What a field that shows a wrong value does not say: which value the run has.

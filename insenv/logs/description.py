@@ -455,7 +455,7 @@ class AnyLog(Section):
 
 
 class LogDescription(AnyLog):
-    """A recorded log in text files; `insenv.logs.instruments.description_class` has the sections of its instruments too."""
+    """A recorded log in text files; the sections of its instruments stand beside these."""
 
     title: str = key(..., "one line for tables and figures", min_length=1)
     imu: ImuSection = key(..., "the inertial sensor")

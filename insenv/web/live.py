@@ -197,6 +197,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
             {
                 "id": member.estimator.id,
                 "title": member.estimator.title,
+                "group": group,
                 "kind": member.estimator.kind,
                 "prefix": member.prefix,
                 "channels": list(member.channels),
@@ -206,7 +207,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "findings": findings(member.estimator, rows[member.prefix]),
                 **judged(member, plant, live.every, limit),
             }
-            for member in live.page.members
+            for group, member in enumerate(live.page.members)
         ],
         "commands": _commands(plant, model),
         "values": _downloaded(live),
@@ -264,7 +265,9 @@ def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
 def _outages(parameters: Table, id: str) -> dict[str, Any]:
     """Where the outage windows of a sensor are among the parameters."""
     begin, end = (parameters.slice(f"{id}_outage_{name}") for name in ("start", "end"))
-    return {"sensor": id, "key": f"{id}.outages_s", "start": begin.start, "end": end.start, "most": begin.stop - begin.start}
+    name = "GNSS" if id == "gnss" else id
+    where = {"start": begin.start, "end": end.start, "most": begin.stop - begin.start}
+    return {"sensor": id, "name": name, "key": f"{id}.outages_s", **where}
 
 
 def _control(control: Control, live: Live) -> dict[str, Any]:

@@ -46,9 +46,10 @@ def test_links_and_pictures_lead_somewhere(pages):
         path = unquote(parts.path).lstrip("/") or page
         if (parts.netloc, parts.scheme) != ("site", "http"):
             continue
+        place = path.endswith(".html") and not path.startswith("live/") and unquote(parts.fragment)
         if not (SITE / path).is_file():
             wrong.append(f"{page}: {link}: no such file")
-        elif parts.fragment and path.endswith(".html") and unquote(parts.fragment) not in parsed(path).ids:
+        elif place and place not in parsed(path).ids:
             wrong.append(f"{page}: {link}: no such place on that page")
     assert not wrong
 
@@ -88,6 +89,22 @@ def opened(browser, address, page):
         if message["method"] == "Network.requestWillBeSent" and not url.startswith((address, "data:", "blob:", "about:")):
             wrong.append(f"a request outside the site: {url}")
     return wrong
+
+
+def test_a_click_on_the_figure_of_the_first_page_runs_a_live_page_there(browser, address):
+    assert opened(browser, address, "index.html") == []
+    browser.driver.find_element("css selector", ".live-frame a").click()
+    browser.driver.switch_to.frame(browser.driver.find_element("css selector", ".live-frame iframe"))
+    browser.until("document.getElementById('clock')?.textContent >= '0:01.0'")
+    browser.driver.switch_to.default_content()
+    assert browser.console() == []
+
+
+@pytest.mark.parametrize("word, page", [("install", "Installation"), ("Kalman", "Estimators")])
+def test_a_search_leads_to_the_page_that_a_reader_looks_for(browser, address, word, page):
+    assert opened(browser, address, f"search.html?q={word}") == []
+    browser.until("/found [1-9]|[1-9][0-9]* pages/i.test(document.querySelector('.search-summary')?.textContent ?? '')")
+    assert page in browser.value("document.querySelector('ul.search li a').textContent")
 
 
 LAZY = "document.querySelectorAll('img[loading=lazy]').forEach(i => i.loading = 'eager')"

@@ -35,10 +35,12 @@ def test_everything_has_a_page(pages):
 
 
 @pytest.mark.parametrize("id", estimators.registered())
-def test_the_page_of_an_estimator_ends_with_its_tables(id):
+def test_the_page_of_an_estimator_ends_with_its_tables(pages, id):
     name = f"estimators/{site_tables.estimator_pages()[id].removesuffix('.md')}"
     written = (ROOT / "docs" / f"{name}.md").read_text("utf-8")
-    tables = site_sources.extended(name, written).partition(f"## Interface of `{id}`\n")[2]
+    shown = site_sources.extended(name, written)
+    assert (f"](../generated/{name}.md)" in shown) == (f"{name}.md" in pages)  # they have a page of their own
+    tables = pages.get(f"{name}.md", shown).partition(f"## Interface of `{id}`\n")[2]
     for table in ("inputs", "outputs", *(() if "<!-- begin parameters" in written else ("parameters",))):
         part = re.split(r"\n#+ ", tables.partition(f"### {table.title()} of `{id}`\n")[2])[0]
         assert re.findall(r"^\| `(\w+)` \|", part, re.MULTILINE) == list(getattr(estimators.get(id).model, table).names)
@@ -72,3 +74,5 @@ def test_each_live_page_of_the_gallery_can_run_and_has_a_link():
     shown = site_gallery.with_links(text)
     assert site_sources.extended("a", "[b.md](b.md#d), [e](e.md)") == "[](b.md#d), [e](e.md)"
     assert all(f'href="live/{name}"' in shown for name in wanted) and "not run" not in shown
+    first = site_sources.extended("index", (ROOT / "docs" / "index.md").read_text("utf-8"))
+    assert site_gallery.FIRST in wanted and f'href="live/{site_gallery.FIRST}#run"' in first

@@ -109,7 +109,7 @@ def test_another_grade_alone_has_the_notes_of_insenv_run(browser):
 
 
 @pytest.mark.slow
-def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
+def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page_and_a_link_may_start_it(browser):
     browser.open(page_file(*SHIP), fragment="#seed=999999")
     told = browser.until("document.getElementById('wrong')?.textContent")
     assert told.startswith("This link cannot be followed: seed = 999999")
@@ -118,6 +118,8 @@ def test_a_broken_link_and_a_value_out_of_bounds_are_said_in_the_page(browser):
     typed(browser, "seed", "2.5")
     sentence = "seed = 2.5: allowed is a whole number, 0 to 1023. The run still uses 1"
     browser.until(f"document.body.innerText.includes('{sentence}')")
+    browser.open(page_file(*SHIP), fragment="#run")
+    browser.until("document.getElementById('clock')?.textContent > '0:00.5'")
     assert browser.console() == []
 
 
@@ -129,6 +131,9 @@ def test_the_page_is_accessible_and_fits(browser, size, dark):
     titled = "[...document.querySelectorAll('.panel')].find((one) => one.textContent.startsWith('Heading error'))"
     of_box = "(one) => one.getBoundingClientRect().bottom"
     assert browser.value(f"((bottom, heading) => {lowest})({of_box}, {titled}) <= innerHeight")  # the first screen
+    dial = "((when) => (dispatchEvent(new Event(when)), document.querySelector('canvas.dial').toDataURL()))"
+    assert browser.value(f"{dial}('afterprint') !== {dial}('beforeprint')") == dark  # paper is white
+    browser.driver.execute_script("dispatchEvent(new Event('afterprint'))")
     browser.driver.find_element(By.ID, "open-settings").send_keys(" ")
     browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true));")
     assert browser.value("document.getElementById('settings').contains(document.activeElement)")

@@ -117,11 +117,14 @@ def test_a_span_zooms_about_its_middle_and_stays_inside_the_run(tmp_path):
     assert answers("span.js", code, list(shown), tmp_path) == list(shown.values())
 
 
-def test_the_vehicle_is_drawn_in_its_attitude(tmp_path):
+def test_the_vehicle_is_drawn_in_its_attitude_before_the_horizon(tmp_path):
     q, corners = Rotation.random(20, random_state=2), np.random.default_rng(2).normal(size=(20, 3))
     given = [q.as_quat(scalar_first=True).tolist(), corners.tolist()]
     found = answers("hull.js", "given[0].map((q, k) => module_hull.turned(q, given[1][k]))", given, tmp_path)
     np.testing.assert_allclose(found, q.apply(corners), atol=1e-14)
+    code = "((to) => given.map((far) => [to.horizon, to.project(far)]))(module_hull.camera(0.7, 0.3, [300, 200]))"
+    for horizon, (_, height, distance) in answers("hull.js", code, [[1e9, 1e9, 9], [2e9, 1e8, 9]], tmp_path):
+        assert distance > 0 and height == pytest.approx(horizon, abs=1e-3) and 0 < horizon < 100
 
 
 @pytest.mark.slow
