@@ -1,6 +1,6 @@
 """Fixed-interval smoothing of a filter's run: one forward pass with a record, one backward pass.
 
-From a start that was far off both are done once more (`insenv.runs.second_pass`).
+From a start that was far off both are done again (`insenv.runs.second_pass`).
 """
 
 from __future__ import annotations
@@ -91,10 +91,10 @@ class Smoother:
         rows, told = self.forward.model.state, self.smoothing.backward.state.unpack(self._backward.output())
         x = rows.unpack(self._start)
         P, L = (symmetric.full_array(triangle, self.smoothing.n) for triangle in (x["covariance"], told["information"]))
-        psi, speed = (P @ told["adjoint"])[TILT], np.linalg.norm(outputs["velocity_n"], axis=1)
-        if not astray(psi, speed, outputs["attitude_sigma"], outputs["velocity_sigma"]):
-            return False
         error, covariance = told_start(P, told["adjoint"], L)
+        speed = np.linalg.norm(outputs["velocity_n"], axis=1)
+        if not astray(error[TILT], speed, outputs["attitude_sigma"], outputs["velocity_sigma"]):
+            return False
         self.forward.start()
         for name, value in _started_again(self.smoothing)(x, error, covariance).items():
             self.forward.x[rows.slice(name)] = value

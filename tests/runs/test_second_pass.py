@@ -35,6 +35,7 @@ def test_a_run_is_astray_where_a_first_order_leaves_out_a_third_of_a_stated_devi
     assert astray(psi, speed, 0.9 * sigma, velocity_sigma)
     assert not astray(psi, 1.06 * speed, sigma, velocity_sigma)
     assert astray(psi, 1.08 * speed, sigma, velocity_sigma)
+    assert [astray(np.array([0.0, 0.0, angle]), speed, sigma, velocity_sigma) for angle in (3.14, 3.15)] == [True, False]
 
 
 @pytest.mark.slow
@@ -49,10 +50,13 @@ def test_a_run_is_astray_where_a_first_order_leaves_out_a_third_of_a_stated_devi
             ),
         ),
         ("smoother", changed("aircraft-survey", duration_s=600.0)),
+        ("smoother", "aircraft-inflight-alignment"),
     ],
 )  # fmt: skip
 def test_from_a_start_degrees_off_the_stated_deviations_hold_from_its_first_second_on(id, scenario, monkeypatch):
-    """By one pass the car's velocity is tens of its stated deviations off as it departs, and the aircraft's level at first."""
+    """By one pass the car's velocity is tens of its stated deviations off as it departs, and the aircraft's level at first; the
+    last one is 20 deg of level and 60 deg of heading off.
+    """
 
     def largest():
         run = insenv.run(scenario, id, seed=3).results[0]
