@@ -1,11 +1,12 @@
-"""Fixed-interval smoothing of a filter's run: one forward pass with a record, one backward pass."""
+"""Fixed-interval smoothing of a filter's run: one forward pass with a record, one backward pass.
+
+From a start that was far off both are done again (`insenv.runs.second_pass`).
+"""
 
 from __future__ import annotations
 
-import tempfile
 import time
-import weakref
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
@@ -21,9 +22,11 @@ from insenv.core.tables import Array, Table, Vector
 from insenv.estimators import Estimator
 from insenv.estimators.loosely_coupled import SMOOTHING
 from insenv.estimators.parts import rows, strapdown
-from insenv.estimators.parts.adjoint import Smoothing, used_row
-from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
+from insenv.estimators.parts.adjoint import Smoothing
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, turn_of, turned, with_platform
 from insenv.runs.follower import Follower, diverged
+from insenv.runs.second_pass import PASSES, astray, told_start
+from insenv.runs.smoothing_record import Record, Samples
 from insenv.scenario.inputs import input_rows
 
 BLOCK = 2000  # samples filtered at a time: 7 MB
@@ -47,6 +50,8 @@ class Smoother:
         shared = {row.name: self.forward.p[table.slice(row.name)].reshape(row.shape) for row in going_back}
         self._backward = make_runner(smoothing.backward, shared, backend)
         self.record = Record(smoothing)
+        self._start = self.forward.x.copy()
+        self._samples = None if smoothing.seeking else Samples()
         self._health_columns = _columns(smoothing.forward.outputs, [row.name for row in smoothing.reported])
         self._health: list[Array] = []
 
@@ -57,25 +62,54 @@ class Smoother:
         """
         inputs = input_rows(self.forward.model, {**columns, "smoothed": wanted.astype(np.float64)}, len(wanted))
         for begin in range(0, len(wanted), BLOCK):
-            part = slice(begin, begin + BLOCK)
-            outputs = self.forward.run(len(inputs[part]), inputs[part])
-            if not np.isfinite(outputs[-1]).all():
-                first = int(np.argmin(np.isfinite(outputs).all(axis=1)))
-                raise diverged("the filter under the smoother", columns, begin + first)
-            self.record.add(outputs, wanted[part])
-            self._health.append(outputs[wanted[part]][:, self._health_columns])
+            block = inputs[begin : begin + BLOCK]
+            self._filter(block, columns, begin)
+            if self._samples is not None:
+                self._samples.add(block)
+
+    def _filter(self, inputs: Array, columns: Mapping[str, Array], begin: int) -> None:
+        outputs = self.forward.run(len(inputs), inputs)
+        if not np.isfinite(outputs[-1]).all():
+            first = int(np.argmin(np.isfinite(outputs).all(axis=1)))
+            raise diverged("the filter under the smoother", columns, begin + first)
+        wanted = inputs[:, self.forward.model.inputs.slice("smoothed").start] != 0
+        self.record.add(outputs, wanted)
+        self._health.append(outputs[wanted][:, self._health_columns])
 
     def smoothed(self) -> dict[str, Array]:
         """The smoothed run so far at the wanted samples: rows of `smoother_outputs`, time along the first axis."""
-        corrections, covariances, nominal = self.error_states()
-        return smoother_outputs(self.smoothing, nominal, corrections, covariances)
+        outputs = smoother_outputs(self.smoothing, *self.error_states())
+        if self._samples is not None:
+            for _ in range(1, PASSES):
+                if not self._filtered_again(outputs, self._samples):
+                    break
+                outputs = smoother_outputs(self.smoothing, *self.error_states())
+        return outputs
+
+    def _filtered_again(self, outputs: Mapping[str, Array], samples: Samples) -> bool:
+        """Whether the samples were filtered once more, from a better start; the pass back has just ended at the start."""
+        rows, told = self.forward.model.state, self.smoothing.backward.state.unpack(self._backward.output())
+        x = rows.unpack(self._start)
+        P, L = (symmetric.full_array(triangle, self.smoothing.n) for triangle in (x["covariance"], told["information"]))
+        error, covariance = told_start(P, told["adjoint"], L)
+        speed = np.linalg.norm(outputs["velocity_n"], axis=1)
+        if not astray(error[TILT], speed, outputs["attitude_sigma"], outputs["velocity_sigma"]):
+            return False
+        self.forward.start()
+        for name, value in _started_again(self.smoothing)(x, error, covariance).items():
+            self.forward.x[rows.slice(name)] = value
+        self._start = self.forward.x.copy()
+        self.record, self._health = Record(self.smoothing), []
+        for inputs in samples:
+            self._filter(inputs, {}, 0)
+        return True
 
     def health_rows(self) -> dict[str, Array]:
         """The filter's rows of health at the wanted samples, time along the first axis."""
         return self.smoothing.reported.unpack(np.concatenate(self._health))
 
     def error_states(self) -> tuple[Array, Array, Array]:
-        """Smoothed error states (m, n), their covariances (m, n, n), and the filter's states (m, nominal.size)."""
+        """The filter's states (m, nominal.size), their smoothed errors (m, n), and the covariances of these (m, n, n)."""
         blocks: list[tuple[Array, Array, Array]] = []
         self._backward.start()
         for inputs, instants, nominal in self.record.backward():
@@ -85,7 +119,7 @@ class Smoother:
             blocks.append((*_smoothed_errors(self.smoothing, nominal, later["adjoint"], later["information"]), nominal))
         blocks.reverse()
         corrections, covariances, nominals = (np.concatenate(part) for part in zip(*blocks, strict=True))
-        return corrections, covariances, nominals
+        return nominals, corrections, covariances
 
 
 class SmoothingFollower(Follower):
@@ -182,6 +216,28 @@ def _state_names(smoothing: Smoothing) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=8)
+def _started_again(smoothing: Smoothing) -> Callable[[Mapping[str, Array], Array, Array], dict[str, Array]]:
+    """State rows of the filter from those of a start, an error (n) of it, and the covariance (n, n) without it."""
+    names, n = tuple(smoothing.nominal.names), smoothing.n
+    changed_names: list[str] = []
+
+    def rows_of(*arguments: Any) -> tuple[Any, ...]:
+        *states, error, covariance = arguments
+        changed = smoothing.corrected(SimpleNamespace(**dict(zip(names, states, strict=True))), error)
+        changed_names[:] = changed
+        turn = with_platform(turn_of(error[TILT]))
+        return (*changed.values(), symmetric.triangle(turned(covariance, turn)))
+
+    function = vectorized(rows_of, *[smoothing.nominal[name].shape for name in names], n, (n, n))
+
+    def started(x: Mapping[str, Array], error: Array, covariance: Array) -> dict[str, Array]:
+        values = function(*(x[name] for name in names), error, covariance)
+        return dict(zip((*changed_names, "covariance"), values, strict=True))
+
+    return started
+
+
+@lru_cache(maxsize=8)
 def _corrected_outputs(smoothing: Smoothing) -> Callable[..., tuple[Array, ...]]:
     """Outputs by the names of `smoother_outputs`, and C_nw, of many states and error states at once."""
     names = _state_names(smoothing)
@@ -202,100 +258,3 @@ def _columns(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
     """Places of rows in the flat vector of a table."""
     places = np.arange(table.size)
     return np.concatenate([places[table.slice(name)] for name in names] or [np.zeros(0, dtype=np.int64)])
-
-
-# The record of a forward pass: in memory up to `MEMORY`, beyond that in a temporary file.
-#
-# A flight of 2 h at 200 Hz, with the covariance propagated 20 times per second, one fix per second and 3000 smoothed
-# instants, takes 41 MB: 184 B for each of 144,000 instants, 1.5 kB per fix, 1.1 kB per smoothed instant.
-
-
-MEMORY = 64 * 2**20  # bytes before the file is used
-
-
-class Record:
-    """Blocks of recorded instants of a smoother's forward pass, written forward and read backward."""
-
-    def __init__(self, smoothing: Smoothing) -> None:
-        self._smoothing = smoothing
-        self._file = tempfile.SpooledTemporaryFile(max_size=MEMORY)  # noqa: SIM115 (it lives as long as the record)
-        weakref.finalize(self, self._file.close)
-        self._blocks: list[list[tuple[int, int]]] = []
-
-    def add(self, outputs: Array, wanted: Array) -> None:
-        """Add outputs of the forward pass (one row per sample); `wanted` (bool): the samples to be smoothed."""
-        smoothing = self._smoothing
-        due, *used = (self._rows(outputs, Table((row,)))[:, 0] != 0 for row in smoothing.events)
-        parts = (
-            np.column_stack([self._rows(outputs[due], smoothing.events + smoothing.interval), wanted[due]]),
-            *(self._rows(outputs[flag], group.rows) for flag, group in zip(used, smoothing.groups, strict=True)),
-            self._rows(outputs[wanted], smoothing.nominal),
-        )
-        self._blocks.append([(len(part), part.shape[1]) for part in parts])
-        for part in parts:
-            self._file.write(np.ascontiguousarray(part).tobytes())
-
-    @property
-    def size(self) -> int:
-        """Bytes recorded."""
-        return 8 * sum(rows * columns for block in self._blocks for rows, columns in block)
-
-    def backward(self) -> Iterator[tuple[Array, NDArray[np.intp], Array]]:
-        """Blocks from the last to the first, each in order of time.
-
-        Yields the input rows of the backward pass (rows, its inputs.size), the index of the row with which the pass
-        goes back into each instant that is to be smoothed, and the filter's states at those instants (instants,
-        nominal.size).
-        """
-        end = self.size
-        for shapes in reversed(self._blocks):
-            begin = end - 8 * sum(rows * columns for rows, columns in shapes)
-            self._file.seek(begin)
-            parts = [np.frombuffer(self._file.read(8 * rows * columns)).reshape(rows, columns) for rows, columns in shapes]
-            events, *groups, nominal = parts
-            rows, last = self._instants(events, groups)
-            yield rows, last[events[:, -1] != 0], nominal
-            end = begin
-        self._file.seek(self.size)
-
-    def _instants(self, events: Array, groups: Sequence[Array]) -> tuple[Array, NDArray[np.intp]]:
-        """Input rows of the backward pass in order of time, and the last row of each instant.
-
-        An instant has one row for each scalar measurement, or one if it has none; the transition to it belongs to the first
-        row.
-        """
-        smoothing = self._smoothing
-        flags = [events[:, 1 + k] != 0 for k in range(len(smoothing.groups))]
-        scalars = [_scalars(group.rows, rows) for group, rows in zip(smoothing.groups, groups, strict=True)]
-        count = np.zeros(len(events), dtype=np.int64)
-        before = []
-        for flag, group in zip(flags, smoothing.groups, strict=True):
-            before.append(count.copy())
-            count += flag * group.count
-        length = np.maximum(count, 1)
-        first = np.cumsum(length) - length
-
-        inputs = smoothing.backward.inputs
-        rows = np.zeros((length.sum(), inputs.size))
-        rows[first, inputs.slice("carried").start] = 1
-        interval = events[:, smoothing.events.size : smoothing.events.size + smoothing.interval.size]
-        rows[:, inputs.slice("carried").stop :] = np.repeat(interval, length, axis=0)
-        scalar = slice(inputs.slice("H").start, inputs.slice("left").stop)
-        for k, (flag, earlier, (values, turn)) in enumerate(zip(flags, before, scalars, strict=True)):
-            places = (first + earlier)[flag][:, None] + np.arange(values.shape[1])
-            rows[places, scalar] = values
-            rows[places, inputs.slice(used_row(k)).start] = 1
-            rows[places[:, -1], inputs.slice("turned").start] = 1
-            rows[places[:, -1], inputs.slice("turn")] = turn
-        return rows, first + length - 1
-
-    def _rows(self, outputs: Array, table: Table) -> Array:
-        """The columns of the outputs of the forward pass that `table` names, in its order."""
-        table_of_outputs = self._smoothing.forward.outputs
-        return np.concatenate([outputs[:, table_of_outputs.slice(name)] for name in table.names], axis=1)
-
-
-def _scalars(table: Table, rows: Array) -> tuple[Array, Array]:
-    """Rows of a group: H, gain, weight and left of each scalar (instants, scalars, 2 n + 2), and turns (instants, 3)."""
-    H, gain, weight, left, turn = table.unpack(rows).values()
-    return np.concatenate([H, gain, weight[..., None], left[..., None]], axis=-1), turn
