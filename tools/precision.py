@@ -10,10 +10,12 @@ of the stated sigma over all seeds, the median of the seeds, and the quantities 
 from __future__ import annotations
 
 import argparse
+import math
 import statistics
 
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.portable import Portable, c_files, identifier
 from insenv.export.board.exporter import in_one
 from insenv.export.board.precision import NEEDED, Compiled, largest_shares, single_elements, tolerance
@@ -34,9 +36,10 @@ def main() -> None:
     for scenario in given.scenarios or SCENARIOS:
         shares = of_scenario(given.precision, given.estimator, scenario, given.seeds, given.duration)
         worst = [max(each.values()) for each in shares]
-        largest = {name: max(each[name] for each in shares) for name in shares[0]}
-        names = sorted(largest, key=lambda name: -largest[name])[:SHOWN]
-        told = ", ".join(f"{name} {largest[name]:.2g}" for name in names)
+        names = {name for each in shares for name in each}
+        largest = {name: max(each.get(name, 0.0) for each in shares) for name in names}
+        listed = sorted(largest, key=lambda name: -largest[name])[:SHOWN]
+        told = ", ".join(f"{name} {largest[name]:.2g}" for name in listed)
         print(f"{scenario}: {max(worst):.2g} (median {statistics.median(worst):.2g}; {len(worst)} seeds): {told}", flush=True)
 
 
@@ -51,7 +54,11 @@ def of_scenario(precision: str, estimator: str, scenario: str, seeds: int, durat
             portable = Portable(name, ready.parameters, ready.dt, ready.values_from, rows, tolerance(precision, ready))
             source = in_one(c_files(model, portable), name)
         runners = Compiled(source, model, ready.parameters), ready.runner()
-        outputs = [[runner.run(len(part), part, ready.every) for runner in runners] for part in ready.inputs()]
+        try:
+            outputs = [[runner.run(len(part), part, ready.every) for runner in runners] for part in ready.inputs()]
+        except InputError:
+            shares.append({"diverged": math.inf})
+            continue
         shares.append(largest_shares(model, *(np.vstack(each) for each in zip(*outputs, strict=True))))
     return shares
 

@@ -1,5 +1,7 @@
 """A filter in single precision, or with its covariance in it: what that costs, and the same bits wherever its C is compiled."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from peers import program, ran
@@ -8,7 +10,7 @@ import insenv
 from insenv.base.errors import InputError
 from insenv.estimators.fusion.available import composition
 from insenv.export.board import export_c
-from insenv.export.board.precision import checked, largest_shares, single_elements
+from insenv.export.board.precision import Compiled, checked, largest_shares, single_elements
 
 
 @pytest.mark.parametrize(("precision", "kept"), [("mixed", 120), ("float32", 365)])
@@ -55,6 +57,12 @@ def test_a_filter_that_single_precision_changes_too_much_is_refused_and_nothing_
     with pytest.raises(InputError, match=r"precision: outputs differ .* by up to 0\.\d+ of .*; allowed is 0.05: export"):
         export_c("loosely-coupled", "aircraft-survey", output=tmp_path / "none", precision="mixed", duration_s=120.0)
     assert not (tmp_path / "none").exists()
+
+
+def test_a_filter_that_ends_with_a_status_is_refused():
+    ended = SimpleNamespace(_model=SimpleNamespace(id="f"))
+    with pytest.raises(InputError, match="precision: f ends with status 5 in it: export this filter in double precision"):
+        Compiled._judge(ended, 5)
 
 
 def test_a_filter_without_a_covariance_an_unknown_precision_and_a_missing_compiler_are_refused(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from insenv.base.errors import InputError, InsenvError
+from insenv.base.errors import InputError
 from insenv.core import symmetric
 from insenv.core.compile import compile_library, find_compiler, pointer
 from insenv.core.model import Model
@@ -30,7 +30,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {"double": (), "mixed": ("covariance",),
 TOGETHER = ("accel_bias", "accel_scale")
 """Error states whose covariance with each other stays in double precision: gravity shows their sum, far better than each."""
 DOUBLE: Mapping[str, float] = {
-    "q_wb": 1e-9,
+    "q_wb": 1e-10,
     "velocity_w": 1e-7,
     "q_ew": 1e-12,
     "height": 1e-6,
@@ -59,6 +59,9 @@ POINTS = 20
 """Samples at which the effect of rounding on a step is computed."""
 MOST = 0.05
 """Largest difference from double precision, as a share of the stated sigma, with which a filter is exported."""
+
+
+INSTEAD = "export this filter in double precision"
 
 
 def single_elements(precision: str, model: Model) -> list[bool]:
@@ -152,7 +155,7 @@ class Compiled:
 
     source: C text of the filter, its header and ``c/run.c`` in one.  parameters: flat.
 
-    Raises `InputError` without a C compiler.
+    Raises `InputError` without a C compiler, and where the filter does, as one whose variances become negative.
     """
 
     def __init__(self, source: str, model: Model, parameters: Vector) -> None:
@@ -181,7 +184,7 @@ class Compiled:
 
     def _judge(self, status: int) -> None:
         if status:
-            raise InsenvError(f"the exported {self._model.id} ends with status {status}: the list is in its header")
+            raise InputError(f"precision: {self._model.id} ends with status {status} in it: {INSTEAD}")
 
 
 def run_shares(ready: Tuned, runner: Running) -> dict[str, float]:
@@ -197,7 +200,7 @@ def run_shares(ready: Tuned, runner: Running) -> dict[str, float]:
 def checked(shares: dict[str, float]) -> dict[str, float]:
     """The shares, each at most `MOST`.  Raises `InputError` if one is larger, or no number."""
     if not all(share <= MOST for share in shares.values()):
-        raise InputError(f"precision: {worst(shares)}; allowed is {MOST:g}: export this filter in double precision")
+        raise InputError(f"precision: {worst(shares)}; allowed is {MOST:g}: {INSTEAD}")
     return shares
 
 
