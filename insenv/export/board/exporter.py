@@ -20,11 +20,8 @@ from insenv.export.board.precision import Compiled, run_shares, single_elements,
 from insenv.export.board.tuned import Running, Tuned, tuned
 from insenv.logs import RecordedLog
 from insenv.scenario import ScenarioLike
+from insenv.scenario.inputs import EVERY, SAMPLES
 
-SAMPLES = 300
-"""Samples that lie beside the filter as arrays: more than one second in every scenario, so that a fix arrives."""
-EVERY = 10
-"""Samples from one of their expected outputs to the next."""
 RUN = "test/run.bin"
 LIBRARY = frozenset({"sqrt", "floor", "fabs", "sqrtf", "floorf", "fabsf", "memcpy", "real", "main"})
 """Names of functions and types beside those of the filter."""

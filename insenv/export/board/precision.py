@@ -24,6 +24,7 @@ from insenv.core.tables import Array, Vector
 from insenv.estimators.fusion.composition import NAVIGATION
 from insenv.evaluation.errors import errors, stated_sigma, track_of
 from insenv.export.board.tuned import Running, Tuned
+from insenv.scenario.inputs import SAMPLES
 
 NEEDED: Mapping[str, tuple[str, ...]] = {"double": (), "mixed": ("covariance",), "float32": ("covariance", "q_wb", "q_ew")}
 """By name of a precision, the rows of the state that a filter must have."""
@@ -53,8 +54,8 @@ INNOVATION = 1e-5
 SHARE = 3e-8
 """The same of the covariance of the states `TOGETHER`, as a share of its last value: less than the rounding of a result."""
 _SIGMA = "_estimate_sigma"
-FIRST, BLOCK = 300, 1000
-"""Samples of a run at which a step may be looked at: the first ones, and one of each block after them."""
+BLOCK = 1000
+"""Samples of a run in which a step is looked at once, after the first ones."""
 POINTS = 20
 """Samples at which the effect of rounding on a step is computed."""
 MOST = 0.05
@@ -124,7 +125,7 @@ def points(ready: Tuned) -> dict[str, tuple[Array, ...]]:
     model, runner = ready.estimator.model, make_runner(ready.estimator.model, ready.parameters)
     before, taken, after = [], [], []
     flags = [model.inputs.slice(row.name).start for row in model.inputs if row.flag]
-    first = FIRST
+    first = SAMPLES
     for part in ready.inputs():
         first = min(first, len(part))
         stops = [*range(first), *(k + int(part[k : k + BLOCK, flags].sum(1).argmax()) for k in range(first, len(part), BLOCK))]
