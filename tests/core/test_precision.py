@@ -27,6 +27,12 @@ def test_a_sum_is_in_double_precision_and_its_increment_is_not():
     assert in_double(lambda dt, sum, rate, far: sum + rate * dt, np.inf) == []
 
 
+def test_an_operation_rounds_its_two_operands_and_its_result():
+    """0.03 to a share of 2^-24 = 6e-8 each."""
+    assert in_double(lambda dt, sum, rate, far: rate * dt, 4.5e-9) == ["MUL"]
+    assert in_double(lambda dt, sum, rate, far: rate * dt, 6e-9) == []
+
+
 @pytest.mark.parametrize("far", [0.0, 1.0])
 def test_a_branch_that_is_not_taken_counts_as_one_that_is(far):
     here = in_double(lambda dt, sum, rate, far: ca.if_else(far, sum * rate, sum - rate), 1e-7, (0.01, 20.0, 3.0, far))
