@@ -55,7 +55,7 @@ def export_c(
         typer.Option(help="Of a log: from the log alone (the default), from its reference, or from its \\[initial]."),
     ] = None,
     precision: Annotated[
-        str, typer.Option(metavar="NAME", help="double, or mixed: the covariance in single precision, with what that costs.")
+        str, typer.Option(metavar="NAME", help="double; mixed: the covariance in single precision; float32: nearly all in it.")
     ] = "double",
     whole_run: Annotated[
         bool, typer.Option("--whole-run", help="Write the samples of the whole run too, for the test on the board.")

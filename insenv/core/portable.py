@@ -16,10 +16,10 @@ from importlib.resources import files
 from insenv.base.errors import InputError
 from insenv.base.shipped import __version__
 from insenv.core.codegen import Precision, Statements, read_before
-from insenv.core.instructions import instructions, ordering
+from insenv.core.instructions import Instruction, instructions, ordering
 from insenv.core.loops import plan
 from insenv.core.model import Model
-from insenv.core.precision import in_precisions
+from insenv.core.precision import Tolerance, between_single, in_precisions, without_effect
 from insenv.core.tables import Row, Table, Vector, flag_of
 
 EXPRESSIONS = {
@@ -83,15 +83,17 @@ class Portable:
     """What the C text of a model says beside its equations.
 
     name: prefix of all public names, a C identifier.  defaults: values of its parameters.  dt: shortest and longest length of
-    a sample (s) that is taken.  values_from: a sentence that says where the defaults come from.  single: rows of the state
-    that are kept in single precision (`insenv.core.precision`).
+    a sample (s) that is taken.  values_from: a sentence that says where the defaults come from.  single: whether each element
+    of the state is kept in single precision; empty: none is.  tolerance: by which operations are in it; None: by what lies
+    between those elements (`insenv.core.precision`).
     """
 
     name: str
     defaults: Vector
     dt: tuple[float, float]
     values_from: str
-    single: frozenset[str] = frozenset()
+    single: Sequence[bool] = ()
+    tolerance: Tolerance | None = None
 
 
 def c_files(model: Model, portable: Portable) -> dict[str, str]:
@@ -107,9 +109,9 @@ def c_files(model: Model, portable: Portable) -> dict[str, str]:
                 raise InputError(f"row {row.name!r} of model {model.id!r}: allowed in C is a name in ASCII that is no keyword")
         if not table.size:
             raise InputError(f"model {model.id!r} has no parameters, inputs or outputs: its C would have an empty struct")
-    places = _places(model.state, portable.single)
+    places = _places(portable.single or [False] * model.state.size)
     sizes = [sum(kind == k for kind, _ in places) for k in range(2)]
-    written = [_written(model, name, places) for name in model.kernels]
+    written = [_written(model, name, places, portable) for name in model.kernels]
     fields = {
         "title": model.title[:1].upper() + model.title[1:],
         "id": model.id,
@@ -150,13 +152,12 @@ _Place = tuple[int, int]
 """Precision (0 double, 1 single) and the element in the array of that precision."""
 
 
-def _places(table: Table, single: frozenset[str]) -> list[_Place]:
+def _places(single: Sequence[bool]) -> list[_Place]:
     """Where each element of the state lies."""
     sizes, places = [0, 0], []
-    for row in table:
-        kind = int(row.name in single)
-        places += [(kind, sizes[kind] + k) for k in range(row.size)]
-        sizes[kind] += row.size
+    for kind in map(int, single):
+        places.append((kind, sizes[kind]))
+        sizes[kind] += 1
     return places
 
 
@@ -179,17 +180,16 @@ class _Written:
     copies: Sequence[str] = ()
 
 
-def _written(model: Model, name: str, places: Sequence[_Place]) -> _Written:
+def _written(model: Model, name: str, places: Sequence[_Place], portable: Portable) -> _Written:
     kernel, arguments = model.kernels[name], {"start": "pr", "output": "px"}.get(name, "pxur")
     steps = instructions(kernel.function)
-    targets = [places[i] for span in kernel.spans for i in range(span.start, span.stop)]
-    if name == "output":
-        targets = [(0, k) for k in range(kernel.function.size1_out(0))]
-    if any(kind for kind, _ in places):
+    elements = [i for span in kernel.spans for i in range(span.start, span.stop)]
+    targets = [(0, k) for k in range(len(elements))] if name == "output" else [places[i] for i in elements]
+    if portable.single:
         x = arguments.find("x")
         moved = {(x, i): ((x, len(arguments))[kind], place) for i, (kind, place) in enumerate(places)}
-        placed = [step._replace(place=moved.get(step.place, step.place)) if step.name == "INPUT" else step for step in steps]
-        steps = in_precisions(placed, len(arguments), [kind == 1 for kind, _ in targets])
+        steps = in_precisions(steps, _in_single(steps, name, x, elements, portable))
+        steps = [step._replace(place=moved.get(step.place, step.place)) if step.name == "INPUT" else step for step in steps]
     function = f"step_{name}" if name in model.steps else name
     names = [*arguments, "xf"]
     if name in model.steps and model.steps[name].when is None and len(steps) <= STRAIGHT:
@@ -216,6 +216,25 @@ def _written(model: Model, name: str, places: Sequence[_Place]) -> _Written:
     copies = _copies(targets, counted) if name in model.steps else []
     work = planned.size, planned.single_size
     return _Written(name, "\n".join(text), _call(function, whole), work, results_needed, copies)
+
+
+def _in_single(steps: Sequence[Instruction], name: str, x: int, elements: Sequence[int], portable: Portable) -> Sequence[bool]:
+    """Whether each instruction of a function is in single precision.  x: number of the argument that is the state, or -1.
+    elements: of the state or the outputs that the results are."""
+    tolerance = portable.tolerance
+
+    def ends(of_state: Sequence[bool]) -> list[bool]:
+        """Whether each INPUT is, or each OUTPUT goes to, an element of the state of which this is true."""
+        taken = [step.name == "INPUT" and step.place[0] == x and of_state[step.place[1]] for step in steps]
+        results = [name != "output" and of_state[i] for i in elements]
+        return [results[step.place[1]] if step.name == "OUTPUT" else taken[k] for k, step in enumerate(steps)]
+
+    if tolerance is None:
+        return between_single(steps, ends(portable.single))
+    between, kept = between_single(steps, ends(tolerance.between)), ends(portable.single)
+    known = [kept[k] if step.name in ("INPUT", "OUTPUT") else between[k] for k, step in enumerate(steps)]
+    largest = tolerance.outputs if name == "output" else tolerance.state
+    return without_effect(steps, known, tolerance.points[name], [largest[i] for i in elements])
 
 
 def _function(head: str, lines: Sequence[str], uses: Sequence[str]) -> str:
@@ -260,7 +279,7 @@ def _advance(model: Model, written: Iterable[_Written], places: Sequence[_Place]
             if step.when in model.state:
                 kind, place = places[model.state.slice(step.when).start]
                 array = ("x", "xf")[kind]
-            condition = f"if (f->{array}[{place}] != 0.0) {{ /* {step.when} */"
+            condition = f"if (f->{array}[{place}] != {'0.0F' if array == 'xf' else '0.0'}) {{ /* {step.when} */"
             body = [condition, *(f"  {line}" for line in body), "}"]
         lines += [f"  {line}" for line in body]
     return lines

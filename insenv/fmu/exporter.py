@@ -30,7 +30,7 @@ from insenv.fmu.sources import TOKEN, amalgamated, sources, token
 from insenv.fmu.subject import Subject, subject
 from insenv.fmu.variables import SAMPLE_NUMBER, Kind, Variable, parts, quantity, variables
 from insenv.scenario import ScenarioLike
-from insenv.scenario.inputs import bridge_lost, input_rows
+from insenv.scenario.inputs import EVERY, SAMPLES, input_rows, sample_columns
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip can hold
 
@@ -144,8 +144,6 @@ def summary(path: str | Path) -> dict[str, Any]:
 
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref/"
-STEPS = 300  # more than one second in every scenario, so that a fix arrives
-EVERY = 10  # samples between two rows of the outputs
 
 
 def reference_files(subject: Subject, variables: Sequence[Variable], arrays: bool) -> dict[str, str]:
@@ -155,32 +153,29 @@ def reference_files(subject: Subject, variables: Sequence[Variable], arrays: boo
     texts, roles = {}, {"experiments.xml": "experiment"}
     if has_inputs:
         roles["in.csv"] = "testcase"
-        texts["in.csv"] = csv([k * step for k in range(STEPS)], variables, Kind.INPUT, inputs, arrays)
+        texts["in.csv"] = csv([k * step for k in range(SAMPLES)], variables, Kind.INPUT, inputs, arrays)
     roles["ref.csv"] = "result"
-    texts["ref.csv"] = csv([k * step for k in range(0, STEPS + 1, EVERY)], variables, Kind.OUTPUT, outputs, arrays)
-    texts["experiments.xml"] = _experiments(STEPS * step, step, has_inputs)
+    texts["ref.csv"] = csv([k * step for k in range(0, SAMPLES + 1, EVERY)], variables, Kind.OUTPUT, outputs, arrays)
+    texts["experiments.xml"] = _experiments(SAMPLES * step, step, has_inputs)
     texts["fmi-ls-manifest.xml"] = _manifest(roles)
     return {FOLDER + name: text for name, text in texts.items()}
 
 
 def signals(subject: Subject) -> tuple[Array, Array]:
-    """Inputs (STEPS, inputs.size), row k held over the k-th sample, and outputs (1 + STEPS / EVERY, outputs.size).
+    """Inputs (SAMPLES, inputs.size), row k held over the k-th sample, and outputs (1 + SAMPLES / EVERY, outputs.size).
 
     The first row of the outputs belongs to the start.
     """
     model = subject.model
     if subject.kind != "estimator":
-        inputs = np.tile(model.inputs.start_vector(), (STEPS, 1))
+        inputs = np.tile(model.inputs.start_vector(), (SAMPLES, 1))
     else:
         plant = subject.plant
-        outputs = make_runner(plant.model, plant.parameters, backend="interpreter").run(STEPS)
-        columns = {name: np.array(column) for name, column in plant.model.outputs.unpack(outputs).items()}
-        columns["dt"] = np.full(STEPS, subject.sample_interval)
-        bridge_lost(columns)
-        inputs = input_rows(model, columns, STEPS)
+        outputs = make_runner(plant.model, plant.parameters, backend="interpreter").run(SAMPLES)
+        inputs = input_rows(model, sample_columns(plant.model, outputs, subject.sample_interval)[0], SAMPLES)
     runner = make_runner(model, subject.parameters, backend="interpreter")
     begin = runner.output()
-    return inputs, np.vstack([begin, runner.run(STEPS, inputs, EVERY)])
+    return inputs, np.vstack([begin, runner.run(SAMPLES, inputs, EVERY)])
 
 
 def csv(times: Sequence[float], variables: Sequence[Variable], kind: Kind, values: Array, arrays: bool) -> str:

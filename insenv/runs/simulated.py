@@ -24,7 +24,7 @@ from insenv.runs.follower import Called, EstimateFunction, Follower, FunctionFol
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
 from insenv.scenario.files import named_estimators
-from insenv.scenario.inputs import bridge_lost, chunks, recording_interval
+from insenv.scenario.inputs import chunks, recording_interval, sample_columns
 from insenv.sensors import IMU
 from insenv.sensors.imu import true_unit_errors
 
@@ -87,10 +87,8 @@ def run(
     total = plant.samples // every * every
     for begin, count in chunks(total, every):
         outputs = runner.run(count, plant.inputs(begin, count))
-        columns = plant.model.outputs.unpack(outputs)
-        columns = {name: np.array(column) for name, column in columns.items()}
-        columns["dt"] = np.full(count, plant.sample_interval)
-        bridged += bridge_lost(columns)
+        columns, lost = sample_columns(plant.model, outputs, plant.sample_interval)
+        bridged += lost
         for follower in followers:
             follower.follow(columns, count)
         truths.append(outputs[every - 1 :: every])

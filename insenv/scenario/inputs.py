@@ -15,6 +15,9 @@ from insenv.core.tables import Array, Vector
 
 CHUNK = 20_000
 """Samples that are simulated before the estimators take them: about 10 MB."""
+SAMPLES, EVERY = 300, 10
+"""Samples that lie beside an exported filter, and those from one of their expected outputs to the next: more than one second in
+every scenario, so that a fix arrives."""
 RECORDS = 3_000
 """Approximate upper bound of the number of recorded times of a run."""
 
@@ -42,6 +45,13 @@ def input_rows(model: Model, columns: Mapping[str, Array], *shape: int) -> Array
         if name in columns:
             rows[..., model.inputs.slice(name)] = columns[name].reshape(*shape, -1)
     return rows
+
+
+def sample_columns(plant: Model, outputs: Array, interval: float) -> tuple[dict[str, Array], int]:
+    """Columns by name of the outputs (n, outputs.size) of a plant, with `dt` (s), and how many lost samples were bridged."""
+    columns = {name: np.array(column) for name, column in plant.outputs.unpack(outputs).items()}
+    columns["dt"] = np.full(len(outputs), interval)
+    return columns, bridge_lost(columns)
 
 
 def bridge_lost(columns: dict[str, Array]) -> int:

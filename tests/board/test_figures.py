@@ -9,7 +9,7 @@ from peers import program, ran
 
 from insenv.export.board import export_c, figures
 from insenv.export.board.figures import COMPILER, INSTALL, QEMU, WHOLE, deepest
-from insenv.export.board.precision import PRECISIONS
+from insenv.export.board.precision import NEEDED
 
 
 def test_the_stack_is_that_of_the_deepest_path():
@@ -23,7 +23,7 @@ def test_without_the_compiler_there_are_no_figures(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("id", "precision"), [("q-method", "double"), *product(("loosely-coupled", "fusion"), PRECISIONS)])
+@pytest.mark.parametrize(("id", "precision"), [("q-method", "double"), *product(("loosely-coupled", "fusion"), NEEDED)])
 def test_a_whole_run_on_a_cortex_m7_has_the_same_bits(tmp_path, id, precision):
     for name in (COMPILER, QEMU):
         program(name, how=INSTALL)

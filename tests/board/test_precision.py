@@ -1,4 +1,6 @@
-"""A filter with its covariance in single precision: what it costs, and that its C has the same bits wherever it is compiled."""
+"""A filter in single precision, or with its covariance in it: what that costs, and the same bits wherever its C is compiled."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -6,20 +8,23 @@ from peers import program, ran
 
 import insenv
 from insenv.base.errors import InputError
+from insenv.estimators.fusion.available import composition
 from insenv.export.board import export_c
-from insenv.export.board.precision import checked, largest_shares
+from insenv.export.board.precision import Compiled, checked, largest_shares, single_elements
 
 
-def test_a_mixed_filter_is_near_the_double_one_and_its_own_test_holds(tmp_path):
-    exported = export_c("loosely-coupled", output=tmp_path, duration_s=16.0, precision="mixed", measure=False, whole_run=True)
+@pytest.mark.parametrize(("precision", "kept"), [("mixed", 120), ("float32", 365)])
+def test_a_filter_is_near_the_double_one_and_its_own_test_holds(tmp_path, precision, kept):
+    """Of the 426 numbers of the state, float32 leaves 61 in double precision."""
+    exported = export_c("loosely-coupled", output=tmp_path, duration_s=16.0, precision=precision, measure=False, whole_run=True)
     assert 0.0 < max(exported.shares.values()) < 0.002
     assert min(exported.shares.values()) >= 0.0
     assert {"heading_deg", "down_m", "vn_mps", "accel_bias"} < set(exported.shares)
     flags = "CFLAGS=-O1 -Wall -Wextra -Wconversion -Wshadow -pedantic -Werror"
     told = ran(program("make", how="apt-get install make"), "-s", "-C", tmp_path, flags, "RUN=test/run.bin")
     assert told.count(", 0 differ") == 2
-    assert "  float xf[120]; /* state in single precision */" in (tmp_path / "loosely_coupled.h").read_text()
-    assert "Mixed: outputs differ from those in double precision by up to " in (tmp_path / "README.md").read_text()
+    assert f"  float xf[{kept}]; /* state in single precision */" in (tmp_path / "loosely_coupled.h").read_text()
+    assert f"{precision}: outputs differ from those in double precision by up to " in (tmp_path / "README.md").read_text()
 
 
 def test_the_share_is_the_largest_difference_over_the_sigma_of_its_channel():
@@ -39,6 +44,13 @@ def test_the_share_is_the_largest_difference_over_the_sigma_of_its_channel():
         checked(largest_shares(model, other, one) | {"heading_deg": 0.01})
 
 
+def test_scale_factors_and_biases_of_accelerometers_keep_the_digits_of_their_sum():
+    """The covariance of these six states, 21 numbers; that of the biases alone needs no double precision."""
+    both = composition("f", ("accel_scale",), ("gnss",)).model
+    assert single_elements("mixed", both).count(True) == 18 * 19 / 2 - 21
+    assert single_elements("mixed", composition("f", (), ("gnss",)).model).count(True) == 15 * 16 / 2
+
+
 @pytest.mark.slow
 def test_a_filter_that_single_precision_changes_too_much_is_refused_and_nothing_is_written(tmp_path):
     """Centimetre fixes and a unit of 0.1 deg/h: the sum of tilt and accelerometer bias is known far better than either."""
@@ -47,10 +59,16 @@ def test_a_filter_that_single_precision_changes_too_much_is_refused_and_nothing_
     assert not (tmp_path / "none").exists()
 
 
+def test_a_filter_that_ends_with_a_status_is_refused():
+    ended = SimpleNamespace(_model=SimpleNamespace(id="f"))
+    with pytest.raises(InputError, match="precision: f ends with status 5 in it: export this filter in double precision"):
+        Compiled._judge(ended, 5)
+
+
 def test_a_filter_without_a_covariance_an_unknown_precision_and_a_missing_compiler_are_refused(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match="'mixed': q-method keeps no covariance, so that 'double' is allowed alone"):
+    with pytest.raises(InputError, match="'mixed': q-method keeps no covariance; allowed is a filter"):
         export_c("q-method", output=tmp_path, precision="mixed")
-    with pytest.raises(InputError, match="precision = 'half': allowed is 'double' or 'mixed'"):
+    with pytest.raises(InputError, match="precision = 'half': allowed is 'double', 'mixed', 'float32'"):
         export_c("loosely-coupled", output=tmp_path, precision="half")
     monkeypatch.setattr("insenv.export.board.precision.find_compiler", lambda: None)
     with pytest.raises(InputError, match="another than 'double' needs a C compiler on this machine"):

@@ -56,7 +56,8 @@ def flag(name):
 
 def write(folder, model, single=()):
     start = model.parameters.start_vector()
-    texts = c_files(model, Portable("toy", start, (0.005, 0.02), "Those of the test.", frozenset(single)))
+    elements = [row.name in single for row in model.state for _ in range(row.size)]
+    texts = c_files(model, Portable("toy", start, (0.005, 0.02), "Those of the test.", elements if single else ()))
     for name, text in texts.items():
         (folder / name).write_text(text)
 
@@ -138,7 +139,7 @@ def test_a_constant_beyond_single_precision_is_refused():
         steps = {"go": Step(lambda p, x, u, constant=constant: {"a": x.a * constant})}
         model = Model("m", "m", table, table, table, table, steps, lambda p, x: vars(x))
         with pytest.raises(InputError, match=rf"a constant of the model is {re.escape(repr(constant))}: allowed in single"):
-            c_files(model, Portable("m", np.zeros(1), (0.0, 1.0), "", frozenset({"a"})))
+            c_files(model, Portable("m", np.zeros(1), (0.0, 1.0), "", [True]))
 
 
 WRONG = [

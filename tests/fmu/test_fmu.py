@@ -17,8 +17,8 @@ from fmpy.logging import addLoggerProxy
 from fmu_tools import LOOP, exported, subject_of, unzipped
 
 from insenv.core.runner import make_runner
-from insenv.fmu.exporter import STEPS
 from insenv.fmu.exporter import signals as reference_signals
+from insenv.scenario.inputs import SAMPLES
 
 ALIGNMENT, AIDED = "qakf-improved", "lssvm"
 PLANT = {2: "ship-swaying", 3: LOOP}
@@ -139,7 +139,7 @@ def signals(id):
 
 
 def rows_for(id, count):
-    return signals(id)[np.arange(count) % STEPS].copy()
+    return signals(id)[np.arange(count) % SAMPLES].copy()
 
 
 def expected(one, rows):

@@ -16,15 +16,12 @@ from insenv.core.tables import Array
 from insenv.estimators import Estimator
 from insenv.estimators.settings import Settings
 from insenv.export.board.figures import WHOLE, Figures, figures
-from insenv.export.board.precision import Compiled, run_shares, single_rows, worst
+from insenv.export.board.precision import Compiled, run_shares, single_elements, tolerance, worst
 from insenv.export.board.tuned import Running, Tuned, tuned
 from insenv.logs import RecordedLog
 from insenv.scenario import ScenarioLike
+from insenv.scenario.inputs import EVERY, SAMPLES
 
-SAMPLES = 300
-"""Samples that lie beside the filter as arrays: more than one second in every scenario, so that a fix arrives."""
-EVERY = 10
-"""Samples from one of their expected outputs to the next."""
 RUN = "test/run.bin"
 LIBRARY = frozenset({"sqrt", "floor", "fabs", "sqrtf", "floorf", "fabsf", "memcpy", "real", "main"})
 """Names of functions and types beside those of the filter."""
@@ -83,7 +80,8 @@ def export_c(
     seed, duration_s: of the simulated run, s; None: the scenario's.
     settings: parameters by estimator id, as of `insenv.run`.
     start: of a log, as of `insenv.replay`; None: coarse.
-    precision: "double", or "mixed": the covariance in single precision (docs/microcontroller.md); this needs a C compiler here.
+    precision: "double"; "mixed": the covariance in single precision; "float32": all but what is summed up over the samples
+        (docs/microcontroller.md).  Another than double needs a C compiler here.
     whole_run: whether the whole run is written too (`RUN`, 8 bytes a number), not only its first `SAMPLES` samples.
     measure: whether size, stack and instructions on a Cortex-M7 are measured, where its compiler and qemu are installed.
 
@@ -94,14 +92,13 @@ def export_c(
     ready = tuned(estimator, source, seed=seed, duration_s=duration_s, settings=settings, start=start)
     c_name = identifier(ready.estimator.id) if name is None else _checked_name(name)
     model = ready.estimator.model
-    single = single_rows(precision, model)
-    texts = c_files(model, Portable(c_name, ready.parameters, ready.dt, ready.values_from, single))
+    single = single_elements(precision, model)
+    portable = Portable(c_name, ready.parameters, ready.dt, ready.values_from, single, tolerance(precision, ready))
+    texts = c_files(model, portable)
 
     def runner() -> Running:
         """The filter in its precision, at its start."""
-        header, source = texts[f"{c_name}.h"], texts[f"{c_name}.c"] + filled("run.c", c_name)
-        one = source.replace(f'#include "{c_name}.h"\n', header)
-        return Compiled(one, model, ready.parameters) if single else ready.runner()
+        return Compiled(in_one(texts, c_name), model, ready.parameters) if single else ready.runner()
 
     inputs, begin, outputs = ready.first(SAMPLES, runner())
     shares = run_shares(ready, runner()) if single else {}
@@ -122,7 +119,7 @@ def export_c(
             (folder / RUN).unlink(missing_ok=True)
         measured = figures(folder, c_name) if measure else None
         with atomic(folder / "README.md") as stream:
-            stream.write(_readme(c_name, ready, measured, shares).encode("ascii"))
+            stream.write(_readme(c_name, ready, measured, precision, shares).encode("ascii"))
     except OSError as error:
         raise cannot_write(Path(error.filename or folder), error) from None
     written = sorted([*texts, "README.md", *([RUN] if whole_run else [])])
@@ -141,6 +138,11 @@ def filled(template: str, name: str) -> str:
     """The text of a hand-written file for the filter `name`."""
     text = (files("insenv.export.board") / "c" / template).read_text(encoding="utf-8")
     return text.replace("@name@", name).replace("@NAME@", name.upper())
+
+
+def in_one(texts: Mapping[str, str], name: str) -> str:
+    """Source, header and ``c/run.c`` of the filter `name` in one text, for `Compiled`."""
+    return (texts[f"{name}.c"] + filled("run.c", name)).replace(f'#include "{name}.h"\n', texts[f"{name}.h"])
 
 
 def _samples(name: str, ready: Tuned, inputs: Array, begin: Array, outputs: Array) -> str:
@@ -181,10 +183,10 @@ def _records(ready: Tuned, runner: Running) -> Iterator[bytes]:
             )
 
 
-def _readme(name: str, ready: Tuned, measured: Figures | None, shares: Mapping[str, float]) -> str:
+def _readme(name: str, ready: Tuned, measured: Figures | None, precision: str, shares: Mapping[str, float]) -> str:
     """README.md: what lies there, how to use it, and what it takes on a Cortex-M7."""
     table = measured.lines() if measured is not None else ["Not measured at the export."]
-    table += ["", "## Precision", "", f"Mixed: {worst(shares)}."] if shares else []
+    table += ["", "## Precision", "", f"{precision}: {worst(shares)}."] if shares else []
     fields: Mapping[str, str] = {
         "title": ready.estimator.title,
         "values_from": ready.values_from,

@@ -18,7 +18,7 @@ from insenv.logs import RecordedLog
 from insenv.logs.loading import is_log
 from insenv.runs.replayed import prepared
 from insenv.scenario import USUAL, ScenarioLike, build, load
-from insenv.scenario.inputs import RECORDS, bridge_lost, chunks, input_rows, recording_interval
+from insenv.scenario.inputs import RECORDS, chunks, input_rows, recording_interval, sample_columns
 
 
 class Running(Protocol):
@@ -101,10 +101,7 @@ def _on_scenario(
         runner = make_runner(plant.model, plant.parameters)
         for begin, count in chunks(total, every):
             outputs = runner.run(count, plant.inputs(begin, count))
-            columns = {name: np.array(column) for name, column in plant.model.outputs.unpack(outputs).items()}
-            columns["dt"] = np.full(count, plant.sample_interval)
-            bridge_lost(columns)
-            yield input_rows(estimator.model, columns, count)
+            yield input_rows(estimator.model, sample_columns(plant.model, outputs, plant.sample_interval)[0], count)
 
     origin = f"The values of {family.id} in the scenario {scenario.name}, seed {plant.seed}"
     return Tuned(estimator, parameters, _around(plant.sample_interval), _said(origin, settings), total, every, inputs)
