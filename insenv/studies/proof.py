@@ -14,7 +14,7 @@ from insenv.base.remarks import Remark
 from insenv.base.shipped import __version__
 from insenv.estimators.fusion.gnss import DELAY
 from insenv.evaluation.errors import CHANNELS, Result
-from insenv.evaluation.outages import BEYOND, SHOWN
+from insenv.evaluation.outages import SHOWN
 from insenv.logs.recorded import RecordedLog
 from insenv.runs.replayed import replay
 from insenv.studies.proof_logs import PublicLog, chosen_logs
@@ -93,7 +93,7 @@ def _compared(result: Result, name: str) -> Compared | None:
         return None
     late = result.time >= result.from_s - 1e-9
     error, sigma = result.errors[name][late], result.sigma[name][late]
-    return Compared(_rms(error), _rms(sigma), float(np.mean(np.abs(error) > BEYOND * sigma)))
+    return Compared(_rms(error), _rms(sigma), result.beyond(name))
 
 
 def _withheld(result: Result) -> Withheld | None:
