@@ -37,6 +37,7 @@ def heading_errors(log: RecordedLog, time: Array, q_nb: Array, from_s: float) ->
     C_nb = attitude.numeric.to_dcm(attitude_between(q_nb[later - 1], q_nb[later], share))
     force_n = np.einsum("nij,nj->ni", C_nb, log.delta_velocity)
     sums = np.cumsum(np.hstack([force_n, C_nb.reshape(-1, 9) * dt, np.zeros_like(dt)]), axis=0)
+    assert log.gnss is not None and log.gnss.velocity_n is not None
     fixes, measured = log.gnss.time, log.gnss.velocity_n
     counts = (fixes > max(from_s, time[0])) & (fixes < min(time[-1], ends[-1]) - 1.0)
     fixes, measured = fixes[counts], measured[counts]
@@ -70,8 +71,9 @@ def main() -> None:
     for name in options.logs or [name for name in known if known[name].used == "developed on" and name.startswith("umn")]:
         log = known[name].load(options.data)
         reference = log.reference
-        angles = (reference.roll, reference.pitch, reference.heading)
-        tracks = {"reference": (reference.time, attitude.numeric.from_euler(*angles))}
+        assert reference is not None
+        q_nb = attitude.numeric.from_euler(reference.roll, reference.pitch, reference.heading)
+        tracks = {"reference": (reference.time, q_nb)}
         for estimator in ("fusion", "fusion-smoother"):
             result = replay(log, estimator).results[0]
             tracks[estimator] = (result.time, result.outputs["q_nb"])
