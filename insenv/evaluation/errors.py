@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from math import degrees, pi
+from math import degrees, hypot, pi
 from typing import Any
 
 import casadi as ca
@@ -157,6 +157,7 @@ class Result:
     unit: on a turntable, the errors of the inertial unit that the estimator found.
     outages: errors where fixes were withheld; None if none were.  specific_force: how the attitude, and that of the reference,
         fit the velocities of the receiver; None of a simulated run, and without such velocities.
+    reference_sigma: by channel, the standard deviation of the error of the reference, where one is stated.
     """
 
     estimator: str
@@ -174,6 +175,7 @@ class Result:
     unit: tuple[UnitError, ...] = ()
     outages: Outages | None = None
     specific_force: SpecificForce | None = None
+    reference_sigma: dict[str, float] = field(default_factory=dict)
 
     def statistics(self) -> dict[str, dict[str, float]]:
         """Final error, rms and max (largest magnitude) by channel; rms and max over the times from `from_s` on."""
@@ -219,7 +221,8 @@ class Result:
 
     def too_sure(self) -> tuple[Remark, ...]:
         """An rms error is more than `TOO_SURE` times its stated sigma; not said of a run that is too short."""
-        stated = {name: sigma for name, sigma in self.stated().items() if name not in self.unjudged}
+        of_reference = self.reference_sigma
+        stated = {name: hypot(s, of_reference.get(name, 0.0)) for name, s in self.stated().items() if name not in self.unjudged}
         return too_sure(self.statistics()["rms"], stated) if self.settled else ()
 
     def against_reference(self) -> Result:
@@ -238,12 +241,17 @@ class Result:
     def reference_contradicts(self) -> dict[str, Any] | None:
         """An error is beyond `BEYOND` stated sigmas for more than `BEYOND_SHARE` of the time; not said of a run too short."""
         judged = [name for name in self.errors if name in self.sigma and name not in self.unjudged]
-        beyond = {name: (np.abs(self.errors[name]) > BEYOND * self.sigma[name])[self._late] for name in judged}
-        shares = {name: float(np.mean(each)) for name, each in beyond.items()}
+        shares = {name: self.beyond(name) for name in judged}
         worst = max(shares, key=lambda name: shares[name], default="")
         if not self.settled or not worst or shares[worst] <= BEYOND_SHARE:
             return None
         return {"what": worst.rpartition("_")[0], "share": f"{100 * shares[worst]:.0f}"}
+
+    def beyond(self, name: str) -> float:
+        """Share of the time, from `from_s` on, in which an error is beyond `BEYOND` standard deviations of estimate and
+        reference together."""
+        sigma = np.hypot(self.sigma[name], self.reference_sigma.get(name, 0.0))
+        return float(np.mean((np.abs(self.errors[name]) > BEYOND * sigma)[self._late]))
 
     @property
     def _late(self) -> Any:

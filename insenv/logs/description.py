@@ -340,6 +340,12 @@ class ReferenceSection(PositionSection):
         "column of the heading, about z from the first of the navigation_axes (NED: clockwise from north); with roll and pitch",
     )
     attitude_unit: AngleUnit | None = key(None, "unit of roll, pitch, heading", validate_default=True)
+    attitude_sigma_deg: PerAxis = key(
+        (0.0, 0.0, 0.0),
+        "error of its roll, pitch and heading, 1 sigma, where it is another estimate: a difference is judged by this and the "
+        "sigma of the estimate together",
+        "deg",
+    )
 
     @field_validator("attitude_unit")
     @classmethod

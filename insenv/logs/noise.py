@@ -34,6 +34,9 @@ REST_TIMES = (0.04, 0.08, 0.16)
 """Averaging times at rest (s)."""
 MOTION_TIMES = (0.0, 0.02, 0.04, 0.08)
 """Averaging times in motion (s); 0: of one sample."""
+FLYING_S = 0.04
+"""The longest of them (s) of the gyros of a vehicle with wings: it rolls several times a second, and over longer times its
+gyros measure that. What they show then grows with the time, as white noise does not."""
 WINDOW_S = 2.0
 QUIET = 0.1
 REST_RATE = 0.02
@@ -63,14 +66,16 @@ def noise_at_rest(increments: Array, interval: float) -> float:
     return max(densities)
 
 
-def noise_in_motion(increments: Array, interval: float, moving: NDArray[np.bool_] | None = None) -> float:
+def noise_in_motion(
+    increments: Array, interval: float, moving: NDArray[np.bool_] | None = None, longest: float = MOTION_TIMES[-1]
+) -> float:
     """The same of a vehicle that moves: of its quietest tenth, which manoeuvres disturb least.
 
-    moving (n,): the samples that count; None: all.
+    moving (n,): the samples that count; None: all.  longest: averaging time (s) up to which `MOTION_TIMES` are used.
     """
     windows = [part for part in _windows(len(increments), interval) if moving is None or moving[part].all()]
     densities = [0.0]
-    for tau in MOTION_TIMES:
+    for tau in (tau for tau in MOTION_TIMES if tau <= longest):
         samples = _samples(tau, interval)
         differences = [_differences(increments[part], interval, samples) for part in windows]
         if differences and len(differences[0]) >= _MIN_DIFFERENCES:
@@ -107,11 +112,16 @@ def in_motion(samples: InertialSamples, time: Array, speed: Array) -> NDArray[np
     return moving if samples.dt[moving].sum() >= LEAST_MOTION_S else np.zeros_like(moving)
 
 
-def densities_in_motion(samples: InertialSamples, moving: NDArray[np.bool_]) -> dict[str, float]:
-    """White noise densities of gyros and accelerometers (SI) by row, over the `moving` samples (n,)."""
-    interval = float(np.median(samples.dt))
-    increments = {"angle_random_walk": samples.delta_angle, "velocity_random_walk": samples.delta_velocity}
-    return {row: noise_in_motion(each, interval, moving) for row, each in increments.items()}
+def densities_in_motion(samples: InertialSamples, moving: NDArray[np.bool_], flies: bool) -> dict[str, float]:
+    """White noise densities of gyros and accelerometers (SI) by row, over the `moving` samples (n,).
+
+    flies: whether the vehicle has wings.
+    """
+    interval, longest = float(np.median(samples.dt)), FLYING_S if flies else MOTION_TIMES[-1]
+    return {
+        "angle_random_walk": noise_in_motion(samples.delta_angle, interval, moving, longest),
+        "velocity_random_walk": noise_in_motion(samples.delta_velocity, interval, moving),
+    }
 
 
 def _samples(tau: float, interval: float) -> int:

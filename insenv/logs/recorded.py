@@ -21,6 +21,7 @@ from insenv.logs.noise import AssumedUnit, assumed_unit, densities_in_motion, in
 from insenv.sensors import registry
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.grade_file import grade_of
+from insenv.vehicles.registry import traits_of
 
 # Measurements of an aiding instrument in a recorded log.
 
@@ -119,7 +120,8 @@ class Reference:
 
     latitude, longitude (m,) rad and height (m,) m above the ellipsoid; velocity_n (m, 3) m/s; roll, pitch, heading (m,)
     rad, heading in [-pi, pi) clockwise from north.  lever_arm_b (3,) m FRD: from the IMU to the point whose position and
-    velocity these are; None: they are those of the IMU.
+    velocity these are; None: they are those of the IMU.  attitude_sigma (3,) rad: standard deviations of the errors of roll,
+    pitch and heading; None: it has none.
     """
 
     time: Array
@@ -131,6 +133,7 @@ class Reference:
     pitch: Array | None = None
     heading: Array | None = None
     lever_arm_b: Array | None = None
+    attitude_sigma: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -215,7 +218,8 @@ class RecordedLog(InertialSamples):
         if gnss is not None and gnss.velocity_n is not None and gnss.velocity_sigma is not None:
             shown = gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
             time, speed = gnss.time[shown], np.hypot(*gnss.velocity_n[shown, :2].T)
-        measured = densities_in_motion(self, in_motion(self, time, speed))
+        flies = traits_of(self.description.vehicle_kind).airspeed
+        measured = densities_in_motion(self, in_motion(self, time, speed), flies)
         return {row: np.maximum(rows[row], value) for row, value in measured.items() if value > np.max(rows[row])}
 
     def motion_errors(self) -> dict[str, Any]:

@@ -32,7 +32,7 @@ def read_reference(section: ReferenceSection, reader: LogReader, imu: InertialSa
     place, C_ng = _place(section, table, reader)
     velocity, C_nb = _velocity(section, table, C_ng), _attitude(section, table, C_ng)
     arm = np.array(section.lever_arm_m)
-    reference = Reference(time, lever_arm_b=arm if arm.any() else None)
+    reference = Reference(time, lever_arm_b=arm if arm.any() else None, attitude_sigma=np.radians(section.attitude_sigma_deg))
     if place is not None:
         reference = replace(reference, latitude=place[:, 0], longitude=wrap(place[:, 1]), height=place[:, 2])
     if velocity is not None:

@@ -20,7 +20,7 @@ from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
 from insenv.estimators.registry import knowing_objects
 from insenv.estimators.settings import Settings, choices_in, setting_rows, settings_of, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
-from insenv.evaluation.errors import Result, Track, statistics_from, unit_errors
+from insenv.evaluation.errors import ATTITUDE, Result, Track, statistics_from, unit_errors
 from insenv.evaluation.outages import Antenna, Fixes, Outages, outages_of
 from insenv.evaluation.specific_force import VelocityChanges, specific_force
 from insenv.logs import RecordedLog, Reference, load
@@ -393,4 +393,11 @@ def _result(
         evaluated_s=evaluated_s,
         outages=outages,
         specific_force=force,
+        reference_sigma=_reference_sigma(log.reference),
     )
+
+
+def _reference_sigma(reference: Reference | None) -> dict[str, float]:
+    """The standard deviation of the error of a reference, by channel, where it is stated."""
+    sigma = None if reference is None else reference.attitude_sigma
+    return {} if sigma is None else dict(zip(ATTITUDE, np.degrees(sigma).tolist(), strict=True))

@@ -161,12 +161,13 @@ def result_of(
     evaluated_s: tuple[float, float] | None = None,
     outages: Outages | None = None,
     specific_force: SpecificForce | None = None,
+    reference_sigma: Mapping[str, float] | None = None,
 ) -> Result:
     """The result of estimates by row name against the truth, or a reference, at the same times.
 
     limit: None: there is none.  sigma: stated standard deviations by channel; None: those in the estimates.
-    unit, outages, specific_force: of `Result`.  evaluated_s: from and to when the estimate is judged; None: as a run is, to
-    its end.  Of a track that has NaN the times count at which it has none.
+    unit, outages, specific_force, reference_sigma: of `Result`.  evaluated_s: from and to when the estimate is
+    judged; None: as a run is, to its end.  Of a track that has NaN the times count at which it has none.
 
     Raises `InputError` if nothing can be compared.
     """
@@ -204,4 +205,5 @@ def result_of(
         unit=unit,
         outages=outages,
         specific_force=specific_force,
+        reference_sigma=dict(reference_sigma or {}),
     ).judged()

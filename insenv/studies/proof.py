@@ -19,7 +19,7 @@ from insenv.base.shipped import __version__
 from insenv.base.toml import Section, key, read_toml, validated
 from insenv.estimators.fusion.gnss import DELAY
 from insenv.evaluation.errors import CHANNELS, Result
-from insenv.evaluation.outages import BEYOND, SHOWN
+from insenv.evaluation.outages import SHOWN
 from insenv.logs.files import PACKAGE, is_there
 from insenv.logs.loading import load_data
 from insenv.logs.recorded import RecordedLog
@@ -210,7 +210,7 @@ def _compared(result: Result, name: str) -> Compared | None:
         return None
     late = result.time >= result.from_s - 1e-9
     error, sigma = result.errors[name][late], result.sigma[name][late]
-    return Compared(_rms(error), _rms(sigma), float(np.mean(np.abs(error) > BEYOND * sigma)))
+    return Compared(_rms(error), _rms(sigma), result.beyond(name))
 
 
 def _withheld(result: Result) -> Withheld | None:

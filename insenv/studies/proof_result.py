@@ -21,7 +21,8 @@ LACKING = ("hor. [m]", "max", "down [m]", "ratio", ">3s", "verdict")
 EXPLAINED = (
     "against references: rms of the errors / of the stated sigmas; tilt: roll and pitch; pos.: north and east",
     "fixes withheld: the same at the ends of the outages, the largest error, and the rms of all errors over their sigmas",
-    ">3s: share of the errors beyond 3 stated sigmas, of the angle, position or velocity with the largest one",
+    ">3s: share of the errors beyond 3 stated sigmas, of the angle, position or velocity with the largest one; the error "
+    "that a reference states counts with them",
     "verdict: on the innovations and on what contradicts the estimate; (!): a note says that the errors are larger than stated",
 )
 REFERENCE_DOUBTS = ("reference-clock", "reference-axes", "reference-contradicted")

@@ -8,7 +8,7 @@ import pytest
 from changed_scenario import changed
 from simulated_log import simulated_log
 
-from insenv.logs.noise import in_motion, noise_at_rest, noise_in_motion
+from insenv.logs.noise import densities_in_motion, in_motion, noise_at_rest, noise_in_motion
 from insenv.runs.log_remarks import noise_in_motion as noise_remark
 from insenv.sensors import imu_grade
 
@@ -43,6 +43,19 @@ def test_the_motion_of_a_ship_is_no_noise():
     quiet = np.radians(0.002) / 60
     increments = sway * 0.005 + white(200.0, 120.0) * (quiet / DENSITY)
     assert 0.9 * quiet < noise_in_motion(increments, 0.005) < 1.5 * quiet
+
+
+def test_the_rolling_of_an_aircraft_is_no_noise_of_its_gyros():
+    """2 Hz, 20 deg/s, which fourth differences over 0.08 s show; of accelerometers they count."""
+    log, rolling = flying(0.0), np.radians(20.0) * 0.005 * np.sin(4.0 * np.pi * np.arange(24000) * 0.005)
+    everywhere, increments = np.ones(24000, bool), white(200.0, 120.0) + np.outer(rolling, [1.0, 0.0, 0.0])
+    rolls = replace(log, delta_angle=increments, delta_velocity=increments)
+    found = {flies: densities_in_motion(rolls, everywhere, flies) for flies in (True, False)}
+    assert found[True]["angle_random_walk"] < 0.25 * found[False]["angle_random_walk"]
+    assert found[True]["velocity_random_walk"] == found[False]["velocity_random_walk"] == found[False]["angle_random_walk"]
+    raised = {kind: replace(rolls, description=rolls.description.model_copy(update={"vehicle_kind": kind})).raised_noise
+              for kind in ("aircraft", "car")}  # fmt: skip
+    assert np.max(raised["aircraft"]["angle_random_walk"]) < 0.25 * np.max(raised["car"]["angle_random_walk"])
 
 
 def still_car(grade):

@@ -63,8 +63,9 @@ def test_each_notation_means_the_same(folder, form):
 def test_attitude_alone_and_what_does_not_go_together(folder):
     q = Rotation.from_matrix(ENU @ C_NB.as_matrix() @ FLU).as_quat()[:, [3, 0, 1, 2]]
     columns = np.hstack([PLACE, VELOCITY, q])
-    reference = written(folder, columns, AXES).load().reference
+    reference = written(folder, columns, f"{AXES}attitude_sigma_deg = [0.5, 0.5, 2.0]\n").load().reference
     np.testing.assert_allclose(np.degrees(reference.heading), ANGLES[:, 2], atol=1e-6)
+    np.testing.assert_allclose(np.degrees(reference.attitude_sigma), [0.5, 0.5, 2.0])
     assert reference.latitude is None and reference.velocity_n is None
     written(folder, 0 * columns, AXES).error(
         "line 2, column 'q0': the quaternion has the length 0, allowed is 1 (12 such values"

@@ -48,10 +48,25 @@ def test_a_reference_apart_from_the_estimate_contradicts_it(log):
 
 @pytest.mark.parametrize(("records", "settled", "said"), [(2, True, False), (3, True, True), (3, False, False)])
 def test_more_than_a_twentieth_of_the_time_contradicts(records, settled, said):
-    """Of 51 records from 75 s on; those before do not count."""
+    """Of 51 records from 75 s on; those before do not count. Three times the hypotenuse of both sigmas is allowed."""
     made = of_health()
     beyond = (np.arange(200) < 149) | (np.arange(200) >= 200 - records)
     errors = {**made.errors, "vd_mps": np.where(beyond, -3.1, 2.9) * made.sigma["vd_mps"]}
     found = replace(made, errors=errors, settled=settled).against_reference()
     assert (found.health.verdict == "contradicted", found.doubts) == (said, ("reference-contradicts",) * said)
     assert not said or "vd differs by more than 3 stated sigmas for 6 %" in found.notes[-1]
+    both = {"vd_mps": float(0.3 * made.sigma["vd_mps"].max())}
+    assert replace(made, errors=errors, reference_sigma=both).against_reference().doubts == ()
+    far = replace(made, errors={"vd_mps": 3.1 * made.sigma["vd_mps"]})
+    assert [bool(each.too_sure()) for each in (far, replace(far, reference_sigma=both))] == [True, False]
+
+
+def test_a_stated_error_of_the_reference_counts(log):
+    """3 deg of pitch off in the second half: more than the filter states, not more than both do."""
+    off = replace(log.reference, pitch=log.reference.pitch + np.radians(3.0) * (log.imu_time > 65.0))
+    stated = replace(off, attitude_sigma=np.radians([0.1, 2.0, 0.0]))
+    (bare,), (counted,) = (replayed(log, each).results for each in (off, stated))
+    assert bare.beyond("pitch_deg") > 0.4 and counted.beyond("pitch_deg") == 0.0 and bare.stated() == counted.stated()
+    said, left = ({note.code for note in each.notes} for each in (bare, counted))
+    assert said - left == {"reference-contradicts"}
+    assert counted.reference_sigma == pytest.approx({"roll_deg": 0.1, "pitch_deg": 2.0, "heading_deg": 0.0})

@@ -30,6 +30,7 @@ from insenv.studies.describe.inertial import Triads, choices_of, triads_of
 from insenv.studies.describe.sections import of_flight, with_fixes, without_fixes
 from insenv.studies.describe.sources import files_of, tables_of
 from insenv.studies.describe.tables import FIX_RATES, IMU_RATES, LogTable, beside, with_time
+from insenv.vehicles.registry import traits_of
 
 
 def describe(
@@ -98,7 +99,8 @@ def _of_the_loaded(keys: Mapping[str, Any], folder: Path) -> list[Finding]:
     except InputError as error:
         raise InputError(f"the log can be described but not used as it is: {error}") from None
     assumed = log.assumed
-    raised = densities_in_motion(log, in_motion(log, *_speeds(log)))
+    flies = traits_of(log.description.vehicle_kind).airspeed
+    raised = densities_in_motion(log, in_motion(log, *_speeds(log)), flies)
     moving = ""
     if raised["angle_random_walk"] > 0:
         arw, vrw = np.degrees(raised["angle_random_walk"]) * HOUR**0.5, raised["velocity_random_walk"] * HOUR**0.5
