@@ -11,6 +11,7 @@ import peers
 import pytest
 from places import ROOT
 
+import insenv
 from insenv.base.errors import InputError
 
 SHIP, TUNING, FAULTS = "insenv/ShipAlignment-v0", "insenv/Tuning-v0", "insenv/FaultTuning-v0"
@@ -67,6 +68,29 @@ def test_a_supervisor_is_the_network_of_torch_saved_and_loaded(tmp_path, monkeyp
         expected = output(gru(torch.tensor(np.array(inputs), dtype=torch.float32))[0]).numpy()
     assert np.abs(np.array(inputs)[-1, :, 50:]).max() > 0.0  # innovations have come
     np.testing.assert_allclose(np.array(actions)[..., 4:6], np.clip(expected, -1.0, 1.0), atol=1e-5)
+
+
+def test_a_supervised_filter_is_the_filter_that_a_policy_tunes_in_the_environment(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "examples")
+    import supervised_filter as example
+    from train_supervisor import Supervisor
+
+    draw, hidden = np.random.default_rng(1), 3
+    shapes = {"input": (9, 62), "input_offset": 9, "recurrent": (9, 3), "recurrent_offset": 9, "output": (2, 3)}
+    weights = {name: draw.normal(0.0, 0.2, shape) for name, shape in shapes.items()}
+    weights |= {"mean": draw.normal(size=62), "scale": draw.uniform(0.5, 2.0, 62), "output_offset": np.zeros(2)}
+    venv, policy = gymnasium.make_vec(FAULTS, 1, duration_s=6.0), Supervisor(weights)
+    observation, _ = venv.reset(options={"run_seed": 3})
+    policy.start(venv)
+    for _ in range(6):
+        action = policy.act(venv.unwrapped.named(observation))
+        observation, *_, info = venv.step(action)
+    assert policy.hidden.shape == (1, hidden) and np.abs(action[0, 4:6]).min() > 0.01
+    estimator = example.supervised(weights)
+    scenario = example.tuned_as_the_filter(insenv.load("car-city-drive"), estimator.id)
+    (result,) = insenv.run(scenario, [estimator], seed=3, duration_s=6.0).results
+    expected = info["velocity_n"][0] + info["error"][0, 3:6]
+    np.testing.assert_allclose(result.outputs["velocity_n"][-1], expected, atol=1e-10)
 
 
 def trained(example, figure, folder, *arguments):
