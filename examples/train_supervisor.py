@@ -186,6 +186,8 @@ def main():
     parser.add_argument("--load", type=Path, nargs="+", help="policies to compare, instead of training")
     given = parser.parse_args()
     print(f"insenv {insenv.__version__}: {'comparison' if given.load else 'training'} on {ID}")
+    if given.out:
+        given.out.mkdir(parents=True, exist_ok=True)
     if given.load:
         policies = [Supervisor.load(path) for path in given.load]
     else:
@@ -194,7 +196,6 @@ def main():
         for seed in given.training_seeds:
             policies.append(train(seed, given.rounds, given.rows, given.batches))
             if given.out:
-                given.out.mkdir(parents=True, exist_ok=True)
                 policies[-1].save(given.out / f"supervisor-{seed}.npz")
     if given.seeds:
         compare(policies, HELD_OUT + np.arange(given.seeds))

@@ -3,7 +3,7 @@
     python tools/figures.py                 all, some minutes
     python tools/figures.py analytic        those whose names begin so
 
-The figures of trained policies (tuner, aligner, manoeuvre-curve) come from ``examples/train_*.py --out DIR``.  Those of pages
+The figures of trained policies (tuner, supervisor, aligner, manoeuvre-curve) come from ``examples/train_*.py --out DIR``.  Those of pages
 need the extra ``web``, Chromium and its driver.
 """
 

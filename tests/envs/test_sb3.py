@@ -72,7 +72,7 @@ def test_a_supervisor_is_the_network_of_torch_saved_and_loaded(tmp_path, monkeyp
 
 def test_a_supervised_filter_is_the_filter_that_a_policy_tunes_in_the_environment(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "examples")
-    import supervised_filter as example
+    import trained_filter as example
     from train_supervisor import Supervisor
 
     draw, hidden = np.random.default_rng(1), 3

@@ -1,7 +1,7 @@
 """A filter with a learned supervisor as one estimator: in a run, a replay, an FMU or a page, bit-identical everywhere.
 
-    python examples/supervised_filter.py supervisor/supervisor-1.npz
-    python examples/supervised_filter.py supervisor/supervisor-1.npz --fmu supervised.fmu
+    python examples/trained_filter.py supervisor/supervisor-1.npz
+    python examples/trained_filter.py supervisor/supervisor-1.npz --fmu supervised.fmu
 
 The policy is that of `examples/train_supervisor.py`: once a second it sets the white noises of the 15-state filter.  What it
 sees is computed by the equations of `insenv/FaultTuning-v0`, from the filter's own inputs.
