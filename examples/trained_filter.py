@@ -91,7 +91,7 @@ def _decide(w, p, x, u):
     for place, name in ((ARW, "gyro_level"), (VRW, "accel_level")):
         action[place] = _from_scatter(seen[name])
     some = seen["fixes"] > 0.0
-    innovation = some * ca.sign(seen["ratio"]) * power10(seen["innovation_level"])
+    innovation = some * _sign(seen["ratio"]) * power10(seen["innovation_level"])
     change = some * (innovation - x.latest)
     observed = ca.vertcat(*(seen[name] for name in task.OBSERVED.names), _arcsinh(innovation), _arcsinh(change))
     inputs = clamp((observed - w["mean"]) / w["scale"], -CLIP, CLIP)
@@ -117,9 +117,13 @@ def _from_scatter(level):
     return select(ca.sum1(stuck) > 0.0, 1.0, clamp(least / DECADES, -0.5, 1.0))
 
 
+def _sign(x):
+    return select(x < 0.0, -1.0, x > 0.0)
+
+
 def _arcsinh(x):
     size = ca.fabs(x)
-    return ca.sign(x) * log(size + ca.sqrt(size * size + 1.0))
+    return _sign(x) * log(size + ca.sqrt(size * size + 1.0))
 
 
 def tuned_as_the_filter(scenario, id):

@@ -56,7 +56,7 @@ def score(env_id: str, policy: Policy, seeds: Sequence[int] = HELD_OUT, **argume
         raise refused("seeds", seeds, "a sequence of whole numbers from 0")
     if not callable(policy) and not isinstance(policy, (str, Estimator)):
         raise InputError(f"policy of type {type(policy).__name__}: allowed is an estimator, or a function of the environment")
-    venv = gymnasium.make_vec(env_id, len(chosen), **arguments)
+    venv: Any = gymnasium.make_vec(env_id, len(chosen), **arguments)
     observations, infos = venv.reset(seed=[int(seed) for seed in chosen])
     act = policy(venv) if callable(policy) else agents.make(policy, venv).act
     returns, running = np.zeros(len(chosen)), np.ones(len(chosen), dtype=bool)
