@@ -81,6 +81,7 @@ def ranking(id, seeds, seed=1, **kwargs):
         "wander-sins": agents.make("wander-sins", venv),
         "fixes": Fixes(venv),
         "loosely-coupled": agents.make("loosely-coupled", venv),
+        "fusion": agents.make("fusion", venv),
     }
     return {name: returns(venv, policy, seed) for name, policy in policies.items()}
 

@@ -3,8 +3,9 @@
     python tools/figures.py                 all, some minutes
     python tools/figures.py analytic        those whose names begin so
 
-The figures of trained policies (tuner, aligner, manoeuvre-curve) come from ``examples/train_*.py --out DIR``.  Those of pages
-need the extra ``web``, Chromium and its driver; one, ``page-drive.webp``, moves: a car through an outage in ten seconds.
+The figures of trained policies (tuner, supervisor, aligner, manoeuvre-curve) come from ``examples/train_*.py --out DIR``.
+Those of pages need the extra ``web``, Chromium and its driver; one, ``page-drive.webp``, moves: a car through an outage in ten
+seconds.
 """
 
 from __future__ import annotations

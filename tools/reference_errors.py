@@ -21,7 +21,7 @@ from insenv import attitude, replay
 from insenv.core.tables import Array
 from insenv.evaluation.outages import attitude_between
 from insenv.logs import RecordedLog
-from insenv.studies.proof_logs import public_logs
+from insenv.studies.proof import public_logs
 
 SPAN = 2
 """Fixes, s apart, between which velocities are compared."""

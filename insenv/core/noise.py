@@ -30,10 +30,12 @@ _SHIFT = np.uint64(32)
 
 def philox(key: tuple[ArrayLike, ArrayLike], counter: tuple[ArrayLike, ...]) -> list[NDArray[np.uint64]]:
     """The four 32-bit words (in uint64) of Philox 4x32-10 for a key of two and a counter of four words, broadcast."""
-    a, b, c, d, *keys = np.broadcast_arrays(*(np.asarray(word, dtype=np.uint64) for word in (*counter, *key)))
-    alone = [1] * a.ndim
-    multipliers, even, odd = _MULTIPLIERS.reshape(2, *alone), np.stack([a, c]), np.stack([b, d])
-    for added in (np.stack(keys) + _WEYL.reshape(_ROUNDS, 2, *alone)) & _LOW:
+    shape = np.broadcast(*counter, *key).shape
+    even, odd, keys = np.empty((3, 2, *shape), dtype=np.uint64)
+    even[0], odd[0], even[1], odd[1], keys[0], keys[1] = *counter, *key
+    alone = [1] * len(shape)
+    multipliers = _MULTIPLIERS.reshape(2, *alone)
+    for added in (keys + _WEYL.reshape(_ROUNDS, 2, *alone)) & _LOW:
         products = (multipliers * even)[::-1]
         even, odd = (products >> _SHIFT) ^ odd ^ added, products & _LOW
     return [even[0], odd[0], even[1], odd[1]]

@@ -193,6 +193,7 @@ class Starts:
         elif self._varied is None or any(getattr(ranges, name) != getattr(before, name) for name in _OF_VARIED):
             self._varied = Varied(self._with_grade(grade), ranges.variations, ranges.told, base, self.duration)
         self._check_apart()
+        self._section = self._reported(self.scenario.knowledge)
         self._limits: Array | None = None  # of the units of the pool, NaN where none has been drawn yet
         self._sheets: Mapping[str, Array] | None = None
 
@@ -308,8 +309,8 @@ class Starts:
             place = model.parameters.slice("limit")
             if self._limits is None:
                 self._limits = np.full((len(self._pool), place.stop - place.start), np.nan)
-            scenario = self.scenario.model_copy(update={"knowledge": self._reported(self.scenario.knowledge)})
             for unit in set(units[np.isnan(self._limits[units, 0])].tolist()):
+                scenario = self.scenario.model_copy(update={"knowledge": self._section})
                 self._limits[unit] = episode_limit(self.task, self._plant, scenario, self._pool[unit], self.duration)
             p[:, place] = self._limits[units]
         return p
@@ -324,9 +325,8 @@ class Starts:
                 stated = np.tile(middle_unit(*self._grades, parameters), (len(stated), 1))
             self._sheets = data_sheets(parameters.unpack(stated, IMU_PARAMETERS.names), in_place)
         sheets = self._sheets if len(self._pool) == 1 else {name: values[units] for name, values in self._sheets.items()}
-        section = self._reported(self.scenario.knowledge)
         if varied is None:
-            return known_rows(section, model, p, x, sheets)
+            return known_rows(self._section, model, p, x, sheets)
         seeds, p = p[:, parameters.slice("seed").start], p.copy()
         stated = varied.parameters_of(seeds, told=True) if varied.hidden else p[:, : parameters.size]
         place = parameters.slice("antenna_lever_arm_b") if "antenna_lever_arm_b" in parameters else slice(0)
@@ -334,7 +334,7 @@ class Starts:
         if varied.tells and self.ranges.imu != "random":
             sheets = data_sheets(parameters.unpack(stated, IMU_PARAMETERS.names), in_place)
         if not varied.reports:
-            return known_rows(section, model, p, x, sheets)
+            return known_rows(self._section, model, p, x, sheets)
         rows = []
         for k, values in enumerate(varied.values(seeds)):
             sheet, one = {name: column[k : k + 1] for name, column in sheets.items()}, slice(k, k + 1)

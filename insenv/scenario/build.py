@@ -278,6 +278,7 @@ def start_normals(known: KnowledgeSection, seed: ArrayLike) -> Vector:
     return np.reshape(drawn, uniforms.shape) * known.draw_errors
 
 
+@lru_cache(maxsize=64)
 def start_sigmas(known: KnowledgeSection) -> Vector:
     """Reported standard deviations (9,) of the errors, in the order and units of `start_errors`."""
     sigma = known.sigmas
@@ -285,6 +286,7 @@ def start_sigmas(known: KnowledgeSection) -> Vector:
     return np.array([*tilts, sigma["heading_sigma"], *sigma["position_sigma"], *sigma["velocity_sigma"]])
 
 
+@lru_cache(maxsize=64)
 def stated_start_errors(known: KnowledgeSection) -> tuple[float | None, ...]:
     """The errors that the scenario states (9), in the order and units of `start_errors`; None for one that is drawn."""
     errors, none = rows_of(known), (None,) * 3

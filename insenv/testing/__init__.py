@@ -4,9 +4,10 @@
     insenv.testing.check_sensor("compass", noise_deg=0.5)
     insenv.testing.check_vehicle(TrolleySection, kind="trolley", amplitude_m=1.0)
     insenv.testing.check_id("my/Env-v0")
+    insenv.testing.score("insenv/ShipNavigation-v0", "fusion")
 
 A check that fails raises `AssertionError`, which names the thing and the promise.  insenv runs them on all that it ships; a
-package that adds one of its own runs them on that (docs/write-your-own.md).
+package that adds one of its own runs them on that (docs/write-your-own.md).  `score` makes a row of docs/leaderboard.md.
 """
 
 from insenv.envs.testing import (
@@ -27,9 +28,11 @@ from insenv.envs.testing import (
 )
 from insenv.testing.estimators import check_estimator
 from insenv.testing.models import check_backends, check_inputs, check_snapshots, check_tables
+from insenv.testing.scoring import Score, score
 from insenv.testing.sections import check_keys, check_sensor, check_vehicle
 
 __all__ = [
+    "Score",
     "assert_same",
     "check",
     "check_backends",
@@ -52,4 +55,5 @@ __all__ = [
     "check_vehicle",
     "episodes",
     "row_of",
+    "score",
 ]

@@ -1,4 +1,4 @@
-"""Stable-Baselines3 on the environments; the examples' PPO on held-out seeds, which takes minutes."""
+"""Stable-Baselines3 on the environments; what the examples train, on held-out seeds, which takes minutes."""
 
 import os
 import re
@@ -11,9 +11,10 @@ import peers
 import pytest
 from places import ROOT
 
+import insenv
 from insenv.base.errors import InputError
 
-SHIP, TUNING = "insenv/ShipAlignment-v0", "insenv/Tuning-v0"
+SHIP, TUNING, FAULTS = "insenv/ShipAlignment-v0", "insenv/Tuning-v0", "insenv/FaultTuning-v0"
 HOW = "pip install -e '.[rl]'"
 
 
@@ -42,6 +43,54 @@ def test_an_end_by_time_is_terminal_where_the_score_is_complete():
         venv.reset()
         told, place = venv.env_method("snapshot")[2].parameters, venv.get_attr("setup")[0].task.model.parameters
         assert told[:, place.slice("known_heading_sigma")] == pytest.approx(np.radians(5.0))
+
+
+def test_a_supervisor_is_the_network_of_torch_saved_and_loaded(tmp_path, monkeypatch):
+    torch = peers.package("torch", HOW)
+    monkeypatch.syspath_prepend(ROOT / "examples")
+    import train_supervisor as example
+
+    torch.manual_seed(3)
+    gru, output = torch.nn.GRU(62, 5), torch.nn.Linear(5, 2)
+    draw = np.random.default_rng(1)
+    weights = {"mean": draw.normal(size=62), "scale": draw.uniform(0.5, 2.0, 62), **example.weights_of(gru, output)}
+    example.Supervisor(weights).save(tmp_path / "policy.npz")
+    policy = example.Supervisor.load(tmp_path / "policy.npz")
+    venv = gymnasium.make_vec(FAULTS, 3, duration_s=12.0)
+    observation, _ = venv.reset(seed=4)
+    policy.start(venv)
+    inputs, actions = [], []
+    for _ in range(10):
+        actions.append(policy.act(venv.unwrapped.named(observation)))
+        inputs.append(policy.x)
+        observation, *_ = venv.step(actions[-1])
+    with torch.no_grad():
+        expected = output(gru(torch.tensor(np.array(inputs), dtype=torch.float32))[0]).numpy()
+    assert np.abs(np.array(inputs)[-1, :, 50:]).max() > 0.0  # innovations have come
+    np.testing.assert_allclose(np.array(actions)[..., 4:6], np.clip(expected, -1.0, 1.0), atol=1e-5)
+
+
+def test_a_supervised_filter_is_the_filter_that_a_policy_tunes_in_the_environment(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "examples")
+    import trained_filter as example
+    from train_supervisor import Supervisor
+
+    draw, hidden = np.random.default_rng(1), 3
+    shapes = {"input": (9, 62), "input_offset": 9, "recurrent": (9, 3), "recurrent_offset": 9, "output": (2, 3)}
+    weights = {name: draw.normal(0.0, 0.2, shape) for name, shape in shapes.items()}
+    weights |= {"mean": draw.normal(size=62), "scale": draw.uniform(0.5, 2.0, 62), "output_offset": np.zeros(2)}
+    venv, policy = gymnasium.make_vec(FAULTS, 1, duration_s=6.0), Supervisor(weights)
+    observation, _ = venv.reset(options={"run_seed": 3})
+    policy.start(venv)
+    for _ in range(6):
+        action = policy.act(venv.unwrapped.named(observation))
+        observation, *_, info = venv.step(action)
+    assert policy.hidden.shape == (1, hidden) and np.abs(action[0, 4:6]).min() > 0.01
+    estimator = example.supervised(weights)
+    scenario = example.tuned_as_the_filter(insenv.load("car-city-drive"), estimator.id)
+    (result,) = insenv.run(scenario, [estimator], seed=3, duration_s=6.0).results
+    expected = info["velocity_n"][0] + info["error"][0, 3:6]
+    np.testing.assert_allclose(result.outputs["velocity_n"][-1], expected, atol=1e-10)
 
 
 def trained(example, figure, folder, *arguments):
@@ -87,3 +136,15 @@ def test_a_trained_driver_is_as_good_as_the_best_fixed_pattern_on_held_out_seeds
     assert gain > -2.0 * error, printed
     learnt = number_after("PPO", printed)[0]
     assert number_after("random commands", printed)[0] + 0.3 < learnt < number_after("bound of the fixes", printed)[0], printed
+
+
+@pytest.mark.slow
+def test_a_trained_supervisor_is_better_than_the_innovation_based_policy_on_held_out_seeds(tmp_path):
+    printed = trained(
+        "train_supervisor", "supervisor.png", tmp_path, "--training-seeds", "1", "--rounds", "7", "--seeds", "128"
+    )
+    gain, error = number_after("networks minus innovation-based, seed by seed:", printed)
+    assert gain > 2.0 * error, printed
+    again = [sys.executable, ROOT / "examples" / "train_supervisor.py", "--seeds", "128", "--load", "figure/supervisor-1.npz"]
+    loaded = peers.ran(*again, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert number_after("network 1", loaded) == number_after("network 1", printed)
