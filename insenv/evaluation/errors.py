@@ -80,9 +80,7 @@ def unit_errors(vehicle: str, outputs: Mapping[str, Array], true: Mapping[str, A
         estimates, sigmas = (factor * outputs[row][-1] for row in (name, f"{name}_estimate_sigma"))
         actual = [None] * len(estimates) if true is None else [float(factor * value) for value in true[name]]
         columns = zip(_COMPONENTS[len(estimates)], estimates, sigmas, actual, strict=True)
-        unit += [
-            UnitError(name, axis, unit_name, float(estimate), float(sigma), known) for axis, estimate, sigma, known in columns
-        ]
+        unit += [UnitError(name, axis, unit_name, float(e), float(sigma), known) for axis, e, sigma, known in columns]
     return tuple(unit)
 
 
@@ -145,19 +143,16 @@ class Result:
     """The result of one estimator in one run.
 
     time (n,) s: of the records.  outputs: the estimator's outputs at these times, by row name.
-    errors: (n,) by channel.  sigma: standard deviations that the estimator states, (n,) by channel; empty if it
-        states none.
+    errors: (n,) by channel.  sigma: standard deviations that the estimator states, likewise; empty if it states none.
     limit: by channel, the smallest standard deviation that any method can have (`insenv.evaluation.limits`), as root mean
         square over the records from `from_s` on; empty if there is none.
-    from_s: start of the statistics.
-    us_per_sample: processor time of the estimator per inertial sample, microseconds.
+    from_s: start of the statistics.  us_per_sample: processor time of the estimator per inertial sample, microseconds.
     settled: False for a run shorter than the estimator needs: its errors are then not compared with a limit.
     health: how well a filter fits its fixes; None if it does not report it, or if no fix came.
     limit_sigma: the limit at the recorded times, (n,) by channel; empty if there is none.
     unit: on a turntable, the errors of the inertial unit that the estimator found.
-    outages: errors where fixes were withheld; None if none were.  specific_force: how the attitude, and that of the reference,
-        fit the velocities of the receiver; None of a simulated run, and without such velocities.
-    reference_sigma: by channel, the standard deviation of the error of the reference, where one is stated.
+    outages: errors where fixes were withheld; None if none were.  reference_sigma: stated of the reference, by channel.
+    specific_force: how the attitude, and that of the reference, fit the velocities of the receiver; None without these.
     """
 
     estimator: str
@@ -221,8 +216,7 @@ class Result:
 
     def too_sure(self) -> tuple[Remark, ...]:
         """An rms error is more than `TOO_SURE` times its stated sigma; not said of a run that is too short."""
-        of_reference = self.reference_sigma
-        stated = {name: hypot(s, of_reference.get(name, 0.0)) for name, s in self.stated().items() if name not in self.unjudged}
+        stated = {k: hypot(s, self.reference_sigma.get(k, 0.0)) for k, s in self.stated().items() if k not in self.unjudged}
         return too_sure(self.statistics()["rms"], stated) if self.settled else ()
 
     def against_reference(self) -> Result:
@@ -240,16 +234,14 @@ class Result:
     )
     def reference_contradicts(self) -> dict[str, Any] | None:
         """An error is beyond `BEYOND` stated sigmas for more than `BEYOND_SHARE` of the time; not said of a run too short."""
-        judged = [name for name in self.errors if name in self.sigma and name not in self.unjudged]
-        shares = {name: self.beyond(name) for name in judged}
+        shares = {name: self.beyond(name) for name in self.errors if name in self.sigma and name not in self.unjudged}
         worst = max(shares, key=lambda name: shares[name], default="")
         if not self.settled or not worst or shares[worst] <= BEYOND_SHARE:
             return None
         return {"what": worst.rpartition("_")[0], "share": f"{100 * shares[worst]:.0f}"}
 
     def beyond(self, name: str) -> float:
-        """Share of the time, from `from_s` on, in which an error is beyond `BEYOND` standard deviations of estimate and
-        reference together."""
+        """Share of the time from `from_s` on with an error beyond `BEYOND` sigmas of estimate and reference together."""
         sigma = np.hypot(self.sigma[name], self.reference_sigma.get(name, 0.0))
         return float(np.mean((np.abs(self.errors[name]) > BEYOND * sigma)[self._late]))
 
