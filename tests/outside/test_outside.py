@@ -19,6 +19,8 @@ from insenv.base.errors import InputError
 from insenv.envs import AlignmentEnv, AlignmentVectorEnv, ManoeuvreEnv, agents
 from insenv.estimators import Drive, registered
 from insenv.estimators.fusion.family import aids_of
+from insenv.logs.formats.text_log import texts
+from insenv.logs.loading import load as load_log
 from insenv.sensors.registry import section_of
 
 PACKAGE = ROOT / "examples" / "insenv-rail"
@@ -120,6 +122,8 @@ def test_its_log_and_its_error_budget_follow(tmp_path):
     again = insenv.replay(path, "fusion", start="stated")
     for name in ("q_nb", "compass_deviation", "compass_drift"):
         assert np.array_equal(again.results[0].outputs[name][-1], report.results[0].outputs[name][-1]), name
+    path.write_text(path.read_text().replace('heading_unit = "rad"', 'heading_unit = "deg"'))
+    assert 'heading_unit = "rad"' in texts(load_log(path), "again")["again.toml"]  # as it is written, not as it was read
     path.write_text(path.read_text().replace('heading = "heading_rad"\nheading_unit', 'heading = "course_rad"\nheading_unit'))
     with pytest.raises(InputError, match=r"compass.*course_rad"):
         insenv.replay(path, "fusion")

@@ -6,10 +6,11 @@ of velocity from one fix to the next, `since` seconds later:
 
     z_r(k) - z_r(k-1) = since (z_v(k) + z_v(k-1)) / 2,
 
-up to the noise of the four measurements.  After `AGREEING` refused fixes that do so the next one that does is taken: the
-variances of position and velocity grow by the squares of its innovations, so that it passes, and that of the attitude by the
-error which, against gravity, makes this velocity in the time since they are refused.  An accelerometer that vibration bends
-for some seconds does that, as at the take-off of an aircraft.
+up to the noise of the four measurements.  Fixes without velocities agree if their innovations are equal up to the stated
+velocity: they have jumped.  After `AGREEING` refused fixes that do so the next one that does is taken: the variances of
+position and velocity grow by the squares of its innovations, so that it passes, and that of the attitude by the error which,
+against gravity, makes this velocity in the time since they are refused.  An accelerometer that vibration bends for some
+seconds does that, as at the take-off of an aircraft.
 """
 
 from __future__ import annotations
@@ -59,14 +60,17 @@ class Restart:
 def restart(aid: Aid, x: Any, innovation: Any, variance: Any, present: Any, since: Any, n: int) -> Restart:
     """Arguments of one measurement of an aid: innovation, variance, present (6 each); since: the last one, s; n: errors."""
     last = getattr(x, aid.row("innovation"))
-    apart = innovation[:3] - last[:3] - (innovation[3:] + last[3:]) * (since / 2)
-    allowed = TOLERANCE**2 * (2 * variance[:3] + variance[3:] * since**2 / 2)
+    grown, speeds, own = innovation[:3] - last[:3], (innovation[3:] + last[3:]) * (since / 2), ca.SX.zeros(3)
     agrees = ca.SX(1)
     for i in range(3):
-        agrees = agrees * present[i] * present[3 + i] * select(apart[i] ** 2 > allowed[i], 0.0, 1.0)
+        unmeasured = x.covariance[symmetric.place(VELOCITY.start + i, VELOCITY.start + i)] * since**2
+        apart = grown[i] - select(present[3 + i], speeds[i], 0.0)
+        allowed = TOLERANCE**2 * (2 * variance[i] + select(present[3 + i], variance[3 + i] * since**2 / 2, unmeasured))
+        agrees = agrees * present[i] * select(apart**2 > allowed, 0.0, 1.0)
+        own[i] = select(present[3 + i], innovation[3 + i], grown[i] / maximum(since, 1e-3))
     agreed = getattr(x, aid.row("agreed"))
     now = agrees * select(agreed < AGREEING, 0.0, 1.0)
-    place, speed = (ca.sumsqr(each) for each in (innovation[:3], innovation[3:]))
+    place, speed = ca.sumsqr(innovation[:3]), ca.sumsqr(own)
     turn = speed / (NOMINAL_GRAVITY * maximum(agreed * since, 1e-3)) ** 2
     added = ca.SX.zeros(n)
     for part, variance_added in ((POSITION, place), (VELOCITY, speed), (TILT, turn)):

@@ -95,7 +95,10 @@ def texts(log: RecordedLog, name: str) -> dict[str, str]:
         keys[each.id] = log_tables.instrument_keys(each)
     if log.reference is not None and len(tables["reference"]["time_s"]):
         keys["reference"] = log_tables.reference_keys(log.reference)
-    sections = {id: {"file": file_of(id, name), **keys[id], **_stated(log, id)} for id in keys}
+    sections = {
+        id: {"file": file_of(id, name), **keys[id], **{each: v for each, v in _stated(log, id).items() if each not in keys[id]}}
+        for id in keys
+    }
     text = _HEAD.format(name=name) + toml_text({**_common(log.description), **sections})
     return {f"{name}.toml": text, **{file_of(id, name): csv_text(tables[id]) for id in keys}}
 

@@ -53,9 +53,11 @@ def test_fixes_that_disagree_start_nothing_anew():
     assert np.abs(result.errors["north_m"]).max() < 10.0
 
 
-def test_a_jump_of_the_fixes_is_followed_after_three_and_said():
+@pytest.mark.parametrize("velocities", [True, False])
+def test_a_jump_of_the_fixes_is_followed_after_three_and_said(velocities):
     log, gnss = standing(), standing().gnss
     moved = replace(gnss, latitude=gnss.latitude + np.where(gnss.time > 40.0, 100.0 / 6.37e6, 0.0))
+    moved = moved if velocities else replace(moved, velocity_n=None, velocity_sigma=None)
     result = replay(replace(log, gnss=moved), "loosely-coupled").results[0]
     assert result.outputs["gnss_restart_count"][-1] == 1 and result.outputs["fix_refused_count"][-1] == 3
     assert result.errors["north_m"][-1] == pytest.approx(100.0, abs=5.0)
