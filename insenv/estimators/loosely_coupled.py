@@ -20,6 +20,7 @@ from insenv.estimators.fusion.error_state import ACCEL_BIAS, GYRO_BIAS
 from insenv.estimators.fusion.gnss import WHITE
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
+from insenv.estimators.fusion.surprising import surprising
 from insenv.estimators.fusion.zero_velocity import AT_EACH_SAMPLE
 from insenv.estimators.parts import applicability
 
@@ -42,7 +43,7 @@ _FILTER = Estimator(
     sensors=("gnss",),
     error=FILTER.consistency_error,
     applicability=applicability.together(applicability.linear_start, applicability.unmodelled_motion, applicability.noiseless),
-    findings=lambda parameters: restarts(FILTER.aids),
+    findings=lambda parameters: (*surprising(FILTER.states, parameters), *restarts(FILTER.aids)),
     causes=FILTER.causes,
     max_measurement_age_s=history.OLDEST,
 )

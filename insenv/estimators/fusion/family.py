@@ -5,7 +5,7 @@ Where nobody names states and aids, `presets` chooses them by the unit, the inst
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from math import cos, hypot, radians, sqrt
 from typing import Any
@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from insenv.base.errors import InputError
-from insenv.base.remarks import Doubt, Remark, declared
-from insenv.core.model import Values
-from insenv.core.tables import Array, Table
+from insenv.base.remarks import Remark, declared
+from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import azimuth, history, moored, unknown_start
 from insenv.estimators.fusion.aid import Aid
@@ -27,9 +26,9 @@ from insenv.estimators.fusion.in_place import SHAKEN
 from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNKNOWN_ARM
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
+from insenv.estimators.fusion.surprising import surprising
 from insenv.estimators.parts import applicability
 from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
-from insenv.estimators.parts.finding import Finding
 from insenv.estimators.velocity_integration.estimator import OLDEST
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 from insenv.geodesy import OMEGA_IE
@@ -147,48 +146,6 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
         estimated = hypot(*(getattr(sheet, f"{name}_sigma") for name in named if name in states))
         rows[row] = sqrt(max(getattr(known, row) ** 2 - estimated**2, 0.0))
     return rows
-
-
-# What the estimated errors of a run tell: an error many times as large as it was said to be.
-
-SURPRISING = 5.0
-"""Standard deviations of the start from which an estimate is called surprising.
-
-The estimate of an error that was drawn with the stated sigma stays below it: among 40 errors it exceeds 5 by
-chance in 2 runs of 100 000.
-"""
-
-
-_SURPRISING = declared(
-    "estimate-surprising",
-    "the estimate of {state} is {ratio} times its stated standard deviation ({sigma}): the instrument, its description or "
-    "that sigma is wrong",
-    Doubt,
-)
-
-
-def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """Of each state: its estimate at the end is beyond `SURPRISING` of its standard deviations at the start.
-
-    parameters: rows by name, SI.  Of a Gauss-Markov error the stationary standard deviation counts, about 0; of a constant one
-    that of the start, about the start.
-    """
-    p, findings_of = Values(**parameters), []
-    for state in states:
-        if state.rate_w is not None or state.process is not None:
-            continue  # the square of an error of the heading is far from normal; a sway has a finding of its own
-        sigma = _numbers(parameters[state.sigma] if state.time else state.start_sigma(p), state.size)
-        begun = np.zeros(state.size) if state.time or state.started is None else _numbers(state.started(p), state.size)
-        sentence = _SURPRISING.filled(state=state.name, sigma=state.sigma)
-        findings_of.append(Finding(state.name, sentence, np.where(sigma > 0.0, sigma, np.inf), begun, SURPRISING))
-    return tuple(findings_of)
-
-
-def _numbers(value: Any, size: int) -> Array:
-    """A number or a CasADi matrix as (size) numbers."""
-    import casadi as ca
-
-    return np.broadcast_to(np.ravel(np.array(ca.evalf(ca.SX(value)))), (size,))
 
 
 ID = "fusion"
