@@ -205,6 +205,8 @@ STEADY_LENGTH = 0.9
 """Length of the mean of the unit vectors of the angle: nearer 0 for a vehicle that moves in any direction."""
 SIDEWAYS = np.radians(30.0)
 """Smallest angle (rad) that is not the drift angle of a ship in a current or of an aircraft in the wind."""
+OFF_WHEELS = np.radians(10.0)
+"""The same of a vehicle on wheels: a unit that was mounted along it by eye is within some degrees."""
 
 
 @remark(
@@ -213,11 +215,11 @@ SIDEWAYS = np.radians(30.0)
     "vertical by that; look at `axes` and `mounting_angles_deg`, which fixes of GNSS do not show",
     Doubt,
 )
-def sideways_notes(time: Vector, outputs: Mapping[str, Array]) -> dict[str, Any] | None:
+def sideways_notes(time: Vector, outputs: Mapping[str, Array], wheels: bool = False) -> dict[str, Any] | None:
     """Heading less course is steadily far from 0.
 
     time (n,) s; outputs by row name: `q_nb` (n, 4), `velocity_n` (n, 3) m/s, none of an alignment, and `attitude_sigma` (n, 3)
-    rad, where there is one.
+    rad, where there is one.  wheels: whether the vehicle rolls without moving sideways.
     """
     velocity = outputs.get("velocity_n")
     if velocity is None or len(time) < 2:
@@ -230,4 +232,5 @@ def sideways_notes(time: Vector, outputs: Mapping[str, Array]) -> dict[str, Any]
     heading = attitude.numeric.to_euler(outputs["q_nb"][moving])[2]
     mean = np.mean(np.exp(1j * (heading - np.arctan2(velocity[moving, 1], velocity[moving, 0]))))
     angle = float(np.angle(mean))
-    return None if abs(mean) < STEADY_LENGTH or abs(angle) < SIDEWAYS else {"angle": np.degrees(angle)}
+    forward = abs(angle) < (OFF_WHEELS if wheels else SIDEWAYS)
+    return None if abs(mean) < STEADY_LENGTH or forward else {"angle": np.degrees(angle)}

@@ -38,6 +38,7 @@ from insenv.runs.rest import with_datum
 from insenv.runs.simulated import follower_of, members, result_of
 from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.inputs import RECORDS, chunks, recording_interval
+from insenv.vehicles.registry import traits_of
 
 
 @knowing_objects
@@ -383,7 +384,7 @@ def _result(
             *fixes_delayed(log, outputs),
             *follower.notes(times - (times[-1] - duration_s), duration_s, health, outputs),
             *contradiction_notes(times, outputs),
-            *sideways_notes(times, outputs),
+            *sideways_notes(times, outputs, traits_of(log.description.vehicle_kind).wheels),
             *_of_outages(ready.withheld, outages),
             *(force.reference_contradicted() if force is not None else ()),
         ),

@@ -95,6 +95,10 @@ def test_a_unit_turned_about_the_vertical_is_named(turned_deg):
     assert f"{turned_deg:+.0f} deg" in note.replace("-180", "+180") and "axes" in note
 
 
+def test_a_vehicle_on_wheels_is_named_from_ten_degrees_on():
+    assert [len(sideways_notes(MINUTE, driven(angle), wheels=True)) for angle in (9.0, -11.0)] == [0, 1]
+
+
 def test_what_may_be_right_is_not_named():
     assert sideways_notes(MINUTE, driven(20.0)) == ()  # the drift angle of a ship or an aircraft
     assert sideways_notes(MINUTE, driven(90.0, speed=1.0)) == ()
