@@ -37,16 +37,24 @@ FILTER = Composition(
         flag=True,
     ),
 )
+_OF_UNIT = applicability.unmodelled_motion, applicability.noiseless
 _FILTER = Estimator(
     FILTER.model,
     kind="navigation",
     sensors=("gnss",),
     error=FILTER.consistency_error,
-    applicability=applicability.together(applicability.linear_start, applicability.unmodelled_motion, applicability.noiseless),
+    applicability=applicability.together(applicability.linear_start, *_OF_UNIT),
     findings=lambda parameters: (*surprising(FILTER.states, parameters), *restarts(FILTER.aids)),
     causes=FILTER.causes,
     max_measurement_age_s=history.OLDEST,
 )
 
 SMOOTHING = smoothing_of(replace(FILTER, covariance_held=None), "smoother")
-ESTIMATORS = (_FILTER, replace(_FILTER, model=SMOOTHING.forward, smooths=FILTER.id, smoothing=SMOOTHING))
+_SMOOTHER = replace(
+    _FILTER,
+    model=SMOOTHING.forward,
+    smooths=FILTER.id,
+    smoothing=SMOOTHING,
+    applicability=applicability.together(applicability.smoothed_start, *_OF_UNIT),
+)
+ESTIMATORS = (_FILTER, _SMOOTHER)

@@ -31,6 +31,12 @@ LINEAR_TILT, LINEAR_HEADING = 6 * pi / 180, 10 * pi / 180
 Attitude errors of `loosely-coupled` beyond three stated sigmas, 128 seeds from 64000, from a start heading known to 10, 15, 20,
 30 and 40 deg: 0.8, 1.9, 4.5, 14 and 23 % in `aircraft-inflight-alignment`, 0.8, 0.8, 1.1, 3.8 and 7.8 % in `car-city-drive`.
 """
+SMOOTHED_TILT, SMOOTHED_HEADING = 25 * pi / 180, 65 * pi / 180
+"""rad: what is shown of a smoother that begins again, with 64 seeds each from 7000.
+
+Attitude errors beyond three stated sigmas from 20 and 60 deg: 1.6 % (`aircraft-inflight-alignment`) and 2.0 %
+(`large-misalignment`); from 60 and 90 deg 71 % (`large-misalignment-training`).
+"""
 FREE_TILT = 0.1 * pi / 180
 """rad: the same for a filter of which no aid holds the horizontal velocity, and a barometer the height.
 
@@ -76,6 +82,20 @@ def linear_start(parameters: Mapping[str, Any], duration_s: float, advice: str =
     if tilt <= LINEAR_TILT and heading <= LINEAR_HEADING:
         return None
     return {"tilt": degrees(tilt), "heading": degrees(heading), "advice": advice}
+
+
+@remark(
+    "start-too-uncertain",
+    "the start attitude is uncertain by {tilt:.2g} deg of level and {heading:.3g} deg of heading: from "
+    f"{degrees(SMOOTHED_TILT):.2g} deg of level or {degrees(SMOOTHED_HEADING):.2g} deg of heading on the passes of this "
+    "smoother may not lead to the truth; use fusion-smoother with the velocity of GNSS",
+)
+def smoothed_start(parameters: Mapping[str, Any], duration_s: float) -> dict[str, Any] | None:
+    """The same for a smoother that begins again (`insenv.runs.second_pass`)."""
+    tilt, heading = float(parameters["tilt_sigma"]), float(parameters["heading_sigma"])
+    if tilt <= SMOOTHED_TILT and heading <= SMOOTHED_HEADING:
+        return None
+    return {"tilt": degrees(tilt), "heading": degrees(heading)}
 
 
 free_start = above(

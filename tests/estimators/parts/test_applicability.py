@@ -55,6 +55,8 @@ RAD = np.pi / 180
     ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 10 * RAD}, ()),
     ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 12 * RAD}, ("12 deg of heading",)),
     ("linear_start", {"tilt_sigma": RAD, "heading_sigma": 45 * RAD}, ("45 deg of heading", "aqe-sukf")),
+    ("smoothed_start", {"tilt_sigma": 20 * RAD, "heading_sigma": 60 * RAD}, ()),
+    ("smoothed_start", {"tilt_sigma": 26 * RAD, "heading_sigma": 60 * RAD}, ("26 deg of level", "fusion-smoother")),
     ("unseen_heading", {"heading_sigma": 20 * RAD}, ()),
     ("unseen_heading", {"heading_sigma": 45 * RAD}, ("known to 45 deg only",)),
     ("unmodelled_motion", {"accel_bias_sigma": 0.01, "rotation_error": 3e-4}, ()),
