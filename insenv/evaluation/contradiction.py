@@ -205,6 +205,8 @@ STEADY_LENGTH = 0.9
 """Length of the mean of the unit vectors of the angle: nearer 0 for a vehicle that moves in any direction."""
 SIDEWAYS = np.radians(30.0)
 """Smallest angle (rad) that is not the drift angle of a ship in a current or of an aircraft in the wind."""
+UNLIKELY = 3.0
+"""Stated standard deviations of the heading that an angle may be by chance."""
 OFF_WHEELS = np.radians(10.0)
 """The same of a vehicle on wheels: a unit that was mounted along it by eye is within some degrees."""
 
@@ -232,5 +234,6 @@ def sideways_notes(time: Vector, outputs: Mapping[str, Array], wheels: bool = Fa
     heading = attitude.numeric.to_euler(outputs["q_nb"][moving])[2]
     mean = np.mean(np.exp(1j * (heading - np.arctan2(velocity[moving, 1], velocity[moving, 0]))))
     angle = float(np.angle(mean))
-    forward = abs(angle) < (OFF_WHEELS if wheels else SIDEWAYS)
+    uncertain = 0.0 if sigma is None else UNLIKELY * float(np.median(sigma[moving, 2]))
+    forward = abs(angle) < max(OFF_WHEELS if wheels else SIDEWAYS, uncertain)
     return None if abs(mean) < STEADY_LENGTH or forward else {"angle": np.degrees(angle)}

@@ -10,15 +10,16 @@ So the next start is that of a filter which is told the smoothed attitude of its
     R / TOLD + (|psi|^2 / 2)^2 I
 
 where R is the smoothed one and psi the attitude error that was found: ten standard deviations, and what the first order left
-out of psi itself. What the run knows of the attitude counts 1 + `TOLD` times, so its stated deviations are half of `TOLD` too
-small. All else stays as it was stated, as far as it does not come with the attitude. Where the second start is far from the
-first the same holds of it, and there is a third: from tens of degrees off three or four passes lead to the truth.
+out of psi itself. What the run knows of the attitude counts `TOLD` times more, which makes its stated deviations half of
+`TOLD` too small. All else stays as it was stated, as far as it does not come with the attitude. Where the second start is far
+from the first the same holds of it, and there is a third: from tens of degrees off three or four passes lead to the truth.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from insenv.base.remarks import Doubt, declared
 from insenv.core.tables import Array
 from insenv.estimators.parts.error_model import TILT
 
@@ -27,6 +28,14 @@ COUNTS = 1 / 3
 """Standard deviations: from there on what a first order leaves out counts."""
 PASSES = 8
 """At most."""
+LARGEST = np.pi
+"""rad: of an error of the start; a larger one is no attitude, and nothing is known then."""
+NOT_REACHED = declared(
+    "start-not-reached",
+    "the start that the run tells is {angle:.3g} deg from the one that it was smoothed from last, and no further pass is made: "
+    "the sigmas are too small; state the start better, or use fusion-smoother",
+    Doubt,
+)
 
 
 def second_order(psi: Array) -> float:
@@ -37,10 +46,9 @@ def second_order(psi: Array) -> float:
 def astray(psi: Array, speed: Array, attitude_sigma: Array, velocity_sigma: Array) -> bool:
     """Whether an attitude error `psi` (3, rad) of the start has led a run astray by more than its standard deviations allow.
 
-    Not by more than half a turn: that is no attitude, and nothing is known then.
     speed (m,), m/s, and smoothed standard deviations (m, 3), rad and m/s, along the run.
     """
-    left_out = second_order(psi) if psi @ psi < np.pi**2 else 0.0
+    left_out = second_order(psi)
     allowed = COUNTS * attitude_sigma.min(axis=1), COUNTS * velocity_sigma.min(axis=1)
     return bool(np.any(left_out > allowed[0]) or np.any(left_out * speed > allowed[1]))
 

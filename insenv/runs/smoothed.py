@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.base.remarks import Remark
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
@@ -24,8 +25,9 @@ from insenv.estimators.loosely_coupled import SMOOTHING
 from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, turn_of, turned, with_platform
+from insenv.evaluation.health import Health
 from insenv.runs.follower import Follower, diverged
-from insenv.runs.second_pass import PASSES, astray, told_start
+from insenv.runs.second_pass import LARGEST, NOT_REACHED, PASSES, astray, told_start
 from insenv.runs.smoothing_record import Record, Samples
 from insenv.scenario.inputs import input_rows
 
@@ -36,6 +38,7 @@ class Smoother:
     """A run of a filter that can be smoothed: `take` samples, then `smoothed`.
 
     parameters: of the filter, by row name.  smoothing: its two passes.  backend: as for `make_runner`.
+    apart: 0, or how far (rad) `smoothed` stayed from the start that the run tells.
     """
 
     def __init__(
@@ -50,6 +53,7 @@ class Smoother:
         shared = {row.name: self.forward.p[table.slice(row.name)].reshape(row.shape) for row in going_back}
         self._backward = make_runner(smoothing.backward, shared, backend)
         self.record = Record(smoothing)
+        self.apart = 0.0
         self._start = self.forward.x.copy()
         self._samples = None if smoothing.seeking else Samples()
         self._health_columns = _columns(smoothing.forward.outputs, [row.name for row in smoothing.reported])
@@ -79,30 +83,37 @@ class Smoother:
     def smoothed(self) -> dict[str, Array]:
         """The smoothed run so far at the wanted samples: rows of `smoother_outputs`, time along the first axis."""
         outputs = smoother_outputs(self.smoothing, *self.error_states())
-        if self._samples is not None:
-            for _ in range(1, PASSES):
-                if not self._filtered_again(outputs, self._samples):
-                    break
-                outputs = smoother_outputs(self.smoothing, *self.error_states())
+        passes = 1
+        while (better := self._better_start(outputs)) is not None:
+            self.apart = float(np.linalg.norm(better[0][TILT]))
+            if passes == PASSES or self.apart > LARGEST:
+                break
+            self._filter_again(*better)
+            outputs = smoother_outputs(self.smoothing, *self.error_states())
+            self.apart, passes = 0.0, passes + 1
         return outputs
 
-    def _filtered_again(self, outputs: Mapping[str, Array], samples: Samples) -> bool:
-        """Whether the samples were filtered once more, from a better start; the pass back has just ended at the start."""
-        rows, told = self.forward.model.state, self.smoothing.backward.state.unpack(self._backward.output())
-        x = rows.unpack(self._start)
+    def _better_start(self, outputs: Mapping[str, Array]) -> tuple[Array, Array] | None:
+        """What `told_start` gives, where that is far from the start; the pass back has just ended there."""
+        if self._samples is None:
+            return None
+        told, x = self.smoothing.backward.state.unpack(self._backward.output()), self.forward.model.state.unpack(self._start)
         P, L = (symmetric.full_array(triangle, self.smoothing.n) for triangle in (x["covariance"], told["information"]))
         error, covariance = told_start(P, told["adjoint"], L)
         speed = np.linalg.norm(outputs["velocity_n"], axis=1)
-        if not astray(error[TILT], speed, outputs["attitude_sigma"], outputs["velocity_sigma"]):
-            return False
+        led_astray = astray(error[TILT], speed, outputs["attitude_sigma"], outputs["velocity_sigma"])
+        return (error, covariance) if led_astray else None
+
+    def _filter_again(self, error: Array, covariance: Array) -> None:
+        """Filter the samples once more, from the start without its `error` (n,) and with this covariance (n, n)."""
+        rows = self.forward.model.state
         self.forward.start()
-        for name, value in _started_again(self.smoothing)(x, error, covariance).items():
+        for name, value in _started_again(self.smoothing)(rows.unpack(self._start), error, covariance).items():
             self.forward.x[rows.slice(name)] = value
         self._start = self.forward.x.copy()
         self.record, self._health = Record(self.smoothing), []
-        for inputs in samples:
+        for inputs in self._samples or ():
             self._filter(inputs, {}, 0)
-        return True
 
     def health_rows(self) -> dict[str, Array]:
         """The filter's rows of health at the wanted samples, time along the first axis."""
@@ -152,6 +163,12 @@ class SmoothingFollower(Follower):
     def health_rows(self) -> dict[str, Array]:
         """Those of its filter, which need no smoothing."""
         return self.smoother.health_rows()
+
+    def notes(self, time: Array, duration_s: float, health: Health | None, outputs: Mapping[str, Array]) -> tuple[Remark, ...]:
+        """Those of its filter, and that no start was reached which the run does not contradict."""
+        apart = self.smoother.apart
+        said = (NOT_REACHED.filled(angle=np.degrees(apart)),) if apart else ()
+        return (*super().notes(time, duration_s, health, outputs), *said)
 
 
 def smooth(

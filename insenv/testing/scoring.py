@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,8 +39,8 @@ class Score:
 
     @property
     def error(self) -> float:
-        """The standard error of the mean; 0 for one seed."""
-        return float(self.returns.std(ddof=1) / np.sqrt(len(self.returns))) if len(self.returns) > 1 else 0.0
+        """The standard error of the mean; no number (NaN) for one seed."""
+        return float(self.returns.std(ddof=1) / np.sqrt(len(self.returns))) if len(self.returns) > 1 else math.nan
 
     def __str__(self) -> str:
         return f"{self.env_id}, {len(self.seeds)} seeds from {self.seeds[0]}: {self.mean:.3f} +- {self.error:.3f}"
@@ -56,13 +58,13 @@ def score(env_id: str, policy: Policy, seeds: Sequence[int] = HELD_OUT, **argume
         raise refused("seeds", seeds, "a sequence of whole numbers from 0")
     if not callable(policy) and not isinstance(policy, (str, Estimator)):
         raise InputError(f"policy of type {type(policy).__name__}: allowed is an estimator, or a function of the environment")
-    venv: Any = gymnasium.make_vec(env_id, len(chosen), **arguments)
-    observations, infos = venv.reset(seed=[int(seed) for seed in chosen])
-    act = policy(venv) if callable(policy) else agents.make(policy, venv).act
     returns, running = np.zeros(len(chosen)), np.ones(len(chosen), dtype=bool)
-    while running.any():
-        observations, rewards, terminated, truncated, infos = venv.step(act(observations, infos))
-        returns += np.where(running, rewards, 0.0)
-        running &= ~(terminated | truncated)
-    venv.close()
+    venv: Any
+    with closing(gymnasium.make_vec(env_id, len(chosen), **arguments)) as venv:
+        observations, infos = venv.reset(seed=[int(seed) for seed in chosen])
+        act = policy(venv) if callable(policy) else agents.make(policy, venv).act
+        while running.any():
+            observations, rewards, terminated, truncated, infos = venv.step(act(observations, infos))
+            returns += np.where(running, rewards, 0.0)
+            running &= ~(terminated | truncated)
     return Score(env_id, tuple(int(seed) for seed in chosen), returns)

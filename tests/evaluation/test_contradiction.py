@@ -97,6 +97,8 @@ def test_a_unit_turned_about_the_vertical_is_named(turned_deg):
 
 def test_a_vehicle_on_wheels_is_named_from_ten_degrees_on():
     assert [len(sideways_notes(MINUTE, driven(angle), wheels=True)) for angle in (9.0, -11.0)] == [0, 1]
+    unsure = {"attitude_sigma": np.full((len(MINUTE), 3), np.radians(5.0))}
+    assert [len(sideways_notes(MINUTE, driven(angle) | unsure, wheels=True)) for angle in (14.0, 16.0)] == [0, 1]
 
 
 def test_what_may_be_right_is_not_named():

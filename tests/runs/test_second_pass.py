@@ -35,7 +35,6 @@ def test_a_run_is_astray_where_a_first_order_leaves_out_a_third_of_a_stated_devi
     assert astray(psi, speed, 0.9 * sigma, velocity_sigma)
     assert not astray(psi, 1.06 * speed, sigma, velocity_sigma)
     assert astray(psi, 1.08 * speed, sigma, velocity_sigma)
-    assert [astray(np.array([0.0, 0.0, angle]), speed, sigma, velocity_sigma) for angle in (3.14, 3.15)] == [True, False]
 
 
 @pytest.mark.slow
@@ -60,6 +59,7 @@ def test_from_a_start_degrees_off_the_stated_deviations_hold_from_its_first_seco
 
     def largest():
         run = insenv.run(scenario, id, seed=3).results[0]
+        assert ("start-not-reached" in run.health.contradicted) == (smoothed.PASSES == 1)
         return max(np.abs(run.errors[name] / run.sigma[name]).max() for name in run.sigma)
 
     assert largest() < 5.0

@@ -24,6 +24,7 @@ def test_a_score_is_the_mean_return_of_single_episodes_with_these_seeds():
         returns.append(total)
     assert found.returns.tolist() == returns and found.mean == np.mean(returns)
     assert found.error == pytest.approx(abs(returns[0] - returns[1]) / 2.0)
+    assert np.isnan(score(SHIP, "loosely-coupled", [7], **SHORT).error)
     assert str(found) == f"{SHIP}, 2 seeds from 7: {found.mean:.3f} +- {found.error:.3f}"
 
 

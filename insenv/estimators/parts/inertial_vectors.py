@@ -40,8 +40,8 @@ from insenv.estimators.contract import Knowledge
 from insenv.estimators.parts import frozen_frame, rows
 from insenv.estimators.parts.strapdown import MEMORY
 
-SETTLING = 25.0
-"""Smoothing times until sway no longer dominates the errors on a swaying base: 100 s of 4 s.
+SETTLING = 30.0
+"""Smoothing times until sway no longer dominates the errors on a swaying base, and a slow surge is seen: 120 s of 4 s.
 
 On ship-irregular-sea (seeds 100 to 131) the rms of heading is 2.0 times what biases and white noise leave after 81 s, and
 1.15 times after 99 s, with the q-method; with `qakf-improved` 1.15 times after 75 s. A vehicle at rest needs half of it, but

@@ -112,7 +112,7 @@ def test_scale_factors_set_smaller_than_those_of_the_unit_are_noted():
 def log_at_rest(grade="", **estimator):
     place = {"latitude_deg": 30.0, "longitude_deg": 114.0, "height_m": 20.0}
     still = changed("static-ecef", rate_hz=10.0, imu={"grade": "perfect"}, start=place)
-    log = simulated_log(still, duration_s=100.0, grade=grade, initial=place, estimator=estimator)
+    log = simulated_log(still, duration_s=120.0, grade=grade, initial=place, estimator=estimator)
     return replace(log, reference=None)
 
 

@@ -179,7 +179,7 @@ def test_a_run_that_is_doubted_is_not_called_consistent():
 
 def test_runs_that_are_too_short_are_noted_and_fixes_are_not_missed_without_a_receiver():
     found = run_campaign(make_plan(slow_ship(), "q-method", 2, first_seed=3, duration_s=2.0))
-    assert any(note.startswith("too short: 2 s of data, q-method needs 100 s") for note in found.as_json()["notes"])
+    assert any(note.startswith("too short: 2 s of data, q-method needs 120 s") for note in found.as_json()["notes"])
     assert all(values[3] is None and values[2] is not None for _, values in presentation.campaign_rows(found))
     aided = run_campaign(make_plan(car(gnss=None, odometer={}), "fusion", 1, first_seed=3, duration_s=2.0))
     assert aided.verdicts() and not any("fix" in share.worst.remark.code for share in aided.shares)
