@@ -21,6 +21,7 @@ from insenv.core.model import Model
 from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Table, Vector
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
+from insenv.estimators.registry import knowing_objects
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import CHANNELS
 from insenv.report.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES
@@ -342,6 +343,7 @@ def _base64(numbers: Vector) -> str:
 # `page`: a scenario and its estimators as one HTML file that simulates in a browser.
 
 
+@knowing_objects
 def page(
     scenario: ScenarioLike,
     output: str | Path,

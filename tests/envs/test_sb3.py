@@ -45,6 +45,7 @@ def test_an_end_by_time_is_terminal_where_the_score_is_complete():
         assert told[:, place.slice("known_heading_sigma")] == pytest.approx(np.radians(5.0))
 
 
+@pytest.mark.slow
 def test_a_supervisor_is_the_network_of_torch_saved_and_loaded(tmp_path, monkeypatch):
     torch = peers.package("torch", HOW)
     monkeypatch.syspath_prepend(ROOT / "examples")

@@ -138,7 +138,7 @@ def test_its_aid_is_exported_and_its_keys_are_controls(tmp_path):
     insenv.export_fmu(filter, tmp_path / "compass.fmu")
     names = {variable.name for variable in fmpy.read_model_description(str(tmp_path / "compass.fmu")).modelVariables}
     assert {"compass_heading", "compass_new", "parameters.compass_noise", "compass_deviation[1]"} <= names
-    page = insenv.page(CAR, tmp_path / "compass.html", "fusion")
+    page = insenv.page({**CAR, "estimator": {filter.id: {"innovation_gate": 4}}}, tmp_path / "compass.html", filter)
     assert "compass.noise_deg" in unpacked(page.read_text())["live"]
 
 
