@@ -69,6 +69,28 @@ def hundred() -> Figure:
     return Figure(value, least, REPETITIONS, "gym.make, 100 samples per step", ("Pendulum-v1", peer))
 
 
+DRAWN = 40
+"""Steps that are drawn."""
+
+
+def frame() -> Figure:
+    """An image of each step of a drive, those with which bounds grow included; the floor is a copy of the pixels."""
+    env = gymnasium.make("insenv/VehicleNavigation-v0", render_mode="rgb_array", samples_per_step=200).unwrapped
+    ahead = np.eye(env.action_space.shape[0])[0]  # type: ignore[index]
+
+    def episode() -> None:
+        env.reset(seed=1)
+        for _ in range(DRAWN):
+            env.step(ahead)
+            env.render()
+
+    episode()
+    value = median_time(episode, 5, 1) / DRAWN * 1e3
+    image: Any = env.render()
+    least = median_time(image.copy, 5, 100) * 1e3
+    return Figure(value, least, 5, f"render, {DRAWN} steps of VehicleNavigation-v0, a step; floor: a copy of the pixels")
+
+
 def _classic(id: str, action: Any) -> float:
     """Time of a step of a classic environment, including its resets."""
     env = gymnasium.make(id)

@@ -14,7 +14,7 @@ from insenv.base.errors import InputError, nearest
 from insenv.core.runner import make_runner
 from insenv.core.tables import Array, Table
 from insenv.envs.checks import check_choice, check_keywords, check_type
-from insenv.envs.rendering import draw, write
+from insenv.envs.rendering import Drawing, write
 from insenv.envs.setup import RewardOf, Setup, checked_action
 from insenv.envs.starts import RANGES
 
@@ -154,6 +154,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         self._shape = (task.actions.size,)
         self._over: bool | None = None
         self.history: list[tuple[Array, dict[str, Any]]] | None = None if self.render_mode is None else []
+        self._drawing: Drawing | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Start an episode; `options` (see the class) replace the arguments for this episode."""
@@ -229,7 +230,11 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
             raise ResetNeeded("render() before reset(): call reset() first")
         if not self.history:
             raise ResetNeeded("render() after restore() of a snapshot that was not rendered: call step() or reset() first")
-        return (draw if self.render_mode == "rgb_array" else write)(self.setup, self.history)
+        if self.render_mode == "ansi":
+            return write(self.setup, self.history)
+        if self._drawing is None:
+            self._drawing = Drawing(self.setup, self.history[0][1])
+        return self._drawing.image(self.history)
 
 
 _NOT_STARTED = "step() before reset(): call reset() first"
