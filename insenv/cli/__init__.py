@@ -106,6 +106,7 @@ def _report(error: BaseException, arguments: Sequence[str], number: int) -> int:
 _PARSER_TEXTS = (
     (r"Input should be a valid number.*", "allowed is a number"),
     (r"Input should be a valid integer.*", "allowed is a whole number"),
+    (r"Input should be greater than or equal to (\S+?)\.?$", r"allowed is a number from \1"),
     (r"Value error, (.*) is not one of (.*?)\.?$", r"\1: allowed is one of \2"),
 )
 

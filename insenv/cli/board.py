@@ -40,7 +40,8 @@ def export_c(
         Optional[str],  # noqa: UP045
         typer.Argument(
             metavar="SCENARIO|LOG",
-            help="The filter has the states, parameters and start that it has there, and the test the samples of that run.",
+            help="The filter has the states, parameters and start that it has there, and the test the samples of that run. "
+            "By default ship-swaying (alignment) or car-city-drive (navigation).",
         ),
     ] = None,
     name: Annotated[

@@ -49,6 +49,14 @@ def test_a_filter_behind_a_port_has_the_same_bits(exported):
         assert (status, out) == (0, f"{port}: 300 samples, 217 numbers compared, 0 differ\n")
 
 
+def test_a_status_and_its_outputs_leave_in_one_packet(exported):
+    """The second of two would wait until the first is acknowledged, about 40 ms."""
+    here, board = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with here, board, subprocess.Popen([exported / "build" / "port"], stdin=subprocess.PIPE, stdout=board) as running:
+        running.communicate(b"SO")
+        assert [here.recv(1000) for _ in range(2)] == [b"\0" + check._Export(exported).at_start.tobytes()] * 2
+
+
 @pytest.mark.parametrize(("rate", "speed"), [("", 115_200), (":921600", 921_600)])
 def test_a_filter_behind_a_serial_line_has_the_same_bits(exported, rate, speed):
     """The numbers have bytes that a terminal takes for line ends, interrupts and the end of a file."""
@@ -83,6 +91,10 @@ def test_a_whole_run_is_read_in_records_and_a_port_to_the_byte(tmp_path):
     text += [f"first_{what}[1][2] = {{\n  {{0.0, 0.0}},\n}};" for what in ("inputs", "outputs")]
     (tmp_path / "test" / "samples.h").write_text("\n".join([*text, ""]))
     numbers = np.arange(16.0).reshape(2, 4, 2)
+    for size in (0, 7):
+        numbers.ravel()[:size].tofile(tmp_path / RUN)
+        with pytest.raises(InputError, match=rf"run.bin has {8 * size} bytes: allowed is a multiple of 64"):
+            check._Export(tmp_path)
     numbers.tofile(tmp_path / RUN)
     export = check._Export(tmp_path)
     given, known = zip(*export.rows(), strict=True)
@@ -93,13 +105,17 @@ def test_a_whole_run_is_read_in_records_and_a_port_to_the_byte(tmp_path):
     assert [check._read(port, size) for size in (3, 1, 4)] == [bytes(range(3)), b"\3", bytes(range(4, 8))]
 
 
-def test_a_board_that_refuses_or_is_silent_and_a_wrong_port_are_errors(exported):
+def test_a_board_that_refuses_or_is_silent_and_a_wrong_port_are_errors(exported, monkeypatch):
     with served("printf", "\\006") as port, pytest.raises(InsenvError, match="start: the filter answers with status 6"):
         check_c(exported, port)
-    with served("true") as port, pytest.raises(InsenvError, match="no answer within 10 s"):
+    with served("true") as port, pytest.raises(InsenvError, match="the port was closed"):
         check_c(exported, port)
-    with pytest.raises(InputError, match=r"port 'usb:3': allowed is tcp:HOST:PORT"):
-        check_c(exported, "usb:3")
+    monkeypatch.setattr(check, "TIMEOUT_S", 0.05)
+    with served("sleep", "0.2") as port, pytest.raises(InsenvError, match=r"no answer within 0\.05 s"):
+        check_c(exported, port)
+    for wrong in ("usb:3", "tcp:localhost:0", "tcp:localhost:65536"):
+        with pytest.raises(InputError, match=rf"port '{wrong}': allowed is tcp:HOST:PORT with a PORT from 1 to 65535"):
+            check_c(exported, wrong)
     with pytest.raises(InputError, match=r"port 'serial:/dev/none' cannot be opened: .*No such file or directory: '/dev/none'"):
         check_c(exported, "serial:/dev/none")
 

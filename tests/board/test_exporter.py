@@ -8,6 +8,7 @@ from peers import program, ran
 from simulated_log import simulated_log
 
 import insenv
+from insenv.base.errors import InputError
 from insenv.export.board import export_c
 
 SHORT = {"duration_s": 16.0, "whole_run": True, "measure": False}
@@ -80,3 +81,24 @@ def test_an_export_replaces_an_earlier_one_and_its_run(tmp_path):
     again = export_c("q-method", output=tmp_path, measure=False)
     here = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert here == set(again.files)
+
+
+def test_files_that_are_not_of_an_export_are_not_replaced(tmp_path):
+    (tmp_path / "Makefile").write_text("mine")
+    with pytest.raises(InputError, match=r"' has Makefile and is no earlier export: allowed is a folder without such files"):
+        export_c("q-method", output=tmp_path, measure=False)
+    with pytest.raises(InputError, match=r"Makefile' is a file: allowed is a folder"):
+        export_c("q-method", output=tmp_path / "Makefile", measure=False)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("Makefile", "mine")]
+
+
+def test_a_run_gives_whole_rows_of_ten_samples(tmp_path):
+    with pytest.raises(InputError, match="the run has 9 samples: allowed are 10 or more"):
+        export_c("q-method", output=tmp_path, duration_s=0.045, measure=False)
+    exported = export_c("q-method", output=tmp_path, duration_s=0.06, measure=False)
+    assert exported.samples == 10 and "#define SAMPLES 10\n" in (tmp_path / "test" / "samples.h").read_text()
+
+
+def test_a_log_has_its_own_seed_and_duration(tmp_path):
+    with pytest.raises(InputError, match="seed = 3: allowed with a scenario"):
+        export_c("loosely-coupled", simulated_log("car-city-drive", duration_s=10.0), output=tmp_path, seed=3)

@@ -20,7 +20,7 @@ extern "C" {
 typedef enum {
   @NAME@_OK = 0,
   @NAME@_NOT_FINITE = 1,   /* NaN or infinity */
-  @NAME@_OUT_OF_RANGE = 2, /* outside the bounds of its row */
+  @NAME@_OUT_OF_RANGE = 2, /* outside its bounds, which @name@.c lists */
   @NAME@_NOT_WHOLE = 3,    /* a flag or a count that is no whole number */
   @NAME@_WRONG_DT = 4,     /* dt is outside @NAME@_DT_MIN to @NAME@_DT_MAX */
   @NAME@_DIVERGED = 5,     /* an output is not a finite number */

@@ -21,14 +21,15 @@ from insenv.base.installing import need
 from insenv.base.output import as_path
 from insenv.core.runner import Progress
 from insenv.core.tables import Vector
-from insenv.export.board.exporter import RUN
+from insenv.export.board.exporter import RUN, SAMPLES_FILE
 
 TIMEOUT_S = 10.0
 """Longest time without an answer."""
 STATUSES = 6
 """The last of the statuses of a filter."""
 BAUD = 115_200
-_PORTS = "allowed is tcp:HOST:PORT or serial:DEVICE[:BAUD]"
+LAST_TCP_PORT = 65_535
+_PORTS = f"allowed is tcp:HOST:PORT with a PORT from 1 to {LAST_TCP_PORT}, or serial:DEVICE[:BAUD]"
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Port(Protocol):
     """A line to a board."""
 
     def read(self, size: int, /) -> bytes | None:
-        """At most `size` bytes; none after `TIMEOUT_S`."""
+        """At most `size` bytes; after `TIMEOUT_S` none, or TimeoutError."""
 
     def write(self, data: bytes, /) -> int | None:
         """Send all."""
@@ -64,8 +65,8 @@ def check_c(folder: str | Path, port: str, *, samples: int | None = None, progre
     ``tcp:HOST:PORT`` or ``serial:DEVICE[:BAUD]`` (pyserial).  samples: at most so many; None: all.  progress: called with the
     numbers of samples done and in all.
 
-    Raises `InputError` for a folder that is no export or a port that cannot be opened, `InsenvError` for a status that is not
-    OK and for a board that does not answer.
+    Raises `InputError` for a folder that is no complete export or a port that cannot be opened, `InsenvError` for a status that is
+    not OK and for a board that does not answer or closes the connection.
     """
     export = _Export(as_path("folder", folder))
     total = export.samples if samples is None else min(samples, export.samples)
@@ -99,16 +100,19 @@ class _Export:
 
     def __init__(self, folder: Path) -> None:
         try:
-            text = (folder / "test" / "samples.h").read_text(encoding="ascii")
+            text = (folder / SAMPLES_FILE).read_text(encoding="ascii")
         except (OSError, ValueError):
-            raise InputError(f"{folder}: not an export of `insenv export c`: it has no test/samples.h") from None
+            raise InputError(f"{folder}: not an export of `insenv export c`: it has no {SAMPLES_FILE}") from None
         self.at_start = _numbers(text, "outputs_at_start")[0]
         self.inputs, self.outputs = _numbers(text, "first_inputs"), _numbers(text, "first_outputs")
         self.run = folder / RUN if (folder / RUN).is_file() else None
         name = "EVERY" if self.run is None else "RUN_EVERY"
         self.every = int(re.findall(rf"^#define {name} (\d+)", text, re.MULTILINE)[0])
         self.record = 8 * (self.every * self.inputs.shape[1] + self.at_start.size)
-        self.samples = len(self.inputs) if self.run is None else self.run.stat().st_size // self.record * self.every
+        size = self.record if self.run is None else self.run.stat().st_size
+        if size % self.record or not size:
+            raise InputError(f"{self.run} has {size} bytes: allowed is a multiple of {self.record}; export the filter again")
+        self.samples = len(self.inputs) if self.run is None else size // self.record * self.every
 
     def rows(self) -> Iterator[tuple[bytes, Vector | None]]:
         """Inputs of each sample, and the outputs after it where they are known."""
@@ -129,7 +133,7 @@ def _numbers(text: str, name: str) -> Vector:
     """The rows of an array of samples.h."""
     found = re.search(rf"{name}(?:\[[^\]]*\])*\[(\d+)\] = (.*?);$", text, re.MULTILINE | re.DOTALL)
     if found is None:
-        raise InputError(f"test/samples.h has no array {name}: export the filter again")
+        raise InputError(f"{SAMPLES_FILE} has no array {name}: export the filter again")
     return np.array(re.findall(r"[-+.\de]+", found[2]), dtype=np.float64).reshape(-1, int(found[1]))
 
 
@@ -137,7 +141,7 @@ def _opened(port: str) -> Port:
     kind, _, rest = port.partition(":")
     name, colon, number = rest.rpartition(":")
     try:
-        if kind == "tcp" and name and number.isdigit():
+        if kind == "tcp" and name and number.isdigit() and 1 <= int(number) <= LAST_TCP_PORT:
             with socket.create_connection((name, int(number)), TIMEOUT_S) as connection:
                 return connection.makefile("rwb", buffering=0)  # which keeps the connection
         if kind == "serial" and rest:
@@ -170,9 +174,11 @@ def _read(line: Port, size: int) -> bytes:
     while len(got) < size:
         try:
             part = line.read(size - len(got))
-        except OSError:
-            part = b""
+            is_closed = isinstance(line, socket.SocketIO)
+        except OSError as error:
+            part, is_closed = None, not isinstance(error, TimeoutError)
         if not part:
-            raise InsenvError(f"no answer within {TIMEOUT_S:g} s: does test/port.c of this export run on the board?")
+            what = "the port was closed" if is_closed else f"no answer within {TIMEOUT_S:g} s"
+            raise InsenvError(f"{what}: does test/port.c of this export run on the board?")
         got += part
     return got

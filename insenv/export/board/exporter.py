@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -22,7 +22,7 @@ from insenv.logs import RecordedLog
 from insenv.scenario import ScenarioLike
 from insenv.scenario.inputs import EVERY, SAMPLES
 
-RUN = "test/run.bin"
+SAMPLES_FILE, RUN = "test/samples.h", "test/run.bin"
 LIBRARY = frozenset({"sqrt", "floor", "fabs", "sqrtf", "floorf", "fabsf", "memcpy", "real", "main"})
 """Names of functions and types beside those of the filter."""
 _TEMPLATES = {
@@ -75,7 +75,7 @@ def export_c(
     estimator: an id, or an `Estimator`.
     source: a scenario or a log, by name, path or object: the filter has the states, parameters and start that it has there, and
         the test the inputs of that run.  None: the scenario of the estimator's FMU (docs/fmu.md).
-    output: folder to write to; it is made if it is missing.  Files of an earlier export are replaced.
+    output: folder to write to; it is made if it is missing.  Files of an earlier export are replaced, no others.
     name: prefix of all names in C; None: the estimator's id.
     seed, duration_s: of the simulated run, s; None: the scenario's.
     settings: parameters by estimator id, as of `insenv.run`.
@@ -85,12 +85,16 @@ def export_c(
     whole_run: whether the whole run is written too (`RUN`, 8 bytes a number), not only its first `SAMPLES` samples.
     measure: whether size, stack and instructions on a Cortex-M7 are measured, where its compiler and qemu are installed.
 
-    Raises `InputError` for an unknown name, a wrong value, an estimator that cannot run there or that smooths, a precision that
-    changes this run too much (`insenv.export.board.precision`), and for a folder that cannot be written to.
+    Raises `InputError` for an unknown name, a wrong value, an estimator that cannot run there or that smooths, a run of fewer
+    than `EVERY` samples, a precision that changes this run too much (`insenv.export.board.precision`), and for a folder that
+    cannot be written to or whose files are not those of an export.
     """
     folder = as_path("output", output)
     ready = tuned(estimator, source, seed=seed, duration_s=duration_s, settings=settings, start=start)
+    if ready.samples < EVERY:
+        raise InputError(f"the run has {ready.samples} samples: allowed are {EVERY} or more, after which outputs are compared")
     c_name = identifier(ready.estimator.id) if name is None else _checked_name(name)
+    _check_folder(folder, (f"{c_name}.h", f"{c_name}.c", "README.md", *_TEMPLATES.values()))
     model = ready.estimator.model
     single = single_elements(precision, model)
     portable = Portable(c_name, ready.parameters, ready.dt, ready.values_from, single, tolerance(precision, ready))
@@ -100,10 +104,11 @@ def export_c(
         """The filter in its precision, at its start."""
         return Compiled(in_one(texts, c_name), model, ready.parameters) if single else ready.runner()
 
-    inputs, begin, outputs = ready.first(SAMPLES, runner())
+    inputs, begin, outputs = ready.first(min(SAMPLES, ready.samples) // EVERY * EVERY, runner())
     shares = run_shares(ready, runner()) if single else {}
     run_samples = ready.samples if whole_run else 0
-    texts["test/samples.h"] = _samples(c_name, ready, inputs, begin, outputs[EVERY - 1 :: EVERY])
+    samples = _samples(c_name, ready, inputs, begin, outputs[EVERY - 1 :: EVERY])
+    texts = {SAMPLES_FILE: samples, **texts}  # the file that marks an export comes first
     for template, place in _TEMPLATES.items():
         texts[place] = filled(template, c_name)
     try:
@@ -134,6 +139,17 @@ def _checked_name(name: object) -> str:
     return name
 
 
+def _check_folder(folder: Path, places: Iterable[str]) -> None:
+    """Refuse a folder in which files would be replaced that are not those of an export."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"output {str(folder)!r} is a file: allowed is a folder")
+    taken = [place for place in places if (folder / place).exists()]
+    if taken and not (folder / SAMPLES_FILE).is_file():
+        raise InputError(
+            f"output {str(folder)!r} has {', '.join(taken)} and is no earlier export: allowed is a folder without such files"
+        )
+
+
 def filled(template: str, name: str) -> str:
     """The text of a hand-written file for the filter `name`."""
     text = (files("insenv.export.board") / "c" / template).read_text(encoding="utf-8")
@@ -147,20 +163,20 @@ def in_one(texts: Mapping[str, str], name: str) -> str:
 
 def _samples(name: str, ready: Tuned, inputs: Array, begin: Array, outputs: Array) -> str:
     """samples.h: inputs and expected outputs of the first samples as arrays."""
-    count, every, steps = len(outputs) * EVERY, ready.every, ready.estimator.model.steps
+    every, steps = ready.every, ready.estimator.model.steps
     return "\n".join(
         [
             f"/* Inputs of {name} and the outputs that insenv {__version__} computes from them.  {ready.values_from} */",
             f'#include "{name}.h"',
             "",
-            f"#define SAMPLES {count}",
+            f"#define SAMPLES {len(inputs)}",
             f"#define EVERY {EVERY} /* samples from one row of `first_outputs` to the next */",
             f"#define RUN_EVERY {every} /* the same of a whole run */",
             f"#define N_STEP {len(steps)}",
             f"#define STEP_NAMES {{{', '.join(chr(34) + step + chr(34) for step in (*steps, WHOLE))}}}",
             "",
             *_array("outputs_at_start", [begin]),
-            *_array("first_inputs", inputs[:count], "SAMPLES"),
+            *_array("first_inputs", inputs, "SAMPLES"),
             *_array("first_outputs", outputs, "SAMPLES / EVERY"),
             "",
         ]

@@ -39,7 +39,7 @@ class Figures:
     """flash, ram, stack: bytes; ram is the struct, stack the deepest path from one of the functions of the interface.
 
     instructions: by name of a step, and of `WHOLE`; empty where qemu is not installed.  same_bits: whether the outputs there
-    were those of insenv; None: not run.
+    were those of the export; None: not run.
     """
 
     flash: int
@@ -50,8 +50,8 @@ class Figures:
 
     @property
     def bits(self) -> str:
-        """Whether the outputs are those of insenv, in words; empty if that is not known."""
-        return {None: "", True: "bit-identical to those of insenv", False: "NOT those of insenv"}[self.same_bits]
+        """Whether the outputs are those of the export, in words; empty if that is not known."""
+        return {None: "", True: "bit-identical to those of the export", False: "NOT those of the export"}[self.same_bits]
 
     def lines(self) -> list[str]:
         """Tables in Markdown."""
@@ -67,7 +67,7 @@ class Figures:
         lines = [f"  flash {self.flash / 1000:.1f} kB, RAM {self.ram / 1000:.1f} kB, stack {self.stack} bytes"]
         if WHOLE in self.instructions:
             whole = self.instructions[WHOLE]
-            lines.append(f"  instructions of a sample: {whole.mean} on average, at most {whole.most}")
+            lines.append(f"  instructions of a sample: {whole.mean} on average, at most {whole.most}, of {whole.calls}")
         return [*lines, *([f"  outputs in qemu: {self.bits}"] if self.bits else [])]
 
 

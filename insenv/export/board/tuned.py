@@ -78,8 +78,9 @@ def tuned(
     if family.smooths:
         raise InputError(f"estimator {family.id!r} smooths: a microcontroller knows no future; allowed is a filter")
     if isinstance(source, RecordedLog) or is_log(source):
-        if seed is not None or duration_s is not None:
-            raise InputError("seed and duration_s: allowed with a scenario; a log is used as it is")
+        for name, value in (("seed", seed), ("duration_s", duration_s)):
+            if value is not None:
+                raise InputError(f"{name} = {value!r}: allowed with a scenario; a log is used as it is")
         return _on_log(family, source, settings, start or "coarse")
     if start is not None:
         raise InputError(f"start = {start!r}: allowed with a log; a scenario states its start in [start] and [knowledge]")
