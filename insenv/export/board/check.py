@@ -65,8 +65,8 @@ def check_c(folder: str | Path, port: str, *, samples: int | None = None, progre
     ``tcp:HOST:PORT`` or ``serial:DEVICE[:BAUD]`` (pyserial).  samples: at most so many; None: all.  progress: called with the
     numbers of samples done and in all.
 
-    Raises `InputError` for a folder that is no complete export or a port that cannot be opened, `InsenvError` for a status that is
-    not OK and for a board that does not answer or closes the connection.
+    Raises `InputError` for a folder that is no complete export or a port that cannot be opened, `InsenvError` for a status that
+    is not OK and for a board that does not answer or closes the connection.
     """
     export = _Export(as_path("folder", folder))
     total = export.samples if samples is None else min(samples, export.samples)
