@@ -18,6 +18,8 @@ def test_the_sentence_that_began_last_is_told_and_each_cut_and_return_tells_its_
     given = {"story": STORY, "times": times, "cuts": [[10.0, 20.0], [30.0, 33.0]]}
     told = ["on", "on", "later", "cut", "cut", "long cut", "back", "back", "cut", "cut", "back", "well again"]
     assert answers("story.js", code, given, tmp_path) == told
+    given = {"story": STORY, "times": [2.0, 4.9, 6.0, 7.0, 8.0], "cuts": [[3.0, 7.5]]}  # "later" would begin in the cut
+    assert answers("story.js", code, given, tmp_path) == ["on", "cut", "cut", "long cut", "back"]
 
 
 def test_a_story_about_gnss_may_stay_where_gnss_is_taken_away():
