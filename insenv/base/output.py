@@ -46,6 +46,9 @@ def check_output_file(path: Path, ending: str = "") -> None:
     """
     if ending and path.suffix != ending:
         raise InputError(f"output {str(path)!r}: allowed is a name that ends in {ending}")
+    if not path.parent.is_dir():
+        what = "is not a folder" if path.parent.exists() else "does not exist"
+        raise InputError(f"cannot write {str(path)!r}: {str(path.parent)!r} {what}")
     try:
         if path.exists() and not path.is_file():
             raise InputError(f"cannot write {str(path)!r}: it is {'a folder' if path.is_dir() else 'not a regular file'}")

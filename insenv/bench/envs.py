@@ -91,6 +91,22 @@ def frame() -> Figure:
     return Figure(value, least, 5, f"render, {DRAWN} steps of VehicleNavigation-v0, a step; floor: a copy of the pixels")
 
 
+DRAWN_BY_A_RESET = "a whole number and three uniforms of its generator"
+
+
+def _drawn(generator: np.random.Generator) -> object:
+    return generator.integers(0, 2**53), generator.random(3)
+
+
+def reset() -> Figure:
+    """The start of one environment; the floor is what its own random generator takes."""
+    env = gymnasium.make(ID)
+    env.reset(seed=1)
+    generator = np.random.default_rng(1)
+    value, least = (median_time(call, REPETITIONS, 30) * 1e6 for call in (env.reset, lambda: _drawn(generator)))
+    return Figure(value, least, REPETITIONS, f"reset of {ID}; floor: {DRAWN_BY_A_RESET}")
+
+
 def _classic(id: str, action: Any) -> float:
     """Time of a step of a classic environment, including its resets."""
     env = gymnasium.make(id)
@@ -124,8 +140,8 @@ def resetting(id: str) -> Figure:
     venv.reset(seed=1)
     generators = [np.random.default_rng(seed) for seed in range(STARTED)]
     value = median_time(venv.reset, REPETITIONS, 3) / STARTED * 1e6
-    least = median_time(lambda: [(g.integers(0, 2**53), g.random(3)) for g in generators], REPETITIONS) / STARTED * 1e6
-    note = f"reset of {STARTED} rows of {id}, a row; floor: a whole number and three uniforms of its generator"
+    least = median_time(lambda: list(map(_drawn, generators)), REPETITIONS) / STARTED * 1e6
+    note = f"reset of {STARTED} rows of {id}, a row; floor: {DRAWN_BY_A_RESET}"
     return Figure(value, least, REPETITIONS, note)
 
 

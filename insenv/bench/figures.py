@@ -100,6 +100,7 @@ def _measurements() -> dict[str, tuple[str, Callable[[], Figure]]]:
         "smoother.flight": ("s", estimators.flight),
         "env.single": ("steps/s", envs.single),
         "env.hundred": ("us", envs.hundred),
+        "env.reset": ("us", envs.reset),
         "env.frame": ("ms", envs.frame),
         "vector.plant": ("samples/s", envs.plant),
         "vector.small": ("us", envs.small),

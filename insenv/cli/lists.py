@@ -231,14 +231,11 @@ def new(
     as_json: Json = False,
 ) -> None:
     """Write a commented file to start from, which runs as it is: a scenario, or a description of a log with its CSV files."""
+    from insenv.base.output import check_output_file
     from insenv.base.resources import examples_folder
     from insenv.cli.output import print_answer
 
-    if file.suffix != ".toml":
-        raise InputError(f"FILE = {str(file)!r}: allowed is a name that ends in .toml")
-    if not file.parent.is_dir():
-        what = "is not a folder" if file.parent.exists() else "does not exist"
-        raise InputError(f"cannot write {str(file)!r}: {str(file.parent)!r} {what}")
+    check_output_file(file, ".toml")
     source = examples_folder()
     if kind == "scenario":
         texts = {file.name: _renamed(source / "own_scenario.toml", {"examples/own_scenario.toml": file.as_posix()})}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -108,21 +109,21 @@ _SIZES: Any = {
 }
 
 
-class _Panel:
+class _Panel(ABC):
     """Axes and the parts on them that change with each image, in the order in which they are drawn."""
 
     def __init__(self, axes: Any, setup: Setup) -> None:
         self.axes, self.setup, self.parts = axes, setup, list[Any]()
 
-    def line(self, *style: str, **more: Any) -> Any:
-        """A line without points."""
-        (line,) = self.axes.plot([], [], *style, animated=True, **more)
+    def line(self, *form: str, **more: Any) -> Any:
+        """A line without points; form, more: as for `plot`."""
+        (line,) = self.axes.plot([], [], *form, animated=True, **more)
         self.parts.append(line)
         return line
 
+    @abstractmethod
     def show(self, history: History) -> tuple[float, ...]:
         """Set the parts; return the bounds of the axes, as `bound` takes them."""
-        raise NotImplementedError
 
     def bound(self, bounds: tuple[float, ...]) -> None:
         """Set the bounds of the axes: left, right, lower, upper."""

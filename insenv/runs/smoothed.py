@@ -83,14 +83,14 @@ class Smoother:
     def smoothed(self) -> dict[str, Array]:
         """The smoothed run so far at the wanted samples: rows of `smoother_outputs`, time along the first axis."""
         outputs = smoother_outputs(self.smoothing, *self.error_states())
-        passes = 1
-        while (better := self._better_start(outputs)) is not None:
-            self.apart = float(np.linalg.norm(better[0][TILT]))
-            if passes == PASSES or self.apart > LARGEST:
+        better = self._better_start(outputs)
+        for _ in range(1, PASSES):
+            if better is None or _angle(better[0]) > LARGEST:
                 break
             self._filter_again(*better)
             outputs = smoother_outputs(self.smoothing, *self.error_states())
-            self.apart, passes = 0.0, passes + 1
+            better = self._better_start(outputs)
+        self.apart = 0.0 if better is None else _angle(better[0])
         return outputs
 
     def _better_start(self, outputs: Mapping[str, Array]) -> tuple[Array, Array] | None:
@@ -169,6 +169,11 @@ class SmoothingFollower(Follower):
         apart = self.smoother.apart
         said = (NOT_REACHED.filled(angle=np.degrees(apart)),) if apart else ()
         return (*super().notes(time, duration_s, health, outputs), *said)
+
+
+def _angle(error: Array) -> float:
+    """Of the attitude in error states (n,), rad."""
+    return float(np.linalg.norm(error[TILT]))
 
 
 def smooth(

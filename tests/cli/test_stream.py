@@ -187,6 +187,6 @@ def test_the_dashboard_of_a_closed_terminal_requests_the_end(monkeypatch):
 
 
 def test_a_log_that_cannot_be_written_is_refused_before_the_stream(tmp_path):
-    for path, word in ((tmp_path, "folder"), (os.devnull, "not a regular file"), (tmp_path / "no" / "a", "No such")):
+    for path, word in ((tmp_path, "folder"), (os.devnull, "not a regular file"), (tmp_path / "no" / "a", "does not exist")):
         refused(call("stream", "car-city-drive", "--to", "udpout:127.0.0.1:9", "--tlog", path), word)
     assert not list(tmp_path.iterdir())

@@ -213,7 +213,7 @@ REFUSED = (
     ("plain-imu.csv later.csv", "do not share a clock"), ("plain.toml", "a TOML file: allowed"),
     ("none.csv", "file not found"), ("empty.csv", "the file is empty"),
     ("nothing", "no log in this folder: looked for flight logs, .csv"), ("one.csv", "one column"),
-    ("few.csv", "2 rows of numbers: a log has 10 or more"),
+    ("few.csv", "rows of numbers = 2: a log has 10 or more"),
     ("parked-imu.csv parked-gnss.csv", "in which the fixes move: nothing shows units and axes"),
     ("bytes.csv", "neither a text table nor of a format"), ("bytes.npy", "not a file of NumPy"),
     ("bytes.bag", "not readable as a ROS bag"), ("bytes.ulg plain-imu.csv", "a flight log beside other files"),

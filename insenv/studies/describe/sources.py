@@ -163,7 +163,7 @@ def tables_of(path: Path, file: str) -> list[LogTable]:
     if form.read_columns is None:
         table = text_table(label, raw, file)
         if len(table.values) < LEAST_ROWS:
-            raise InputError(f"{label}: {len(table.values)} rows of numbers: a log has {LEAST_ROWS} or more")
+            raise InputError(f"{label}: rows of numbers = {len(table.values)}: a log has {LEAST_ROWS} or more")
         return [table]
     sections = [name for name in ("imu", "gnss") if name in form.keys] or [""]
     faults: list[str] = []

@@ -64,12 +64,15 @@ def test_a_jump_of_the_fixes_is_followed_after_three_and_said(velocities):
     assert any("refused fixes agreed with each other" in note for note in result.notes)
 
 
-@pytest.mark.parametrize(("grown_m", "agreed"), [(30.0, 3.0), (0.0, 1.0), (20.0, 1.0)])
-def test_refused_fixes_agree_if_the_position_grows_by_the_mean_velocity(grown_m, agreed):
-    """Velocity 10 m/s wrong, then 20, two seconds apart; the first time that two agree nothing starts anew."""
+@pytest.mark.parametrize(("grown_m", "measured", "agreed"), [(30.0, 1, 3.0), (0.0, 1, 1.0), (20.0, 1, 1.0), (0.0, 0, 3.0)])
+def test_refused_fixes_agree_if_the_position_grows_by_the_mean_velocity(grown_m, measured, agreed):
+    """Velocity 10 m/s wrong, then 20, two seconds apart; the first time that two agree nothing starts anew.
+
+    measured: whether the velocities are present; what stands in their place does not count otherwise.
+    """
     aid = SimpleNamespace(row=lambda name: name)
     x = SimpleNamespace(innovation=ca.DM([5.0, 0, 0, 10, 0, 0]), agreed=2.0, refusals=2.0, restart_count=0.0,
         covariance=ca.DM.zeros(45))  # fmt: skip
-    done = restart(aid, x, ca.DM([5.0 + grown_m, 0, 0, 20, 0, 0]), ca.DM.ones(6), np.ones(6), 2.0, 9)
+    done = restart(aid, x, ca.DM([5.0 + grown_m, 0, 0, 20, 0, 0]), ca.DM.ones(6), np.repeat([1, measured], 3), 2.0, 9)
     rows = counted(aid, x, done, 1)
     assert float(ca.evalf(rows["agreed"])) == agreed and float(ca.evalf(rows["restart_count"])) == 0.0
