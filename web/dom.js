@@ -34,7 +34,7 @@ export function fill(element, ...children) {
  * @param {string} kind  further classes
  * @param {string} title
  * @param {string} unit  "1" or empty: none
- * @param {Child} beside
+ * @param {Child | Child[]} beside
  * @param {...Child} children */
 export function panelOf(kind, title, unit, beside, ...children) {
   const shown = unit !== "" && unit !== "1" && h("span", { class: "unit" }, ` ${unit}`);

@@ -31,8 +31,8 @@ export function makeTrack(live, at) {
     .find((/** @type {any} */ one) => one.count);
   /** @type {any} */
   const scene = { lines, last: [], ellipses: [], refused: [], accepted: [], places: [0, 0] };
-  const label = "The truth and the estimates with three sigmas; crosses are refused fixes.";
-  const plot = trackPlot("Track seen from above", scene, label, true);
+  const label = "Seen from above: the truth and the estimates with three sigmas; crosses are refused fixes.";
+  const plot = trackPlot("Track", scene, label, true);
   const mark = (/** @type {any} */ history, /** @type {number} */ place) => {
     if (!filter || place === 0 || !at("gnss_latitude")) return;
     const grown = (/** @type {any} */ row) => history.value(row.at, place) > history.value(row.at, place - 1);

@@ -40,9 +40,8 @@ export function trackPlot(title, scene, label, moving = false) {
   );
   const { element: canvas, size } = sharp;
   const readout = h("output", { class: "readout" });
-  const element = panelOf("tall", title, "m", readout, canvas);
   const follow = button("Follow", () => setFollowing(!following), { class: "quiet follow", id: "follow", "aria-pressed": "false" });
-  if (moving) element.append(follow);
+  const element = panelOf("tall", title, "m", [readout, moving && follow], canvas);
   /** @type {Set<number>} */
   const hidden = new Set();
   /** @type {{east: number, north: number, scale: number} | null} */

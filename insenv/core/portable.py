@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from textwrap import wrap
 
 from insenv.base.errors import InputError
 from insenv.base.shipped import __version__
@@ -112,10 +113,9 @@ def c_files(model: Model, portable: Portable) -> dict[str, str]:
     places = _places(portable.single or [False] * model.state.size)
     sizes = [sum(kind == k for kind, _ in places) for k in range(2)]
     written = [_written(model, name, places, portable) for name in model.kernels]
+    title = model.title[:1].upper() + model.title[1:]
     fields = {
-        "title": model.title[:1].upper() + model.title[1:],
-        "id": model.id,
-        "version": __version__,
+        "heading": "\n * ".join(wrap(f"{title} ({model.id}), written by insenv {__version__}.", 125)),
         "values_from": portable.values_from,
         "same": (
             "Numbers are the same wherever float and double are IEEE 754 binary32 and binary64"

@@ -72,6 +72,16 @@ def test_a_filter_behind_a_serial_line_has_the_same_bits(exported, rate, speed):
     assert set_to == getattr(termios, f"B{speed}")
 
 
+def test_a_check_after_one_that_was_cut_finds_its_place(exported):
+    """In the middle of the inputs of a sample, with outputs that nobody has read."""
+    cut = b"SO" + b"I" + bytes(11)
+    octal = "".join(f"\\{byte:03o}" for byte in cut)
+    script = f"{{ printf '{octal}'; cat; }} | {exported / 'build' / 'port'}"
+    with served("sh", "-c", script) as port:
+        found = check_c(exported, port)
+    assert (found.samples, found.compared, found.differing) == (300, 217, 0)
+
+
 def test_another_bit_is_found_and_ends_with_status_1(exported, tmp_path):
     (tmp_path / "test").mkdir()
     text = (exported / "test" / "samples.h").read_text()
@@ -106,7 +116,16 @@ def test_a_whole_run_is_read_in_records_and_a_port_to_the_byte(tmp_path):
 
 
 def test_a_board_that_refuses_or_is_silent_and_a_wrong_port_are_errors(exported, monkeypatch):
-    with served("printf", "\\006") as port, pytest.raises(InsenvError, match="start: the filter answers with status 6"):
+    size = check._Export(exported).inputs.shape[1] * 8 + 1  # zeros, and the H of a greeting
+    for answer, told in (
+        ("\\006", "start: the filter answers with status 6"),
+        ("\\007", "another program than test/port.c answers"),
+    ):
+        board = served("sh", "-c", f"head -c {size} >&2; head -c 8; printf '{answer}'")
+        with board as port, pytest.raises(InsenvError, match=told):
+            check_c(exported, port)
+    monkeypatch.setattr(check, "LEFT_OVER", 100)
+    with served("yes") as port, pytest.raises(InsenvError, match=r"another program than test/port\.c of this export sends"):
         check_c(exported, port)
     with served("true") as port, pytest.raises(InsenvError, match="the port was closed"):
         check_c(exported, port)

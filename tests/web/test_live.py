@@ -131,8 +131,8 @@ def test_the_page_is_accessible_and_fits(browser, size, dark):
     titled = "[...document.querySelectorAll('.panel')].find((one) => one.textContent.startsWith('Heading error'))"
     of_box = "(one) => one.getBoundingClientRect().bottom"
     assert browser.value(f"((bottom, heading) => {lowest})({of_box}, {titled}) <= innerHeight")  # the first screen
-    follow, scale = "document.getElementById('follow').offsetTop + document.getElementById('follow').offsetHeight", 30
-    assert size != PHONE or browser.value(f"{follow} + {scale} <= document.getElementById('follow').offsetParent.offsetHeight")
+    above = "document.getElementById('follow').getBoundingClientRect().bottom <= "
+    assert browser.value(f"{above} document.querySelector('canvas.track').getBoundingClientRect().top")
     dial = "((when) => (dispatchEvent(new Event(when)), document.querySelector('canvas.dial').toDataURL()))"
     assert browser.value(f"{dial}('afterprint') !== {dial}('beforeprint')") == dark  # paper is white
     browser.driver.execute_script("dispatchEvent(new Event('afterprint'))")

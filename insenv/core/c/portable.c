@@ -1,4 +1,4 @@
-/* @title@ (@id@), written by insenv @version@.  See @name@.h. */
+/* @heading@  See @name@.h. */
 
 /* No multiplication and addition in one rounding: with them most numbers differ from those of insenv. */
 #if defined(__clang__)

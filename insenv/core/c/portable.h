@@ -1,4 +1,4 @@
-/* @title@ (@id@), written by insenv @version@.
+/* @heading@
  *
  * @name@_init sets a filter to its start, @name@_sample takes one inertial sample with what arrived during it, and
  * @name@_output gives the estimate after the last sample.  The struct @name@ is all that they need: nothing is allocated,

@@ -5,6 +5,7 @@ The protocol stands in ``c/port.c``.
 
 from __future__ import annotations
 
+import os
 import re
 import socket
 from collections.abc import Iterator
@@ -27,6 +28,10 @@ TIMEOUT_S = 10.0
 """Longest time without an answer."""
 STATUSES = 6
 """The last of the statuses of a filter."""
+GREETING = 8
+"""Bytes that a board sends back, so that it is known where its next answer begins."""
+LEFT_OVER = 65_536
+"""Most bytes that an earlier check, which was cut, may have left on the line."""
 BAUD = 115_200
 LAST_TCP_PORT = 65_535
 _PORTS = f"allowed is tcp:HOST:PORT with a PORT from 1 to {LAST_TCP_PORT}, or serial:DEVICE[:BAUD]"
@@ -82,6 +87,7 @@ def check_c(folder: str | Path, port: str, *, samples: int | None = None, progre
             if other.size and first is None:
                 first = done, int(other[0]), float(values[other[0]]), float(expected[other[0]])
 
+        _greet(line, export.inputs.shape[1] * 8)
         _ask(line, b"S", "start")
         judge(export.at_start)
         for given, expected in islice(export.rows(), total):
@@ -156,16 +162,30 @@ def _opened(port: str) -> Port:
     raise InputError(f"port {port!r}: {_PORTS}")
 
 
+def _greet(line: Port, size: int) -> None:
+    """End a request of `size` bytes that an earlier check may have cut, and read what it may have left."""
+    greeting, got = os.urandom(GREETING), b""
+    _send(line, bytes(size) + b"H" + greeting, "start")
+    while not got.endswith(greeting):
+        got += _read(line, 1)
+        if len(got) > LEFT_OVER:
+            raise InsenvError("another program than test/port.c of this export sends on this port")
+
+
 def _ask(line: Port, request: bytes, what: str) -> None:
     """Send a request and read its status."""
-    try:
-        line.write(request)
-    except OSError as error:
-        raise InsenvError(f"{what}: the port is gone: {error}") from None
+    _send(line, request, what)
     status = _read(line, 1)[0]
     if status:
         other = "another program than test/port.c answers" if status > STATUSES else "the list is in its header"
         raise InsenvError(f"{what}: the filter answers with status {status} ({other})")
+
+
+def _send(line: Port, data: bytes, what: str) -> None:
+    try:
+        line.write(data)
+    except OSError as error:
+        raise InsenvError(f"{what}: the port is gone: {error}") from None
 
 
 def _read(line: Port, size: int) -> bytes:

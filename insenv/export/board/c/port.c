@@ -1,8 +1,10 @@
 /* @name@ behind a port: `insenv check c DIR --port ...` feeds it and compares what it answers, to the bit.
  *
  * A request is one letter: S (start), I with the inputs of a sample, O (outputs).  An answer is one byte, the status, after S and O
- * followed by the outputs.  Numbers are doubles in the order of the structs, low byte first, as every Cortex-M has them.  On a board,
- * define OWN_PORT and write the two functions for its serial line; without it they read and write the standard streams.
+ * followed by the outputs.  Numbers are doubles in the order of the structs, low byte first, as every Cortex-M has them.  H with eight
+ * bytes is answered with these bytes: what comes after them answers the next request.  Other letters are not answered; so as many
+ * zeros as inputs have bytes end a request that was cut.  On a board, define OWN_PORT and write the two functions for its serial line;
+ * without it they read and write the standard streams.
  */
 #include "@name@.h"
 
@@ -32,7 +34,7 @@ static void answer(@name@_status status, int with_outputs) {
 }
 
 int main(void) {
-  unsigned char letter;
+  unsigned char letter, greeting[8];
   while (port_read(&letter, 1)) {
     if (letter == 'S') {
       @name@_status status = @name@_init(&filter, &@name@_defaults);
@@ -42,6 +44,8 @@ int main(void) {
       answer(@name@_sample(&filter, &inputs), 0);
     } else if (letter == 'O') {
       answer(@name@_output(&filter, &outputs), 1);
+    } else if (letter == 'H' && port_read(greeting, sizeof greeting)) {
+      port_write(greeting, sizeof greeting);
     }
   }
   return 0;
