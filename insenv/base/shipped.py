@@ -74,6 +74,7 @@ SPECS: dict[str, tuple[str, dict[str, object]]] = {
     "insenv/AircraftNavigation-v0": ("Navigation", {"scenario": "aircraft-survey", "vehicle": "aircraft"}),
     "insenv/Tuning-v0": ("Tuning", {"scenario": "car-city-drive"}),
     "insenv/FaultTuning-v0": ("FaultTuning", {"scenario": "car-city-drive"}),
+    "insenv/Correction-v0": ("Correction", {"scenario": "car-city-drive"}),
     "insenv/Manoeuvre-v0": ("Manoeuvre", {"scenario": "car-unknown-heading"}),
 }
 IDS = tuple(SPECS)
@@ -106,5 +107,6 @@ _TASKS = {
     "Navigation": "estimate attitude, velocity and position of a vehicle with GNSS",
     "Tuning": "tune the noise parameters of a filter while it runs",
     "FaultTuning": "adapt a filter to instruments that are worse than their data sheets and fail for a while",
+    "Correction": "take errors out of the estimate of a filter whose instruments fail",
     "Manoeuvre": "move the vehicle such that the filter finds the heading",
 }

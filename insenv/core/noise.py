@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,33 +23,42 @@ from numpy.typing import ArrayLike, NDArray
 START_STREAM = 0xFFFFFFFF
 
 _ROUNDS = 10
-_MULTIPLIERS = np.array([0xD2511F53, 0xCD9E8D57], dtype=np.uint64)
-_WEYL = np.arange(_ROUNDS, dtype=np.uint64)[:, None] * np.array([0x9E3779B9, 0xBB67AE85], dtype=np.uint64)
-_LOW = np.uint64(0xFFFFFFFF)
-_SHIFT = np.uint64(32)
+_MULTIPLIERS = 0xD2511F53, 0xCD9E8D57
+_WEYL = 0x9E3779B9, 0xBB67AE85
+_LOW = 0xFFFFFFFF
 
 
-def philox(key: tuple[ArrayLike, ArrayLike], counter: tuple[ArrayLike, ...]) -> list[NDArray[np.uint64]]:
-    """The four 32-bit words (in uint64) of Philox 4x32-10 for a key of two and a counter of four words, broadcast."""
-    shape = np.broadcast(*counter, *key).shape
-    even, odd, keys = np.empty((3, 2, *shape), dtype=np.uint64)
-    even[0], odd[0], even[1], odd[1], keys[0], keys[1] = *counter, *key
-    alone = [1] * len(shape)
-    multipliers = _MULTIPLIERS.reshape(2, *alone)
-    for added in (keys + _WEYL.reshape(_ROUNDS, 2, *alone)) & _LOW:
-        products = (multipliers * even)[::-1]
-        even, odd = (products >> _SHIFT) ^ odd ^ added, products & _LOW
-    return [even[0], odd[0], even[1], odd[1]]
+def philox(key: tuple[Any, Any], counter: tuple[Any, Any, Any, Any]) -> tuple[Any, Any, Any, Any]:
+    """The four 32-bit words of Philox 4x32-10 for a key of two and a counter of four words.
+
+    Whole numbers of Python, or arrays of uint64 that broadcast; so are the results.
+    """
+    (k0, k1), (c0, c1, c2, c3) = key, counter
+    for _ in range(_ROUNDS):
+        p0, p1 = _MULTIPLIERS[0] * c0, _MULTIPLIERS[1] * c2
+        c0, c1, c2, c3 = (p1 >> 32) ^ c1 ^ k0, p1 & _LOW, (p0 >> 32) ^ c3 ^ k1, p0 & _LOW
+        k0, k1 = (k0 + _WEYL[0]) & _LOW, (k1 + _WEYL[1]) & _LOW
+    return c0, c1, c2, c3
 
 
 def uniforms(seed: ArrayLike, step: ArrayLike, stream: int, count: int) -> NDArray[np.float64]:
     """`count` uniforms in (0, 1) for each seed and step number, which broadcast: shape ``(..., count)``."""
-    seed, step = (np.asarray(number).astype(np.uint64)[..., None] for number in (seed, step))
-    block = np.arange(-(-count // 4), dtype=np.uint64)
-    key = (seed & _LOW, seed >> _SHIFT)
-    words = philox(key, (step & _LOW, step >> _SHIFT, np.uint64(stream), block))
-    numbers = (np.stack(words, axis=-1).astype(np.float64) + 0.5) * 2.0**-32
-    return numbers.reshape(*numbers.shape[:-2], -1)[..., :count]
+    seeds, steps = np.asarray(seed), np.asarray(step)
+    blocks, shape = -(-count // 4), np.broadcast_shapes(seeds.shape, steps.shape)
+    words: Any
+    if seeds.size == steps.size == 1:  # numbers are quicker than arrays of one
+        one, other = int(seeds.item()), int(steps.item())
+        words = [_words(one, other, stream, block) for block in range(blocks)]
+    else:
+        several, others = (number.astype(np.uint64)[..., None] for number in (seeds, steps))
+        all_words = _words(several, others, np.uint64(stream), np.arange(blocks, dtype=np.uint64))
+        words = np.stack(np.broadcast_arrays(*all_words), axis=-1)
+    numbers = (np.asarray(words, dtype=np.float64) + 0.5) * 2.0**-32
+    return numbers.reshape(*shape, 4 * blocks)[..., :count]
+
+
+def _words(seed: Any, step: Any, stream: Any, block: Any) -> tuple[Any, Any, Any, Any]:
+    return philox((seed & _LOW, seed >> 32), (step & _LOW, step >> 32, stream, block))
 
 
 # The first numbers of NumPy's default generators of many seeds at once.

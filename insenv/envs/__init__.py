@@ -7,6 +7,7 @@ The ids are `IDS`.  An observation contains what a navigator knows and measures;
 """
 
 from insenv.base.shipped import IDS, register
+from insenv.envs.correction import CorrectionEnv, CorrectionVectorEnv
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
 from insenv.envs.estimation_task import estimate_action
 from insenv.envs.fault_tuning import FaultTuningEnv, FaultTuningVectorEnv
@@ -21,6 +22,8 @@ __all__ = [
     "IDS",
     "AlignmentEnv",
     "AlignmentVectorEnv",
+    "CorrectionEnv",
+    "CorrectionVectorEnv",
     "FaultTuningEnv",
     "FaultTuningVectorEnv",
     "InertialEnv",

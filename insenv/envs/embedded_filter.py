@@ -115,6 +115,12 @@ class Inner:
             geodesy.ned_offset(*places[0], *places[1]),
         )
 
+    def without(self, p: Values, x: Values, error: Any) -> dict[str, Any]:
+        """Return the filter's state rows after an error, a value of `ERROR`, was taken out of its estimate."""
+        assert self.estimator.without is not None
+        rows = self.estimator.without(self.unprefixed(p, x)[1], error)
+        return {PREFIX + name: value for name, value in rows.items()}
+
     def nees(self, p: Values, x: Values) -> tuple[Any, int]:
         """Return the normalised estimation error squared (NEES) and its degrees of freedom."""
         return nees(self.estimator, self.unprefixed(p, x)[1], self.outputs(p, x), x)
@@ -129,14 +135,20 @@ class Inner:
 
 
 @lru_cache(maxsize=32)
-def inner_loop(plant: Model, id: str, scaled: tuple[str, ...] = ()) -> Inner:
+def inner_loop(plant: Model, id: str, scaled: tuple[str, ...] = (), *, correctable: bool = False) -> Inner:
     """Return the loop of a plant and the filter `id`, with adjustable factors on its rows `scaled`.
+
+    correctable: whether errors are taken out of its estimate from outside.
 
     Raises `InputError` for a filter that cannot run inside.
     """
+
+    def able_to(estimator: Estimator) -> bool:
+        return fits(estimator, scaled) and (estimator.without is not None or not correctable)
+
     estimator = estimators.get(id)
-    if not fits(estimator, scaled):
-        able = [name for name, other in estimators.registered().items() if fits(other, scaled)]
+    if not able_to(estimator):
+        able = [name for name, other in estimators.registered().items() if able_to(other)]
         raise InputError(f"estimator = {id!r}: allowed are filters that can run inside this environment: {', '.join(able)}")
     model = scaled_model(estimator.model, scaled) if scaled else estimator.model
     return Inner(estimator, loop_model(plant, model))

@@ -1,6 +1,6 @@
 """`FaultTuningEnv`: instruments are worse than their data sheets and fail for a while; the action sets noises, gate and trust.
 
-The decision, the evaluation of the filter and the reward are those of `insenv.envs.tuning`; the plant is that of
+The decision is that of `insenv.envs.tuning`, the score that of `insenv.envs.filter_score`; the plant is that of
 `insenv.envs.faults`.
 """
 
@@ -16,7 +16,7 @@ from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.envs.checks import check_number, check_type
+from insenv.envs import filter_score
 from insenv.envs.embedded_filter import (
     LARGEST_RATIO,
     SCALE,
@@ -29,12 +29,13 @@ from insenv.envs.embedded_filter import (
     window_part,
     within,
 )
-from insenv.envs.faults import FAULTS, NOISES, FaultyStarts, faulty
+from insenv.envs.faults import FAULTS, NOISES, Faulty
+from insenv.envs.filter_score import next_decision, scored, scoring_steps
 from insenv.envs.single import InertialEnv
 from insenv.envs.task import RESULT, Task, finite_action
-from insenv.envs.tuning import INFO, PARAMETERS, STATE, TUNED, FilterTuning, next_decision, scored, scoring_steps
+from insenv.envs.tuning import SCALING, TUNED, FilterTuning
 from insenv.envs.vector import InertialVectorEnv
-from insenv.scenario import Scenario, plant_of
+from insenv.scenario import Scenario
 
 SET = (*TUNED, "innovation_gate")
 """Parameters and inputs of the filter on which an action sets factors, in the order of its components."""
@@ -67,7 +68,7 @@ OBSERVED = Table((
     _NOW,
 ))  # fmt: skip
 _INFO = Table((
-    *(row for row in INFO if row.name != "scale"),
+    *filter_score.INFO,
     Row("scale", f"Factors in force on {', '.join(SET)}", "1", (7,)),
     Row("true_scale", f"Factors on the true {', '.join(NOISES)}", "1", (4,)),
     Row("fault_now", f"1 in the window of {', '.join(FAULTS)}", "1", (5,)),
@@ -77,18 +78,16 @@ _INFO = Table((
 @lru_cache(maxsize=16)
 def fault_tuning_task(plant: Model, estimator: str) -> Task:
     """Return the task of tuning a filter of a faulty plant.  Raises `InputError` for a filter that cannot be tuned."""
-    inner = inner_loop(faulty(plant), estimator, SET)
+    inner = inner_loop(plant, estimator, SET)
     steps = {
         "trend": Step(_trend, when="gnss_valid"),
         **scoring_steps(inner),
         "act": Step(lambda p, x, u: _act(inner, p, x, u), when="never"),
     }
-    state = Table(tuple(row for row in STATE if row.name != "log_scale_now")) + Table((_NOW, _TREND))
-    parameters = Table(tuple(row for row in PARAMETERS if row.name != "mistuning"))
-    score = Part(parameters, state, ACTIONS, steps)
+    score = Part(filter_score.PARAMETERS + SCALING, filter_score.STATE + Table((_NOW, _TREND)), ACTIONS, steps)
 
     def output(p: Any, x: Any) -> dict[str, Any]:
-        info = {"true_scale": getattr(x, SCALE), "fault_now": x.fault_now}
+        info = {"scale": getattr(x, SCALED), "true_scale": getattr(x, SCALE), "fault_now": x.fault_now}
         return within(OBSERVED, _observed(inner, p, x)) | scored(inner, p, x) | info
 
     parts = [as_part(inner.model), window_part(), score]
@@ -129,21 +128,11 @@ def _observed(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
-class FaultTuning(FilterTuning):
+class FaultTuning(Faulty, FilterTuning):
     """The arguments and the task of `FaultTuningEnv` and `FaultTuningVectorEnv`."""
 
-    samples_per_step: int = 200
-    duration_s: float | None = 240.0
-    spread_decades: float = 0.5
-    faults: bool = True
-
     def _task(self, scenario: Scenario) -> Task:
-        check_number("spread_decades", self.spread_decades, 0.0, 2.0)
-        check_type("faults", self.faults, bool, "True or False")
-        return fault_tuning_task(plant_of(scenario)[0], self.estimator)
-
-    def _starts(self, scenario: Scenario, *rest: Any) -> FaultyStarts:
-        return FaultyStarts(scenario, *rest, estimator=self.estimator, spread=float(self.spread_decades), faults=self.faults)
+        return fault_tuning_task(self._plant(scenario), self.estimator)
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

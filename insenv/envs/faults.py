@@ -12,6 +12,7 @@ The receiver says nothing of it: its fixes report the standard deviations of the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -23,8 +24,11 @@ from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import maximum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Array, Row, Table
+from insenv.envs.checks import check_number, check_type
 from insenv.envs.embedded_filter import SCALE, scaled_model
+from insenv.envs.filter_score import FilterInside
 from insenv.envs.starts import InnerStarts, uniforms_of
+from insenv.scenario import Scenario, plant_of
 from insenv.sensors import GNSS
 
 NOISES = ("angle_random_walk", "velocity_random_walk", "gnss_position_noise", "gnss_velocity_noise")
@@ -144,3 +148,22 @@ class FaultyStarts(InnerStarts):
         p[:, table.slice("fault_drag")] = np.stack([distance * np.cos(angle), distance * np.sin(angle), 0.0 * far], axis=1)
         p[:, table.slice("fault_axis")] = np.eye(6)[(axis * 6).astype(int)]
         return p
+
+
+@dataclass(kw_only=True, repr=False, eq=False)
+class Faulty(FilterInside):
+    """The arguments of all environments with a filter inside and instruments that fail."""
+
+    samples_per_step: int = 200
+    duration_s: float | None = 240.0
+    spread_decades: float = 0.5
+    faults: bool = True
+
+    def _plant(self, scenario: Scenario) -> Model:
+        """Return the plant of a scenario, with faults."""
+        check_number("spread_decades", self.spread_decades, 0.0, 2.0)
+        check_type("faults", self.faults, bool, "True or False")
+        return faulty(plant_of(scenario)[0])
+
+    def _starts(self, scenario: Scenario, *rest: Any) -> FaultyStarts:
+        return FaultyStarts(scenario, *rest, estimator=self.estimator, spread=float(self.spread_decades), faults=self.faults)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from functools import lru_cache
 from math import pi, radians
 from typing import Any
 
@@ -58,31 +59,37 @@ def known_rows(section: KnowledgeSection, model: Model, p: Array, x: Array, shee
     p (k, parameters), x (k, state): its vectors.  sheets: the data sheets of the episodes, (k,) or (1,)
     by field of `ImuDataSheet`.  The initial errors are those that `insenv.scenario.build` draws for the same seeds.
     """
-    names = [name for name in ("seed", "sample_interval", "antenna_lever_arm_b") if name in model.parameters]
-    parameters = model.parameters.unpack(p, names)
-    state = model.state.unpack(x, ("latitude", "longitude", "height", "velocity_n", "q_nb"))
-    error = start_errors(section, parameters["seed"].ravel())
-    place = (state[name].ravel() for name in ("latitude", "longitude", "height"))
-    latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(error[:, 3:6], *place)
-    attitude_n = np.stack(attitude.numeric.to_euler(state["q_nb"]), axis=1)
-    rows: dict[str, Any] = {
-        "known_sample_interval": parameters["sample_interval"].reshape(-1, 1),
-        "known_latitude": latitude[:, None],
-        "known_longitude": longitude[:, None],
-        "known_height": height[:, None],
-        "known_position_sigma": section.position_sigma_m,
-        "known_velocity_n": state["velocity_n"] + error[:, 6:9],
-        "known_velocity_sigma": section.velocity_sigma_mps,
-        "known_attitude": reported_attitude(attitude_n, error[:, 0:3]),
-        "known_tilt_sigma": radians(section.tilt_sigma_deg),
-        "known_heading_sigma": radians(section.heading_sigma_deg),
-        "known_antenna_lever_arm": parameters.get("antenna_lever_arm_b", 0.0),
-        **{f"known_{name}": sheets[name][:, None] for name in _SHEET},
-    }
-    vectors = np.empty((len(error), KNOWN.size))
-    for name, value in rows.items():
-        vectors[:, KNOWN.slice(name)] = value
+    parameters, state = model.parameters.slice, model.state.slice
+    error = start_errors(section, p[:, parameters("seed").start])
+    place = (x[:, state(name).start] for name in ("latitude", "longitude", "height"))
+    at = geodesy.numeric.geodetic_from_ned_offset(error[:, 3:6], *place)
+    attitude_n = np.stack(attitude.numeric.to_euler(x[:, state("q_nb")]), axis=1)
+    vectors = np.tile(_reported(section), (len(error), 1))
+    vectors[:, _PLACES["sample_interval"]] = p[:, parameters("sample_interval")]
+    for name, value in zip(("latitude", "longitude", "height"), at, strict=True):
+        vectors[:, _PLACES[name].start] = value
+    vectors[:, _PLACES["velocity_n"]] = x[:, state("velocity_n")] + error[:, 6:9]
+    vectors[:, _PLACES["attitude"]] = reported_attitude(attitude_n, error[:, 0:3])
+    if "antenna_lever_arm_b" in model.parameters:
+        vectors[:, _PLACES["antenna_lever_arm"]] = p[:, parameters("antenna_lever_arm_b")]
+    for name in _SHEET:
+        vectors[:, _PLACES[name].start] = sheets[name]
     return vectors
+
+
+@lru_cache(maxsize=64)
+def _reported(section: KnowledgeSection) -> Array:
+    """Return the values of `KNOWN` (KNOWN.size,) with the standard deviations that a section reports; others are 0."""
+    rows: dict[str, Any] = {
+        "position_sigma": section.position_sigma_m,
+        "velocity_sigma": section.velocity_sigma_mps,
+        "tilt_sigma": radians(section.tilt_sigma_deg),
+        "heading_sigma": radians(section.heading_sigma_deg),
+    }
+    vector = np.zeros(KNOWN.size)
+    for name, value in rows.items():
+        vector[_PLACES[name]] = value
+    return vector
 
 
 def knowledge_of(known: Mapping[str, Any], same: Knowledge | None = None) -> Knowledge:
@@ -107,6 +114,7 @@ def fields_known(known: Mapping[str, Any]) -> dict[str, Any]:
 
 _SHEET = tuple(row.name.removeprefix("known_") for row in KNOWN if row.name.removeprefix("known_") in _FIELDS)
 """Fields of `ImuDataSheet`, in the order of `KNOWN`."""
+_PLACES = {row.name.removeprefix("known_"): KNOWN.slice(row.name) for row in KNOWN}
 
 KNOWN_FIELDS = frozenset(fields_known(KNOWN.unpack(np.zeros(KNOWN.size))))
 """Fields of `Knowledge` and `ImuDataSheet` that `KNOWN` tells."""

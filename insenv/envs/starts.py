@@ -139,6 +139,8 @@ RANGES = tuple(field.name for field in fields(Ranges) if field.name != "units")
 """Arguments of environments that say what varies."""
 OPTIONS = (*(name for name in RANGES if name not in ("imu_range", "imu_sheet")), "run_seed")
 """Options of a reset."""
+TILTS = ("mean_roll", "mean_pitch")
+"""Parameters of a vehicle with which its unit is mounted."""
 _OF_VARIED = ("variations", "told", "imu", "gnss_outages_s")
 """Ranges on which the plants with varied keys depend."""
 
@@ -159,6 +161,12 @@ class Starts:
         self._constants = task.model.parameters.pack(constants)
         self._plant, rows = plant_of(scenario)
         self._vehicle = scenario.vehicle.vehicle().parameters
+        places, tilts = np.arange(self._plant.parameters.size), [name for name in TILTS if name in self._vehicle]
+        slices = [self._plant.parameters.slice(row.name) for row in self._vehicle if row.name.endswith("_phase")]
+        self._phases = np.concatenate([places[:0], *(places[each] for each in slices)])
+        self._drawn = [TILTS.index(name) for name in tilts]  # the columns of their numbers
+        self._tilts = [places[self._plant.parameters.slice(name)][0] for name in tilts]
+        self._tilt_bounds = np.array([[self._vehicle[name].lower, self._vehicle[name].upper] for name in tilts]).T
         if ranges.sea_state is not None:
             rows = {name: np.asarray(value) for name, value in rows.items()}
             _scale(rows, self._vehicle, ranges.sea_state[1])
@@ -217,12 +225,11 @@ class Starts:
     def _check_apart(self) -> None:
         """Raise `InputError` for a varied key that another argument draws or replaces too."""
         ranges, slices = self.ranges, self._plant.parameters.slice
-        phases = [row.name for row in self._vehicle if row.name.endswith("_phase")] if ranges.sway_phases else []
-        replaced = {
+        replaced: dict[str, Any] = {
             "imu": np.flatnonzero(self._pool[0] != self._pool[-1]),
             "heading_deg": slices("start_heading") if ranges.heading_deg is not None else [],
             "start_speed_mps": slices("start_speed") if self._draws_speed else [],
-            "sway_phases": [place for name in phases for place in range(slices(name).start, slices(name).stop)],
+            "sway_phases": self._phases if ranges.sway_phases else [],
         }
         for key, changed in () if self._varied is None else self._varied.changed.items():
             others = [name for name, places in replaced.items() if changed[places].any()]
@@ -284,22 +291,18 @@ class Starts:
         """Draw mounting, start speed and phases into the plant's parameters, from generators of the runs' seeds."""
         parameters, ranges, mounting = self._plant.parameters, self.ranges, self.ranges.mounting_deg
         speed = ranges.start_speed_mps if self._draws_speed else None
-        phases = [row for row in self._vehicle if row.name.endswith("_phase")] if ranges.sway_phases else []
-        if mounting is None and speed is None and not phases:
+        phases = self._phases if ranges.sway_phases else self._phases[:0]
+        if mounting is None and speed is None and not len(phases):
             return
-        numbers = first_uniforms(seeds.astype(np.uint64).tolist(), 3 + sum(row.size for row in phases))
-        if mounting is not None:
-            for name, number in zip(("mean_roll", "mean_pitch"), numbers[:, :2].T, strict=True):
-                if name in self._vehicle:
-                    row, place = self._vehicle[name], parameters.slice(name).start
-                    room = np.minimum(row.upper - vectors[:, place], vectors[:, place] - row.lower)
-                    vectors[:, place] += np.minimum(radians(mounting), room) * (-1.0 + 2.0 * number)
+        numbers = first_uniforms(seeds.astype(np.uint64).tolist(), 3 + len(phases))
+        if mounting is not None and self._tilts:
+            now, (lower, upper) = vectors[:, self._tilts], self._tilt_bounds
+            room = np.minimum(upper - now, now - lower)
+            vectors[:, self._tilts] = now + np.minimum(radians(mounting), room) * (-1.0 + 2.0 * numbers[:, self._drawn])
         if speed is not None:
             vectors[:, parameters.slice("start_speed").start] = _at(speed, numbers[:, 2])
-        used = 3
-        for row in phases:
-            vectors[:, parameters.slice(row.name)] = 2.0 * pi * numbers[:, used : used + row.size]
-            used += row.size
+        if len(phases):
+            vectors[:, phases] = 2.0 * pi * numbers[:, 3:]
 
     def complete(self, p: Array, x: Array) -> Array:
         """Write the initial knowledge for start states x (k, state.size), and the limits, into p; return p."""

@@ -1,31 +1,28 @@
 """`TuningEnv`: the action scales the noises of a filter while it runs.
 
-One decision consists of the step ``act``, which sets the factors and clears the sums, and then of the inertial
-samples.  Every `score_samples` samples the filter's error and NEES are added to the sums.  The score is that of the
-samples after the action.
+One decision consists of the step ``act``, which sets the factors, and then of the inertial samples.  The score is that of
+`insenv.envs.filter_score`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 
 from insenv.core.compose import Part, as_part, merge
-from insenv.core.elementary import clamp, log, minimum, select
+from insenv.core.elementary import clamp
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.envs.checks import check_number, check_type, check_whole
+from insenv.envs import filter_score
+from insenv.envs.checks import check_number
 from insenv.envs.embedded_filter import (
-    COMMON,
-    ERROR,
     SCALED,
     STATISTICS,
     Inner,
-    empty_window,
     inner_loop,
     log10,
     power10,
@@ -33,57 +30,28 @@ from insenv.envs.embedded_filter import (
     window_part,
     within,
 )
-from insenv.envs.setup import Arguments
+from insenv.envs.filter_score import FilterInside, next_decision, scored, scoring_steps
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import InnerStarts
-from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
+from insenv.envs.task import CLOCK, RESULT, Task, finite_action
 from insenv.envs.vector import InertialVectorEnv
-from insenv.scenario import Scenario, ScenarioLike, plant_of
+from insenv.scenario import Scenario, plant_of
 
 TUNED = (
     "angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma", "gnss_position_sigma",
     "gnss_velocity_sigma",
 )  # fmt: skip
 """Parameters and inputs of the filter that an action scales, in the order of its components."""
-DIVERGED = 1e4
-"""Root mean square of the error components, in limits, above which the filter has diverged."""
-WORST_CONSISTENCY = 10.0
-"""Upper bound of |ln(NEES / degrees of freedom)| in the reward."""
 
 ACTION = Row("log_scale", f"Logarithm of the factors on {', '.join(TUNED)}, in `decades`", "1", (6,), lower=-1.0, upper=1.0)
-PARAMETERS = COMMON + Table((
-    Row("limit", "1-sigma limit of each component of the error", "1", (9,), "n", 1.0, lower=1e-15, upper=1e9),
+SCALING = Table((
     Row("decades", "Decimal logarithm of the factor for an action of 1", start=2.0, lower=0.0, upper=4.0),
-    Row("mistuning", "Decimal logarithm of the factors for an action of 0", "1", (6,), lower=-4.0, upper=4.0),
-    Row("consistency_weight", "Weight of the consistency in the reward", start=0.5, lower=0.0, upper=1e3),
-    Row("score_samples", "Samples between evaluations of the error", start=1.0, lower=1.0, upper=1e9),
 ))  # fmt: skip
-STATE = Table((
-    NEVER,
-    DECISIONS,
-    INVALID,
-    Row("log_scale_now", "The action in force", "1", (6,)),
-    Row("score_count", "Samples since the last evaluation of the error"),
-    Row("score_due", "1 on a sample after which the error is evaluated"),
-    Row("scores", "Evaluations since the last action"),
-    Row("error_square", "Sum of their squared errors", "1", (9,), "n"),
-    Row("nees_sum", "Sum of their normalised estimation errors squared"),
-    Row("owed", "What the steps before the last action have lost"),
-))  # fmt: skip
+_MISTUNING = Row("mistuning", "Decimal logarithm of the factors for an action of 0", "1", (6,), lower=-4.0, upper=4.0)
+_NOW = Row("log_scale_now", "The action in force", "1", (6,))
 _GNSS_LEVEL = Row("gnss_level", "Decimal logarithm of the standard deviations that the receiver reports: position (m), velocity"
                   " (m/s)", "1", (6,), "n", lower=-16.0, upper=16.0)  # fmt: skip
-INFO = Table((
-    *TRUTH,
-    ERROR,
-    Row("error_rms", "Root mean square of the error since the last action", "1", (9,), "n"),
-    Row("limit", "1-sigma limit of each component of the error", "1", (9,), "n"),
-    Row("measure", "ln(1 + root mean square of error over limit), since the last action"),
-    Row("nees", "Mean since the last action of the normalised estimation error squared"),
-    Row("degrees", "Expected value of the NEES of a consistent filter: the number of components"),
-    Row("consistency", "|ln(nees / degrees)|"),
-    Row("scale", f"Factors in force on {', '.join(TUNED)}", "1", (6,)),
-    Row("diverged", "1 if the filter has diverged"),
-))  # fmt: skip
+INFO = filter_score.INFO + Table((Row("scale", f"Factors in force on {', '.join(TUNED)}", "1", (6,)),))
 
 
 @lru_cache(maxsize=16)
@@ -95,7 +63,8 @@ def tuning_task(plant: Model, estimator: str) -> Task:
     action = Row("log_scale_now", "The action in force", "1", (6,), lower=-1.0, upper=1.0)
     observation = Table((CLOCK,)) + STATISTICS + Table((_GNSS_LEVEL, sigma, action))
     act = lambda p, x, u: _act(inner, p, x, u)  # noqa: E731
-    score = Part(PARAMETERS, STATE, Table((ACTION,)), {**scoring_steps(inner), "act": Step(act, when="never")})
+    parameters, state = filter_score.PARAMETERS + SCALING + Table((_MISTUNING,)), filter_score.STATE + Table((_NOW,))
+    score = Part(parameters, state, Table((ACTION,)), {**scoring_steps(inner), "act": Step(act, when="never")})
 
     def output(p: Any, x: Any) -> dict[str, Any]:
         reported = ca.vertcat(x.gnss_position_sigma, x.gnss_velocity_sigma)
@@ -106,18 +75,13 @@ def tuning_task(plant: Model, estimator: str) -> Task:
             "sigma_level": log10(inner.sigma(x)),
             "log_scale_now": x.log_scale_now,
         }
-        return within(observation, seen) | scored(inner, p, x)
+        return within(observation, seen) | scored(inner, p, x) | {"scale": getattr(x, SCALED)}
 
     title = f"{inner.model.title}: tuning"
     model = merge(
         f"{inner.model.id}-tuning", title, [as_part(inner.model), window_part(), score], observation + RESULT + INFO, output
     )
     return Task(model, Table((ACTION,)), Table(), observation, INFO, judge="act")
-
-
-def scoring_steps(inner: Inner) -> dict[str, Step]:
-    """Return the steps that evaluate the filter's error between decisions."""
-    return {"score_count": Step(_count), "score": Step(lambda p, x, u: _evaluate(inner, p, x), when="score_due")}
 
 
 def _act(inner: Inner, p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -127,109 +91,14 @@ def _act(inner: Inner, p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {"invalid": ca.logic_not(finite), SCALED: factors, "log_scale_now": action, **next_decision(inner, p, x)}
 
 
-def next_decision(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
-    """Return the state rows with which the evaluations of a decision begin; what those of the last one have lost is owed."""
-    return {
-        "decisions": x.decisions + 1.0,
-        "score_count": 0.0,
-        "scores": 0.0,
-        "error_square": ca.SX.zeros(9),
-        "nees_sum": 0.0,
-        "owed": x.owed + select(x.decisions > 0.0, _window(inner, p, x).lost, 0.0),
-        **empty_window(),
-    }
-
-
-def _count(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    count = x.score_count + 1.0
-    due = count >= p.score_samples
-    return {"score_count": select(due, 0.0, count), "score_due": due}
-
-
-def _evaluate(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
-    error = inner.error(p, x)
-    return {
-        "scores": x.scores + 1.0,
-        "error_square": x.error_square + error * error,
-        "nees_sum": x.nees_sum + inner.nees(p, x)[0],
-    }
-
-
-@dataclass(frozen=True)
-class _Window:
-    """What the evaluations since the last action say, as expressions; lost: of the reward."""
-
-    sound: Any
-    square: Any
-    measure: Any
-    nees: Any
-    consistency: Any
-    lost: Any
-
-
-def _window(inner: Inner, p: Any, x: Any) -> _Window:
-    evaluations = select(x.scores > 0.0, x.scores, 1.0)
-    square = x.error_square / evaluations
-    ratio = ca.sumsqr(ca.sqrt(square) / p.limit) / 9.0
-    sound = ca.logic_and(ca.logic_not(x.invalid), ca.logic_and(ratio >= 0.0, ratio <= DIVERGED**2))  # false for NaN
-    measure = log(1.0 + ca.sqrt(select(sound, ratio, DIVERGED**2)))
-    nees = x.nees_sum / evaluations
-    share = nees / float(inner.nees(p, x)[1])
-    decent = ca.logic_and(share > 1e-12, share < 1e12)
-    consistency = select(decent, minimum(ca.fabs(log(select(decent, share, 1.0))), WORST_CONSISTENCY), WORST_CONSISTENCY)
-
-    each = 1.0 / p.decision_limit
-    left = 1.0 - (x.decisions - 1.0) * each  # share of the time left, this decision included
-    worst = log(1.0 + DIVERGED) + p.consistency_weight * WORST_CONSISTENCY
-    paid = each * (measure + p.consistency_weight * consistency)
-    return _Window(sound, square, measure, select(decent, nees, 0.0), consistency, select(sound, paid, left * worst))
-
-
-def scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
-    """Return the values of `RESULT` and of the info."""
-    window, last = _window(inner, p, x), x.decisions >= p.decision_limit
-    sound, error = window.sound, inner.error(p, x)
-    fine = ca.sumsqr(error) <= 1e30
-    over = ca.logic_or(last, ca.logic_not(sound))
-    return {
-        "reward": -select(p.dense, window.lost, select(over, x.owed + window.lost, 0.0)),
-        "terminated": ca.logic_not(sound),
-        "truncated": ca.logic_and(last, sound),
-        **truth(p, x),
-        "error": select(fine, error, 0.0),
-        "error_rms": select(sound, ca.sqrt(window.square), DIVERGED * p.limit),
-        "limit": p.limit,
-        "measure": window.measure,
-        "nees": window.nees,
-        "degrees": float(inner.nees(p, x)[1]),
-        "consistency": window.consistency,
-        "scale": getattr(x, SCALED),
-        "diverged": ca.logic_not(sound),
-    }
-
-
-SCORE_INTERVAL = 1.0
-"""Time between evaluations of the error, s; a shorter step is evaluated once."""
-
-
 @dataclass(kw_only=True, repr=False, eq=False)
-class FilterTuning(Arguments):
+class FilterTuning(FilterInside):
     """The arguments of all environments in which an agent tunes a filter."""
 
-    needs_gnss: ClassVar[bool] = True
-    scenario: ScenarioLike = field(default="car-city-drive", kw_only=False)
-    estimator: str = "loosely-coupled"
     decades: float = 2.0
-    consistency_weight: float = 0.5
 
     def _constants(self, scenario: Scenario) -> Mapping[str, float]:
-        samples = check_whole("samples_per_step", self.samples_per_step)
-        check_type("estimator", self.estimator, str, "the id of an estimator")
-        return {
-            "decades": check_number("decades", self.decades, 0.0, 4.0),
-            "consistency_weight": check_number("consistency_weight", self.consistency_weight, 0.0, 1e3),
-            "score_samples": float(max(1, min(samples, round(SCORE_INTERVAL * scenario.rate_hz)))),
-        }
+        return {"decades": check_number("decades", self.decades, 0.0, 4.0), **super()._constants(scenario)}
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

@@ -159,6 +159,8 @@ class Estimator:
     on_turntable: a sentence of `applicability` where a turntable turns the unit, or empty.
     error: ``(state, outputs, truth) -> (error, covariance)``, symbols: what its consistency (NEES) is measured on.  None:
         the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
+    without: ``(state, error) -> state rows``, symbols, of a navigation from which an error was taken out: estimate minus truth
+        in n, rotation vector (rad), velocity (m/s) and position (m), (9,).  None: nothing is taken out from outside.
     smooths: id of the filter over whose whole run this one goes back, or empty.  It starts and is tuned as that filter is,
         with its own tuning on top.
     smoothing: the two passes of such an estimator.
@@ -186,6 +188,7 @@ class Estimator:
     applicability: Notes | None = None
     on_turntable: str = ""
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
+    without: Callable[[Values, Any], Mapping[str, Any]] | None = None
     smooths: str = ""
     smoothing: Smoothing | None = None
     read_file: Callable[[str], Mapping[str, Any]] | None = None

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from insenv.core.tables import Row
 from insenv.estimators.contract import Estimator
-from insenv.estimators.fusion import history
+from insenv.estimators.fusion import history, navigation
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import ACCEL_BIAS, GYRO_BIAS
 from insenv.estimators.fusion.gnss import WHITE
@@ -43,6 +43,7 @@ _FILTER = Estimator(
     kind="navigation",
     sensors=("gnss",),
     error=FILTER.consistency_error,
+    without=navigation.without,
     applicability=applicability.together(applicability.linear_start, *_OF_UNIT),
     findings=lambda parameters: (*surprising(FILTER.states, parameters), *restarts(FILTER.aids)),
     causes=FILTER.causes,

@@ -32,6 +32,12 @@ def test_uniforms_are_inside_the_open_interval_and_flat():
     assert 20 < chi2 < 125  # 63 degrees of freedom: mean 63, 5 sigma 56
 
 
+def test_numbers_of_one_seed_are_those_of_many():
+    seeds, steps = np.array([[3, 2**53 - 1]]), np.array([[0], [2**40]])
+    each = [[uniforms(seed, step, START_STREAM, 6) for seed in seeds[0].tolist()] for step in steps[:, 0].tolist()]
+    assert np.array_equal(uniforms(seeds, steps, START_STREAM, 6), each)
+
+
 def test_seed_step_stream_and_place_all_matter_and_order_does_not():
     base = uniforms(1, 10, 2, 4)
     for other in (uniforms(2, 10, 2, 4), uniforms(1, 11, 2, 4), uniforms(1, 10, 3, 4), uniforms(1 + 2**32, 10, 2, 4)):

@@ -149,6 +149,24 @@ def corrected(x: Any, correction: Any, states: Sequence[ErrorState], places: Map
     }
 
 
+def without(x: Any, error: Any) -> dict[str, Any]:
+    """State rows with an error (9) taken out, those of the kept motion too; the covariance stays as it is.
+
+    error: estimate minus truth in n: rotation vector (rad), velocity (m/s), position (m).
+    """
+    q_nw = strapdown.wander_quaternion(x.q_ew)
+    turn_w, velocity_w, offset_w = (attitude.rotate_inverse(q_nw, part) for part in ca.vertsplit(error, 3))
+    _, placed = strapdown.moved_back(x, offset_w)
+    q_nb = attitude.multiply(attitude.from_rotation_vector(-error[:3]), attitude.multiply(q_nw, x.q_wb))
+    q_nw_there = strapdown.wander_quaternion(placed["q_ew"])
+    return {
+        "q_wb": attitude.normalize(attitude.multiply(attitude.conjugate(q_nw_there), q_nb)),
+        "velocity_w": attitude.rotate_inverse(q_nw_there, attitude.rotate(q_nw, x.velocity_w) - error[3:6]),
+        **placed,
+        **history.corrected(x, velocity_w, -turn_w),
+    }
+
+
 def navigation_corrected(x: Any, correction: Any, states: Sequence[ErrorState], places: Mapping[str, slice]) -> dict[str, Any]:
     """Rows of navigation and estimated errors with an estimated error (n) taken out."""
     return {
