@@ -71,7 +71,12 @@ def baselines(id: str) -> str:
         head, rows = ["policy", "score"], [[row[0], row[column]] for row in rows]
     else:
         where = "tuning-and-manoeuvre"
-        heading = {"Tuning": "A trained tuner", "FaultTuning": "Instruments that fail", "Manoeuvre": "Active alignment"}[kind]
+        heading = {
+            "Tuning": "A trained tuner",
+            "FaultTuning": "Instruments that fail",
+            "Correction": "Errors taken out",
+            "Manoeuvre": "Active alignment",
+        }[kind]
         anchor = heading.lower().replace(" ", "-")
         head, *rows = tables_below(where, heading)[-1]
     return f"{markdown(head, rows)}\n\nConditions, seeds and how to repeat them: [{heading}](../../{where}.md#{anchor})."

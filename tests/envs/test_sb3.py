@@ -155,3 +155,12 @@ def test_a_trained_supervisor_is_better_than_the_innovation_based_policy_on_held
     again = [sys.executable, ROOT / "examples" / "train_supervisor.py", "--seeds", "8", "--load", "figure/supervisor-1.npz"]
     loaded = peers.ran(*again, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert number_after("network 1", loaded)[0] == round(scores[:8].mean(), 3)
+
+
+@pytest.mark.slow
+def test_a_corrector_trains_and_the_ceiling_lies_above_the_filter(tmp_path):
+    peers.package("torch", HOW)
+    short = ["--training-seeds", "1", "--rounds", "2", "--rows", "8", "--seeds", "8"]
+    printed = peers.ran(sys.executable, ROOT / "examples" / "train_corrector.py", *short, cwd=tmp_path)
+    plain, ceiling, network = (number_after(name, printed) for name in ("the filter as it is", "told the error", "network 1"))
+    assert ceiling[0] - plain[0] > 2.0 * np.hypot(ceiling[1], plain[1]) and np.isfinite(network[0])
