@@ -45,7 +45,7 @@ export function lastRun(live, draw) {
   const show = (/** @type {LastRun | null} */ other) => {
     if (other !== run) draw((run = other));
     element.hidden = !run;
-    text.textContent = `last run: ${told}`;
+    text.textContent = run ? `last run: ${told}` : "";
   };
   return {
     element,
