@@ -9,11 +9,13 @@ and velocities of fixes (`insenv/FaultTuning-v0`).  None sees the truth but the 
 """
 
 import argparse
+import sys
 
 import gymnasium
 import numpy as np
 
 import insenv
+from insenv.base.errors import InputError
 from insenv.base.installing import need
 
 ID = "insenv/FaultTuning-v0"
@@ -165,6 +167,9 @@ def main():
     parser.add_argument("--seeds", type=int, default=64, help="held-out seeds to compare on")
     parser.add_argument("--evaluations", type=int, default=180, help="sets of factors that CMA-ES tries on 24 other seeds")
     options = parser.parse_args()
+    for name in ("seeds", "evaluations"):
+        if getattr(options, name) < 1:
+            raise InputError(f"--{name} {getattr(options, name)}: allowed is a whole number from 1")
     need("CMA-ES", "cma", extra="workbench")
     best = best_fixed(SEARCH + np.arange(24), options.evaluations)
     policies = {
@@ -194,4 +199,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # such as a missing package
+        sys.exit(f"compare_tuners.py: {error}")

@@ -1,7 +1,8 @@
 """Train a corrector: a recurrent network that takes errors out of the estimate of a filter whose instruments fail.
 
     pip install -e '.[rl]'                # torch's wheel for processors without a GPU is enough
-    python examples/train_corrector.py    # three training seeds, some minutes of processor time each
+    python examples/train_corrector.py --out corrector    # three training seeds, some minutes of processor time each
+    python examples/train_corrector.py --load corrector/corrector-1.pt
 
 `insenv/Correction-v0`.  The network learns by imitation (DAgger, as in `examples/train_supervisor.py`): in each round the
 policy, as it is, runs new episodes; the error that the filter has in each state is the answer; and the network is fitted to all
@@ -13,6 +14,7 @@ or chosen.
 import argparse
 import sys
 import time
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -59,6 +61,22 @@ class Asked(Nothing):
         super().start(venv)
         self.state, self.latest, self.inputs, self.answers = None, np.zeros(self.shape), [], []
 
+    @classmethod
+    def load(cls, path):
+        """Return the policy that `save` wrote."""
+        import torch
+
+        kept = torch.load(path, weights_only=True)
+        network = network_of(len(kept["mean"]))
+        network.load_state_dict(kept["network"])
+        return cls(network, kept["mean"].numpy(), kept["scale"].numpy())
+
+    def save(self, path):
+        import torch
+
+        arrays = {name: torch.from_numpy(getattr(self, name)) for name in ("mean", "scale")}
+        torch.save({"network": self.network.state_dict(), **arrays}, path)
+
     def act(self, seen, info):
         ratio = seen["ratio"] / np.maximum(1.0 - np.abs(seen["ratio"]), 1e-3)
         innovation = np.sign(ratio) * np.log1p(np.abs(ratio) * 10.0 ** seen["sigma_level"])
@@ -100,9 +118,9 @@ def train(seed, rounds, rows, batches):
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     generator, begin, policy = np.random.default_rng(seed), time.process_time(), Asked()
-    inputs, answers, steps = [], [], rounds * batches
+    inputs, answers, counted, steps = [], [], [], rounds * batches
     for k in range(rounds):
-        score, _ = episodes(policy, TRAINING * seed + k * rows + np.arange(rows))
+        score, _, alive = episodes(policy, TRAINING * seed + k * rows + np.arange(rows))
         fresh, answer = np.array(policy.inputs), np.array(policy.answers)
         if k == 0:
             every = fresh.reshape(-1, fresh.shape[2])
@@ -112,11 +130,14 @@ def train(seed, rounds, rows, batches):
             learner = torch.optim.Adam(policy.network.parameters(), lr=RATE)
         inputs.append(policy.normalised(fresh))
         answers.append(answer)
+        counted.append(alive[..., None].astype(np.float32))
         for batch in range(k * batches, (k + 1) * batches):
             learner.param_groups[0]["lr"] = RATE * max(1.0 - batch / steps, 0.03)
             chosen = [divmod(place, rows) for place in generator.integers((k + 1) * rows, size=BATCH).tolist()]
-            x, y = (np.stack([each[i][:, j] for i, j in chosen], axis=1) for each in (inputs, answers))
-            loss = (policy.network(torch.from_numpy(x)) - torch.from_numpy(y)).abs().mean()
+            x, y, w = (
+                torch.from_numpy(np.stack([each[i][:, j] for i, j in chosen], axis=1)) for each in (inputs, answers, counted)
+            )
+            loss = ((policy.network(x) - y).abs() * w).mean()
             learner.zero_grad()
             loss.backward()
             torch.nn.utils.clip_grad_norm_(policy.network.parameters(), 1.0)
@@ -128,47 +149,75 @@ def train(seed, rounds, rows, batches):
 
 
 def episodes(policy, seeds):
-    """Run one episode per seed in one batch; return the scores (seeds,) and the positions' rms errors (seeds,), m."""
+    """Run one episode per seed in one batch: scores and rms errors of the positions (m), (seeds,), and whether the episode
+    of a row was not over at a step (steps, seeds).
+    """
     venv = gymnasium.make_vec(ID, len(seeds))
     observation, info = venv.reset(seed=[int(seed) for seed in seeds])
     policy.start(venv)
-    total, running, squares = np.zeros(len(seeds)), np.ones(len(seeds), bool), []
+    total, running, squares, alive = np.zeros(len(seeds)), np.ones(len(seeds), bool), [], []
     while running.any():
         action = policy.act(venv.unwrapped.named(observation), info)
         observation, reward, terminated, truncated, info = venv.step(action)
         total += reward * running
-        running &= ~(terminated | truncated)
         squares.append(np.sum(info["error_rms"][:, 6:9] ** 2, axis=1))
-    return total, np.sqrt(np.mean(squares, axis=0))
+        alive.append(running.copy())
+        running &= ~(terminated | truncated)
+    alive = np.array(alive)
+    return total, np.sqrt(np.average(squares, axis=0, weights=alive)), alive
+
+
+def whole(text):
+    """A whole number from 1, as an argument."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{number}: allowed is a whole number from 1")
+    return number
 
 
 def main():
     parser = argparse.ArgumentParser(description="Train a network to correct a filter, and compare it on held-out seeds")
-    parser.add_argument("--training-seeds", type=int, nargs="+", default=[1, 2, 3])
-    parser.add_argument("--rounds", type=int, default=90)
-    parser.add_argument("--rows", type=int, default=96, help="episodes of a round")
-    parser.add_argument("--batches", type=int, default=40, help="steps of the optimizer in a round")
-    parser.add_argument("--seeds", type=int, default=512, help="held-out seeds to compare on")
+    parser.add_argument("--training-seeds", type=whole, nargs="+", default=[1, 2, 3], help="one network each (1 2 3)")
+    parser.add_argument("--rounds", type=whole, default=90, help="rounds of a training (90)")
+    parser.add_argument("--rows", type=whole, default=96, help="episodes of a round (96)")
+    parser.add_argument("--batches", type=whole, default=40, help="steps of the optimizer in a round (40)")
+    parser.add_argument("--seeds", type=whole, default=512, help="held-out seeds to compare on (512)")
+    parser.add_argument("--out", type=Path, help="folder for the policies")
+    parser.add_argument("--load", type=Path, nargs="+", help="policies to compare, instead of training")
     given = parser.parse_args()
     need("training", "torch", extra="rl")
-    print(f"insenv {insenv.__version__}: training on {ID}")
+    print(f"insenv {insenv.__version__}: {'comparison' if given.load else 'training'} on {ID}")
+    if given.out:
+        given.out.mkdir(parents=True, exist_ok=True)
+    networks = [Asked.load(path) for path in given.load or ()]
+    for seed in () if given.load else given.training_seeds:
+        networks.append(train(seed, given.rounds, given.rows, given.batches))
+        if given.out:
+            networks[-1].save(given.out / f"corrector-{seed}.pt")
+    compare(networks, HELD_OUT + np.arange(given.seeds))
+
+
+def compare(networks, seeds):
+    """Print the scores on held-out seeds, what the networks gain on the filter, seed by seed, and their mean."""
     policies = {"the filter as it is": Nothing(), "told the error": Told()}
-    for seed in given.training_seeds:
-        policies[f"network {seed}"] = train(seed, given.rounds, given.rows, given.batches)
-    print(f"\n{given.seeds} held-out seeds      score +- 1 s.e.  position [m]")
-    plain = None
+    policies |= {f"network {k}": network for k, network in enumerate(networks, 1)}
+    print(f"\n{len(seeds)} held-out seeds      score +- 1 s.e.  position [m]")
+    scores, root = {}, np.sqrt(len(seeds))
     for name, policy in policies.items():
-        score, position = episodes(policy, HELD_OUT + np.arange(given.seeds))
-        plain, root = score if plain is None else plain, np.sqrt(given.seeds)
-        gain = f"  gain seed by seed {(score - plain).mean():+.3f} +- {(score - plain).std() / root:.3f}"
-        print(
-            f"{name:20s} {score.mean():9.3f} +- {score.std() / root:.3f} {np.sqrt(np.mean(position**2)):9.2f}"
-            f"{gain if policy is not policies['the filter as it is'] else ''}"
-        )
+        scores[name], position, _ = episodes(policy, seeds)
+        score, gain = scores[name], scores[name] - scores["the filter as it is"]
+        more = f"  gain seed by seed {gain.mean():+.3f} +- {gain.std() / root:.3f}" if gain.any() else ""
+        print(f"{name:20s} {score.mean():9.3f} +- {score.std() / root:.3f} {np.sqrt(np.mean(position**2)):9.2f}{more}")
+    if len(networks) > 1:
+        from scipy.stats import t
+
+        means = np.array([scores[name].mean() for name in policies if name.startswith("network")])
+        half = t.ppf(0.975, len(means) - 1) * means.std(ddof=1) / np.sqrt(len(means))
+        print(f"mean of the networks {means.mean():.3f} +- {half:.3f} (95 % interval between training seeds)")
 
 
 if __name__ == "__main__":
     try:
         main()
-    except InputError as error:  # such as a missing package
+    except (InputError, OSError) as error:  # such as a missing package or file
         sys.exit(f"train_corrector.py: {error}")

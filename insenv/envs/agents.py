@@ -48,9 +48,10 @@ def make(
     """
     chosen, setup = estimators.get(estimator), getattr(env.unwrapped, "setup", None)
     if not isinstance(setup, Setup) or "estimate_q_nb" not in setup.task.actions or "delta_angle" not in setup.task.watched:
+        name = getattr(getattr(env, "spec", None), "id", None) or env
         raise InputError(
-            f"env = {env}: allowed is an environment whose action is an estimate and whose observation holds the samples "
-            "(insenv/...Alignment, ...Navigation)"
+            f"estimator {chosen.id!r} cannot act in {name}: allowed is an environment whose action is an estimate and whose "
+            "observation holds the samples (insenv/...Alignment, ...Navigation)"
         )
     navigates = "estimate_velocity" in setup.task.actions
     if navigates and not chosen.navigates:

@@ -139,8 +139,9 @@ class CorrectionEnv(Correction, InertialEnv):
     """
     ## Description
     A vehicle moves and a built-in filter navigates it with GNSS, with the instruments of `FaultTuningEnv`: worse than their
-    data sheets, and failing for a while. Once a second the agent observes what the filter holds, and takes errors out of
-    its estimate. What it takes out is gone for good: the filter goes on from there. Id: `insenv/Correction-v0`.
+    data sheets, and failing for a while. At each step (a second at 200 samples/s) the agent observes what the filter holds,
+    and takes errors out of its estimate. What it takes out is gone for good: the filter goes on from there. Id:
+    `insenv/Correction-v0`.
 
     ## Action Space
     `Box(-1, 1, (9,), float64)`: the error of the estimate (estimate minus truth, in n) that is taken out, in units of `reach`
@@ -156,7 +157,8 @@ class CorrectionEnv(Correction, InertialEnv):
 
     ## Observation Space
     `Box(float64)`, flat, of order one; `env.unwrapped.named(observation)` returns it by name. "Level" is a decimal
-    logarithm. The window is the time since the last step. Rows of six are position, then velocity.
+    logarithm. The window is the time since the last step. Rows of six are position, then velocity, each north, east, down:
+    the order of a fix, and not that of the action.
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|
@@ -173,7 +175,8 @@ class CorrectionEnv(Correction, InertialEnv):
 
     ## Rewards
     Those of `TuningEnv`, with a `consistency_weight` of 0 by default: minus the mean of m. `info["error"]` is the error of the
-    estimate now, `info["sigma"]` what the filter states for it, `info["fault_now"]` which faults hold.
+    estimate now and `info["sigma"]` what the filter states for it, both in the order of the action; `info["fault_now"]` says
+    which faults hold (street, jamming, drag, vibration, stuck axis). No fault begins in the first 20 s.
 
     ## Starting State
     That of `FaultTuningEnv`. With the option `run_seed` instruments are those of the scenario, without faults.
@@ -183,8 +186,8 @@ class CorrectionEnv(Correction, InertialEnv):
 
     ## Arguments
     - `reach`: standard deviations of the filter for an action of 1. `estimator`: "loosely-coupled".
-    - `spread_decades`, `faults`, `duration_s`: as for `FaultTuningEnv`. All others: as for `TuningEnv`, without `decades` and
-      `mistuning_decades`.
+    - `spread_decades`, `faults`, `duration_s`: as for `FaultTuningEnv`. All others, and the options of `reset`: as for
+      `TuningEnv`, without `decades` and `mistuning_decades`.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `CorrectionVectorEnv`, as for `AlignmentEnv`.

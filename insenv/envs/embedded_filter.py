@@ -146,10 +146,11 @@ def inner_loop(plant: Model, id: str, scaled: tuple[str, ...] = (), *, correctab
     def able_to(estimator: Estimator) -> bool:
         return fits(estimator, scaled) and (estimator.without is not None or not correctable)
 
-    estimator = estimators.get(id)
-    if not able_to(estimator):
-        able = [name for name, other in estimators.registered().items() if able_to(other)]
+    registered = estimators.registered()
+    if id not in registered or not able_to(registered[id]):
+        able = [name for name, other in registered.items() if able_to(other)]
         raise InputError(f"estimator = {id!r}: allowed are filters that can run inside this environment: {', '.join(able)}")
+    estimator = registered[id]
     model = scaled_model(estimator.model, scaled) if scaled else estimator.model
     return Inner(estimator, loop_model(plant, model))
 

@@ -26,7 +26,7 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Array, Row, Table
 from insenv.envs.checks import check_number, check_type
 from insenv.envs.embedded_filter import SCALE, scaled_model
-from insenv.envs.filter_score import FilterInside
+from insenv.envs.filter_score import LEAST_LIMIT_S, FilterInside
 from insenv.envs.starts import InnerStarts, uniforms_of
 from insenv.scenario import Scenario, plant_of
 from insenv.sensors import GNSS
@@ -121,7 +121,7 @@ class FaultyStarts(InnerStarts):
     """
 
     def __init__(self, *arguments: Any, estimator: str, spread: float, faults: bool) -> None:
-        super().__init__(*arguments, estimator=estimator)
+        super().__init__(*arguments, estimator=estimator, least_limit_s=LEAST_LIMIT_S)
         self.spread, self.faults = spread, faults
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Array:

@@ -140,6 +140,8 @@ def scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
     }
 
 
+LEAST_LIMIT_S = 60.0
+"""A shorter episode has the limit of so long a one, s: while a vehicle stands, the limit of its velocity is some 1e-5 m/s."""
 SCORE_INTERVAL = 1.0
 """Time between evaluations of the error, s; a shorter step is evaluated once."""
 

@@ -339,7 +339,8 @@ class ManoeuvreEnv(Manoeuvre, InertialEnv):
     - `start_speed_mps`: range of the start speed, m/s. None: from 2 to 12 m/s for a car and from 70 to 110 m/s for an
       aircraft, if the vehicle of the scenario moves at the start.
     - `goal_deg`: goal for the heading, deg. `reward`, `time_weight`: see Rewards.
-    - All others, and the options of `reset`: as for `AlignmentEnv`.
+    - All others, and the options of `reset`: as for `AlignmentEnv`, without `sway_phases`, `mounting_deg`, `observation` and
+      `action`; `start_speed_mps` is an option too.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `ManoeuvreVectorEnv`, as for `AlignmentEnv`.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,17 @@ from insenv.base import style
 from insenv.core.tables import Array
 from insenv.envs.setup import Setup
 
-History = Sequence[tuple[Array, dict[str, Any]]]
-"""Observation and info of the reset and of each step of an episode."""
+
+class Seen(NamedTuple):
+    """What a reset or a step returned, and its time (s)."""
+
+    time: float
+    observation: Array
+    info: dict[str, Any]
+
+
+History = Sequence[Seen]
+"""Of the reset and of each step of an episode."""
 
 SIZE = (960, 480)
 """Pixels of an image, width and height."""
@@ -29,8 +38,8 @@ TEXT, SMALL = 11.0, 10.0
 
 def write(setup: Setup, history: History) -> str:
     """Return the present time, true attitude, error and limit as text for a terminal."""
-    observation, info = history[-1]
-    lines = [f"time     {setup.time_of(observation):9.2f} s"]
+    info = history[-1].info
+    lines = [f"time     {history[-1].time:9.2f} s"]
     roll, pitch, heading = np.degrees(attitude.numeric.to_euler(info["q_nb"]))
     lines.append(f"truth    roll {roll:8.3f} deg  pitch {pitch:8.3f} deg  heading {heading % 360.0:8.3f} deg")
     for name in ("error", "limit"):
@@ -147,7 +156,7 @@ class _Indicator(_Panel):
         self._shows_estimate = setup.task.actions.names[0] in ("estimate_q_nb", "correction")
 
     def show(self, history: History) -> tuple[float, ...]:
-        _, info = history[max(len(history) - 2, 0)]
+        info = history[max(len(history) - 2, 0)].info
         along, up, level, heading = _horizon(info["q_nb"])
         self._ground.set_xy([level - 3 * along, level + 3 * along, level + 3 * along - 4 * up, level - 3 * along - 4 * up])
         self._horizon.set_data(*np.array([level - 3 * along, level + 3 * along]).T)
@@ -169,8 +178,8 @@ def _horizon(q_nb: Array) -> tuple[Array, Array, Array, float]:
 
 def _estimate(history: History) -> Any:
     """Return the attitude of the latest action: the truth at its time, rotated by its error."""
-    error = attitude.numeric.from_rotation_vector(np.asarray(history[-1][1]["error"])[:3])
-    return attitude.numeric.multiply(error, history[-2][1]["q_nb"])
+    error = attitude.numeric.from_rotation_vector(np.asarray(history[-1].info["error"])[:3])
+    return attitude.numeric.multiply(error, history[-2].info["q_nb"])
 
 
 class _Track(_Panel):
@@ -186,9 +195,9 @@ class _Track(_Panel):
         self._present = self.line("o", color=TRUTH, ms=7)
 
     def show(self, history: History) -> tuple[float, ...]:
-        places = np.array([info["position"][:2] for _, info in history])
+        places = np.array([info["position"][:2] for *_, info in history])
         if "fix_position" in self.setup.layout:
-            named = [self.setup.layout.unpack(seen) for seen, _ in history]
+            named = [self.setup.layout.unpack(seen.observation) for seen in history]
             fixes = np.array([seen["fix_position"] for seen in named if seen["fix_new"]]).reshape(-1, 3)
             self._fixes.set_data(fixes[:, 1], fixes[:, 0])
             shown = np.concatenate([places, fixes[:, :2]])
@@ -217,13 +226,13 @@ class _Error(_Panel):
         )
 
     def show(self, history: History) -> tuple[float, ...]:
-        times = np.array([self.setup.time_of(seen) for seen, _ in history])
+        times = np.array([seen.time for seen in history])
         # the error in the info of a step is that of the estimate made before the step
-        errors = np.array([info["error"][self._part] for _, info in history[1:] if "error" in info])
+        errors = np.array([info["error"][self._part] for *_, info in history[1:] if "error" in info])
         size = np.linalg.norm(errors, axis=1) * self._scale if len(errors) else np.zeros(0)
         self._error.set_data(times[: len(size)], np.where(size > 0.0, size, np.nan))
         end = _axis_end(float(times[-1]), self.setup.decisions * self.setup.samples * self.setup.interval)
-        limit = history[-1][1].get("limit")
+        limit = history[-1].info.get("limit")
         limits = [] if limit is None else [float(np.linalg.norm(limit[self._part]) * self._scale)]
         self._limit.set_data([0.0, end] if limits else [], limits * 2)
         return 0.0, end, *_decades([*size, *limits])

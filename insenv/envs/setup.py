@@ -29,8 +29,8 @@ class Setup:
     """Everything that defines an environment.
 
     samples: inertial samples per decision.  decisions: decisions per episode.  interval: time between inertial samples,
-    s.  dtype: of observations and actions; the model computes with float64.  reward: of a step by its info, instead of the
-    task's.
+    s.  constants: parameter rows of the task that are the same in all episodes.  dtype: of observations and actions; the model
+    computes with float64.  reward: of a step by its info, instead of the task's.
     """
 
     scenario: Scenario
@@ -39,6 +39,7 @@ class Setup:
     samples: int
     decisions: int
     interval: float
+    constants: Mapping[str, float]
     dtype: np.dtype[Any] = FLOAT64
     reward: RewardOf | None = None
 
@@ -68,12 +69,10 @@ class Setup:
             raise refused("reward(info)", value, "a finite number")
         return float(value)
 
-    def time_of(self, observation: Any) -> float:
-        """Return the time since the start of an observation, s."""
-        rows = self.layout.unpack(observation)
-        if "time" in rows:
-            return float(rows["time"])
-        return float(rows["time_share"]) * self.decisions * self.samples * self.interval
+    @property
+    def step_s(self) -> float:
+        """Time between two observations, s."""
+        return self.samples * self.interval
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
@@ -116,7 +115,8 @@ class Arguments(Variation):
         check_reach(scenario, task.model, decisions * step)
         constants = {"decision_limit": float(decisions), "dense": float(reward is None and self.reward != "final"), **constants}
         starts = self._starts(scenario, task, ranges, constants, decisions * step)
-        return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(self.dtype), reward)
+        interval, dtype = 1.0 / scenario.rate_hz, np.dtype(self.dtype)
+        return Setup(scenario, task, starts, samples, decisions, interval, constants, dtype, reward)
 
     def _scenario(self) -> Scenario:
         """Return the scenario; a track stands for each kind of vehicle."""

@@ -8,15 +8,17 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import gymnasium
+import numpy as np
 from gymnasium.error import ResetNeeded
 
 from insenv.base.errors import InputError, nearest
 from insenv.core.runner import make_runner
 from insenv.core.tables import Array, Table
 from insenv.envs.checks import check_choice, check_keywords, check_type
-from insenv.envs.rendering import Drawing, write
+from insenv.envs.rendering import Drawing, Seen, write
 from insenv.envs.setup import RewardOf, Setup, checked_action
 from insenv.envs.starts import RANGES
+from insenv.envs.task import DECISIONS
 
 Made = TypeVar("Made", bound="Interface")
 
@@ -27,7 +29,7 @@ class Snapshot:
 
     parameters, state, inputs: vectors of the model, (rows, elements) for a vector environment.  over: whether the
     episode has ended, None before the first reset.  generators: states of the random generators.  elapsed: steps made
-    in the episode (vector environments).  history: observations and infos of the episode so far, if it is rendered.
+    in the episode (vector environments).  history: of the episode so far, if it is rendered.
     """
 
     parameters: Array
@@ -36,7 +38,7 @@ class Snapshot:
     over: Any
     generators: tuple[Mapping[str, Any], ...]
     elapsed: Any = 0
-    history: tuple[tuple[Array, dict[str, Any]], ...] = ()
+    history: tuple[Seen, ...] = ()
 
 
 class Interface:
@@ -59,6 +61,14 @@ class Interface:
     def set_up(self) -> Setup:
         """Return the setup that the arguments define."""
         raise NotImplementedError
+
+    def check_constants(self, parameters: Array) -> None:
+        """Raise `InputError` for parameters (..., k) of an environment that was made with other arguments."""
+        rows = self.setup.task.model.parameters.unpack(parameters, self.setup.constants)
+        for name, value in self.setup.constants.items():
+            others = np.ravel(rows[name])
+            if np.any(others != value):
+                raise InputError(f"snapshot of an environment with {name} = {others[0]:g}: this one has {value:g}")
 
     def __reduce__(self) -> Any:
         return _remade, (type(self), *self._made_with, self.snapshot())
@@ -153,7 +163,8 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         self._action = self._runner._u[task.place]
         self._shape = (task.actions.size,)
         self._over: bool | None = None
-        self.history: list[tuple[Array, dict[str, Any]]] | None = None if self.render_mode is None else []
+        self.history: list[Seen] | None = None if self.render_mode is None else []
+        self._decisions = task.model.state.slice(DECISIONS.name).start
         self._drawing: Drawing | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
@@ -172,7 +183,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         values = self._buffer.copy()
         observation, info = self.setup.seen(values[: self._observed]), self._info(values)
         if self.history is not None:
-            self.history[:] = [(observation, info)]
+            self.history[:] = [Seen(0.0, observation, info)]
         return observation, info
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -190,7 +201,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         self._over = terminated or truncated
         observation, info = self.setup.seen(values[: self._observed]), self._info(values)
         if self.history is not None:
-            self.history.append((observation, info))
+            self.history.append(Seen(self._runner.x.item(self._decisions) * self.setup.step_s, observation, info))
         reward = values.item(self._reward) if self.setup.reward is None else self.setup.paid(info)
         return observation, reward, terminated, truncated, info
 
@@ -216,6 +227,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
                 f"snapshot of {snapshot.parameters.shape} parameters and {snapshot.state.shape} states: this environment has "
                 f"{runner.p.shape} and {runner.x.shape}"
             )
+        self.check_constants(snapshot.parameters)
         runner.p[:], runner.x[:], runner._u[:] = snapshot.parameters, snapshot.state, snapshot.inputs
         self._over = snapshot.over
         if self.history is not None:
@@ -233,7 +245,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         if self.render_mode == "ansi":
             return write(self.setup, self.history)
         if self._drawing is None:
-            self._drawing = Drawing(self.setup, self.history[0][1])
+            self._drawing = Drawing(self.setup, self.history[0].info)
         return self._drawing.image(self.history)
 
 

@@ -64,19 +64,21 @@ class Variation:
 class Ranges(Variation):
     """All that can vary between episodes: the arguments of an environment with the options of a reset.
 
-    units: the grades of a random unit if `imu_range` is None.  Raises `InputError` for a value that is not allowed.
+    units: the grades of a random unit if `imu_range` is None.  taken: names of those that an environment takes.  Raises
+    `InputError` for a value that is not allowed.
     """
 
     sway_phases: bool = False
     mounting_deg: float | None = None
     start_speed_mps: Range | None = None
     units: tuple[str, str] = IMU_RANGE
+    taken: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, arguments: Any) -> Ranges:
         """Return the ranges in an environment's arguments; what it does not take keeps its default."""
         names = [field.name for field in fields(cls) if hasattr(arguments, field.name)]
-        return cls(**{name: getattr(arguments, name) for name in names})
+        return cls(taken=tuple(names), **{name: getattr(arguments, name) for name in names})
 
     def __post_init__(self) -> None:
         check_type("imu", self.imu, (str, type(None)), 'a grade of the catalogue, "random" or None')
@@ -116,9 +118,10 @@ class Ranges(Variation):
         The option run_seed asks for a run of the scenario: whatever the other options do not name is not drawn.
         """
         check_type("options", options, Mapping, "a mapping")
+        allowed = [name for name in OPTIONS if name in self.taken or name == "run_seed"]
         for name in options:
-            if name not in OPTIONS:
-                raise InputError(f"options: unknown option {name!r}{nearest(str(name), OPTIONS)}")
+            if name not in allowed:
+                raise InputError(f"options: unknown option {name!r}{nearest(str(name), allowed)}")
         values = {name: value for name, value in options.items() if name != "run_seed"}
         for name in ("heading_deg", "sea_state", "start_speed_mps"):
             if is_number(values.get(name)):
@@ -130,12 +133,12 @@ class Ranges(Variation):
         if "run_seed" not in options:
             return replace(self, **values)
         imu = None if self.imu == "random" else self.imu
-        kept = ("imu_range", "imu_sheet", "gnss_outages_s", "units", *(["known"] if "vary" in values else []))
+        kept = ("imu_range", "imu_sheet", "gnss_outages_s", "units", "taken", *(["known"] if "vary" in values else []))
         unchanged = {name: getattr(self, name) for name in kept}
         return Ranges(imu=imu, **{**unchanged, **values})
 
 
-RANGES = tuple(field.name for field in fields(Ranges) if field.name != "units")
+RANGES = tuple(field.name for field in fields(Ranges) if field.name not in ("units", "taken"))
 """Arguments of environments that say what varies."""
 OPTIONS = (*(name for name in RANGES if name not in ("imu_range", "imu_sheet")), "run_seed")
 """Options of a reset."""
@@ -154,10 +157,12 @@ class Starts:
 
     Each episode draws a fixed count of numbers from the generator of its own row only.  constants: parameter rows
     common to all episodes.  duration: of an episode, s.
+
+    limit_s: time from the start whose limit is that of an episode, s; the duration.
     """
 
     def __init__(self, scenario: Scenario, task: Task, ranges: Ranges, constants: Mapping[str, float], duration: float) -> None:
-        self.scenario, self.task, self.ranges, self.duration = scenario, task, ranges, duration
+        self.scenario, self.task, self.ranges, self.duration, self.limit_s = scenario, task, ranges, duration, duration
         self._constants = task.model.parameters.pack(constants)
         self._plant, rows = plant_of(scenario)
         self._vehicle = scenario.vehicle.vehicle().parameters
@@ -314,7 +319,7 @@ class Starts:
                 self._limits = np.full((len(self._pool), place.stop - place.start), np.nan)
             for unit in set(units[np.isnan(self._limits[units, 0])].tolist()):
                 scenario = self.scenario.model_copy(update={"knowledge": self._section})
-                self._limits[unit] = episode_limit(self.task, self._plant, scenario, self._pool[unit], self.duration)
+                self._limits[unit] = episode_limit(self.task, self._plant, scenario, self._pool[unit], self.limit_s)
             p[:, place] = self._limits[units]
         return p
 
@@ -357,10 +362,12 @@ class InnerStarts(Starts):
 
     arguments: those of `Starts`.  estimator: id of the filter.  mistuning: if not 0, the filter's noises are wrong by
     factors whose decimal logarithms (row ``mistuning`` of the task) are drawn uniformly between -mistuning and +mistuning.
+    least_limit_s: `limit_s` of a shorter episode.
     """
 
-    def __init__(self, *arguments: Any, estimator: str, mistuning: float = 0.0) -> None:
+    def __init__(self, *arguments: Any, estimator: str, mistuning: float = 0.0, least_limit_s: float = 0.0) -> None:
         super().__init__(*arguments)
+        self.limit_s = max(self.duration, least_limit_s)
         self.mistuning, self._estimator = mistuning, estimators.get(estimator)
         self._tunings, self._same = self.scenario.tunings, build(self.scenario, driven=True).knowledge
         table = self._estimator.model.parameters

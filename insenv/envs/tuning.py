@@ -30,7 +30,7 @@ from insenv.envs.embedded_filter import (
     window_part,
     within,
 )
-from insenv.envs.filter_score import FilterInside, next_decision, scored, scoring_steps
+from insenv.envs.filter_score import LEAST_LIMIT_S, FilterInside, next_decision, scored, scoring_steps
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import InnerStarts
 from insenv.envs.task import CLOCK, RESULT, Task, finite_action
@@ -113,7 +113,8 @@ class Tuning(FilterTuning):
         return tuning_task(plant_of(scenario)[0], self.estimator)
 
     def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:
-        return InnerStarts(scenario, *rest, estimator=self.estimator, mistuning=float(self.mistuning_decades))
+        decades = float(self.mistuning_decades)
+        return InnerStarts(scenario, *rest, estimator=self.estimator, mistuning=decades, least_limit_s=LEAST_LIMIT_S)
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
@@ -166,7 +167,7 @@ class TuningEnv(Tuning, InertialEnv):
     The filter's error e (rotation vector, velocity, position, in n) and its normalised estimation error squared (NEES),
     `e^T P^-1 e` of position, velocity and attitude as the filter defines its errors, are evaluated every second of the
     window. Let s be the limit (`info["limit"]`: the smallest standard deviation that any method can have, docs/limits.md,
-    as root mean square over the scenario, up to 600 s), T the number of steps and n = 9 the number of components. Then
+    as root mean square over the episode, or over 60 s of a shorter one, up to 600 s), T the number of steps and n = 9 the number of components. Then
 
         measure = ln(1 + sqrt(mean of (e / s)^2 over components and evaluations))
         consistency = |ln(mean NEES over evaluations / n)|, at most 10
@@ -193,7 +194,8 @@ class TuningEnv(Tuning, InertialEnv):
     - `mistuning_decades`: if above 0, as by default, the filter's noises are wrong by factors 10^u, with u drawn at each
       reset from a uniform distribution between plus and minus that value. With 0 an action of 0 is the data sheet, and there
       is little to learn.
-    - All others, and the options of `reset`: as for `AlignmentEnv`, without `time_weight`, `observation` and `action`.
+    - All others, and the options of `reset`: as for `AlignmentEnv`, without `sway_phases`, `mounting_deg`, `time_weight`,
+      `observation` and `action`.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `TuningVectorEnv`, as for `AlignmentEnv`.

@@ -210,6 +210,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         shape = (self.num_envs, self.setup.task.model.state.size)
         if snapshot.inputs.shape != self._inputs.shape or snapshot.state.shape != shape:
             raise InputError(f"snapshot of states {snapshot.state.shape}: this environment has {shape}")
+        self.check_constants(snapshot.parameters)
         self._batch.set_parameters(np.arange(self.num_envs), snapshot.parameters)
         self._batch.x = snapshot.state
         self._inputs[:] = snapshot.inputs

@@ -50,6 +50,8 @@ class Distribution:
     def _refusal(self) -> str:
         if self.kind not in KINDS:
             return f"no such distribution{nearest(self.kind, KINDS)}"
+        if self.kind == "choice" and not all(isinstance(p, (int, float, str)) for p in self.parameters):
+            return "allowed are numbers, texts or truth values"
         if self.kind == "choice":
             kinds = {float if isinstance(p, (int, float)) and not isinstance(p, bool) else type(p) for p in self.parameters}
             if len(self.parameters) < 2 or len(set(self.parameters)) < len(self.parameters) or len(kinds) > 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
@@ -53,16 +53,20 @@ def score(env_id: str, policy: Policy, seeds: Sequence[int] = HELD_OUT, **argume
     returns the policy of these episodes: a function of observations and infos that returns actions.  arguments: of the
     environment.  Raises `InputError` for seeds that are no whole numbers, and for an estimator that cannot act there.
     """
-    chosen = list(seeds)
+    chosen = list(seeds) if isinstance(seeds, Iterable) else []
     if not chosen or not all(is_whole(seed) for seed in chosen):
         raise refused("seeds", seeds, "a sequence of whole numbers from 0")
     if not callable(policy) and not isinstance(policy, (str, Estimator)):
         raise InputError(f"policy of type {type(policy).__name__}: allowed is an estimator, or a function of the environment")
+    if "num_envs" in arguments:
+        raise refused("num_envs", arguments["num_envs"], "none: there is one row for each seed")
     returns, running = np.zeros(len(chosen)), np.ones(len(chosen), dtype=bool)
     venv: Any
     with closing(gymnasium.make_vec(env_id, len(chosen), **arguments)) as venv:
         observations, infos = venv.reset(seed=[int(seed) for seed in chosen])
         act = policy(venv) if callable(policy) else agents.make(policy, venv).act
+        if not callable(act):
+            raise InputError(f"policy(env) gives {act!r}: allowed is a function of observations and infos")
         while running.any():
             observations, rewards, terminated, truncated, infos = venv.step(act(observations, infos))
             returns += np.where(running, rewards, 0.0)

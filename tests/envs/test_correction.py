@@ -79,6 +79,26 @@ def test_observations_are_what_the_filter_holds():
     assert sum(np.size(value) for value in seen.values()) == 38
 
 
+def test_a_short_episode_has_the_limit_of_a_minute():
+    """While the car stands, that of its velocity is 1e-5 m/s."""
+    limits = []
+    for duration_s in (1.0, 60.0, 80.0):
+        env = CorrectionEnv(samples_per_step=200, duration_s=duration_s, backend="interpreter")
+        limits.append(env.reset(seed=1)[1]["limit"])
+    assert np.array_equal(limits[0], limits[1]) and not np.array_equal(limits[1], limits[2]) and limits[0].min() > 1e-4
+
+
+def test_a_snapshot_of_other_arguments_and_an_option_of_another_environment_are_refused():
+    env, other = (CorrectionEnv(duration_s=4.0, backend="interpreter", reach=reach) for reach in (3.0, 1.0))
+    for each in (env, other):
+        each.reset(seed=1)
+    with pytest.raises(InputError, match="snapshot of an environment with reach = 1: this one has 3"):
+        env.restore(other.snapshot())
+    for option in ("mounting_deg", "sway_phases", "start_speed_mps"):
+        with pytest.raises(InputError, match=f"options: unknown option '{option}'"):
+            env.reset(options={option: 1.0})
+
+
 def test_a_filter_that_takes_no_correction_is_refused():
     with pytest.raises(InputError, match=r"estimator = 'aqe-ekf': allowed are .* inside this environment: loosely-coupled$"):
         CorrectionEnv(estimator="aqe-ekf")

@@ -7,12 +7,23 @@ import gymnasium
 import numpy as np
 import pytest
 
+from insenv.envs import IDS
+
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
 SHORT = {"samples_per_step": 10, "duration_s": 0.5}
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
 
 
-@pytest.mark.parametrize("id", [SHIP, pytest.param(DRIVE, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("id", IDS)
+def test_an_episode_of_every_environment_has_its_time_and_error_as_text(id):
+    env = gymnasium.make(id, render_mode="ansi", samples_per_step=50, duration_s=1.0)
+    env.reset(seed=1)
+    env.step(np.zeros(env.action_space.shape) + 0.1)
+    time, truth, *errors = env.render().splitlines()
+    assert time.split() == ["time", f"{50 * env.unwrapped.setup.interval:.2f}", "s"] and "heading" in truth and errors
+
+
+@pytest.mark.parametrize("id", [SHIP, *(pytest.param(id, marks=pytest.mark.slow) for id in (DRIVE, *IDS[-3:]))])
 def test_an_image_shows_the_episode(id):
     env = gymnasium.make(id, render_mode="rgb_array", **SHORT)
     env.reset(seed=1)
@@ -40,7 +51,7 @@ def test_an_image_depends_on_the_episode_alone_and_shows_all_of_it():
             other.render()
     assert np.array_equal(seen, other.render())
     track, *panels = env._drawing._panels[1:]
-    places = np.array([info["position"] for _, info in env.history])
+    places = np.array([info["position"] for *_, info in env.history])
     (left, right), (low, high) = track.axes.get_xlim(), track.axes.get_ylim()
     assert (places[:, 1] > left).all() and (places[:, 1] < right).all()
     assert (places[:, 0] > low).all() and (places[:, 0] < high).all()
