@@ -68,7 +68,7 @@ OWN = [
     (ManoeuvreEnv, {"scenario": "ship-underway"}, "a vehicle that an agent steers (car, aircraft"),
     (FaultTuningEnv, {"faults": 1}, "faults = 1: allowed is True or False"),
     (FaultTuningEnv, {"spread_decades": 3.0}, "spread_decades = 3.0: allowed is a number from 0 to 2"),
-    (TuningEnv, {"estimator": "nothing"}, "no estimator 'nothing'"),
+    (TuningEnv, {"estimator": "nothing"}, "estimator = 'nothing': allowed are filters that can run inside this environment: "),
     (TuningEnv, {"scenario": "ship-swaying"}, "has no [gnss]"),
     (TuningEnv, {"mistuning_decades": np.nan}, "mistuning_decades = nan"),
     (TuningEnv, {"consistency_weight": np.zeros(2)}, "consistency_weight = array([0., 0.]): allowed is a number"),
