@@ -39,7 +39,7 @@ def supervised(weights):
         Row("hidden", "State of the network", "1", (hidden,)),
         Row("latest", "Innovations of the latest fix over the reported standard deviations", "1", (6,), "n"),
         task._NOW,
-        task._TREND,
+        task.TREND,
     ))  # fmt: skip
     parameters = Table((Row("decision_samples", "Samples between decisions", start=200.0, lower=1.0, upper=1e6),))
     decide = lambda p, x, u: _decide(weights, p, x, u)  # noqa: E731
@@ -52,7 +52,7 @@ def supervised(weights):
             "tick": Step(_tick),
             "hold": Step(_hold, when="gnss_valid"),
             **{name: Step(_beside(step.function), step.when) for name, step in window.steps.items()},
-            "trend": Step(_beside(task._trend), when="gnss_valid"),
+            "trend": Step(_beside(task.trend), when="gnss_valid"),
             "decide": Step(decide, when="decides"),
         },
     )
@@ -86,7 +86,8 @@ def _beside(function):
 
 
 def _decide(w, p, x, u):
-    seen = within(task.OBSERVED, task._observed(Inner(FILTER, FILTER.model), *_view(p, x, u)))
+    seen = task.observed(Inner(FILTER, FILTER.model), *_view(p, x, u))
+    seen = within(task.OBSERVED, seen | {"action_now": x.action_now})
     action = ca.SX.zeros(9)
     for place, name in ((ARW, "gyro_level"), (VRW, "accel_level")):
         action[place] = _from_scatter(seen[name])

@@ -14,13 +14,12 @@ from typing import Any
 import casadi as ca
 
 from insenv.core.compose import Part, as_part, merge
-from insenv.core.elementary import clamp, maximum, select
+from insenv.core.elementary import clamp, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.envs import filter_score
+from insenv.envs import fault_tuning, filter_score
 from insenv.envs.checks import check_number
-from insenv.envs.embedded_filter import LARGEST_RATIO, Inner, inner_loop, log10, statistics, window_part, within
-from insenv.envs.fault_tuning import FORGETTING
+from insenv.envs.embedded_filter import LARGEST_RATIO, Inner, inner_loop, log10, window_part, within
 from insenv.envs.faults import FAULTS, Faulty
 from insenv.envs.filter_score import next_decision, scored, scoring_steps
 from insenv.envs.single import InertialEnv
@@ -34,23 +33,11 @@ SPEED = 30.0
 ACTION = Row("correction", "Error taken out of the estimate, in `reach` times the filter's sigma: rotation vector, velocity,"
              " position", "1", (9,), "n", lower=-1.0, upper=1.0)  # fmt: skip
 _REACH = Row("reach", "Standard deviations of the filter for an action of 1", start=3.0, lower=0.0, upper=1e3)
-_TRENDS = Table((
-    Row("ratio_drift", "Running mean of the test ratios", "1", (6,), "n"),
-    Row("ratio_square", "Running mean of their squares", "1", (6,), "n", start=1.0),
-))  # fmt: skip
+_DRIFT = Row("ratio_drift", "Running mean of the test ratios", "1", (6,), "n")
 OBSERVED = Table((
-    Row("fixes", "Fixes since the last step", "1", lower=0.0, upper=10.0),
-    Row("age_level", "Decimal logarithm of 1 s plus the time since the epoch of the latest fix", "1", lower=0.0, upper=6.0),
-    Row("ratio", "Mean test ratio r as r / (1 + |r|)", "1", (6,), "n", lower=-1.0, upper=1.0),
+    *(fault_tuning.OBSERVED[name] for name in ("fixes", "age_level", "ratio")),
     Row("drift", "The same of the running mean over about 20 fixes", "1", (6,), "n", lower=-1.0, upper=1.0),
-    Row("drift_level", "Decimal logarithm of the rms test ratio over about 20 fixes", "1", (6,), "n", lower=-3.0, upper=3.0),
-    Row("sigma_level", "Decimal logarithm of the filter's sigma over the reported one: position, velocity", "1", (6,), "n",
-        lower=-3.0, upper=3.0),
-    Row("attitude_level", "Decimal logarithm of the filter's sigma of the attitude in mrad", "1", (3,), "n",
-        lower=-3.0, upper=4.0),
-    Row("gyro_level", "Decimal logarithm of the scatter of the gyros over the white noise of the data sheet", "1", (3,), "b",
-        lower=-3.0, upper=3.0),
-    Row("accel_level", "The same of the accelerometers", "1", (3,), "b", lower=-3.0, upper=3.0),
+    *(fault_tuning.OBSERVED[name] for name in ("trend_level", "sigma_level", "attitude_level", "gyro_level", "accel_level")),
     Row("velocity", f"Estimated velocity in {SPEED:g} m/s", "1", (3,), "n", lower=-100.0, upper=100.0),
 ))  # fmt: skip
 _INFO = Table((
@@ -65,11 +52,13 @@ def correction_task(plant: Model, estimator: str) -> Task:
     """Return the task of correcting a filter of a faulty plant.  Raises `InputError` for a filter that takes no correction."""
     inner = inner_loop(plant, estimator, correctable=True)
     steps = {
-        "trend": Step(_trend, when="gnss_valid"),
+        "trend": Step(fault_tuning.trend, when="gnss_valid"),
+        "ratio_drift": Step(_drift, when="gnss_valid"),
         **scoring_steps(inner),
         "act": Step(lambda p, x, u: _act(inner, p, x, u), when="never"),
     }
-    score = Part(filter_score.PARAMETERS + Table((_REACH,)), filter_score.STATE + _TRENDS, Table((ACTION,)), steps)
+    state = filter_score.STATE + Table((fault_tuning.TREND, _DRIFT))
+    score = Part(filter_score.PARAMETERS + Table((_REACH,)), state, Table((ACTION,)), steps)
 
     def output(p: Any, x: Any) -> dict[str, Any]:
         info = {"sigma": _sigma(inner, p, x), "fault_now": x.fault_now}
@@ -95,27 +84,17 @@ def _act(inner: Inner, p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {"invalid": ca.logic_not(finite), **rows, **next_decision(inner, p, x)}
 
 
-def _trend(p: Any, x: Any, u: Any) -> dict[str, Any]:
+def _drift(p: Any, x: Any, u: Any) -> dict[str, Any]:
     ratio = clamp(x.estimator_test_ratio, -LARGEST_RATIO, LARGEST_RATIO)
-    return {
-        "ratio_drift": x.ratio_drift + FORGETTING * (ratio - x.ratio_drift),
-        "ratio_square": x.ratio_square + FORGETTING * (ratio * ratio - x.ratio_square),
-    }
+    return {"ratio_drift": x.ratio_drift + fault_tuning.FORGETTING * (ratio - x.ratio_drift)}
 
 
 def _observed(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
-    seen, reported, sigma = statistics(p, x), ca.vertcat(x.gnss_position_sigma, x.gnss_velocity_sigma), _sigma(inner, p, x)
-    mean, root = seen["test_ratio_mean"], ca.sqrt(p.sample_interval)
-    return {
-        "fixes": x.window_fixes,
-        "age_level": log10(1.0 + maximum(seen["fix_age"], 0.0)),
-        "ratio": mean / (1.0 + ca.fabs(mean)),
+    sigma, reported = _sigma(inner, p, x), ca.vertcat(x.gnss_position_sigma, x.gnss_velocity_sigma)
+    return fault_tuning.observed(inner, p, x) | {
         "drift": x.ratio_drift / (1.0 + ca.fabs(x.ratio_drift)),
-        "drift_level": 0.5 * log10(x.ratio_square),
         "sigma_level": log10(ca.vertcat(sigma[6:9], sigma[3:6]) / reported),
         "attitude_level": log10(sigma[:3] * 1e3),
-        "gyro_level": log10(seen["rate_deviation"] * root / p.known_angle_random_walk),
-        "accel_level": log10(seen["force_deviation"] * root / p.known_velocity_random_walk),
         "velocity": inner.outputs(p, x).velocity_n / SPEED,
     }
 

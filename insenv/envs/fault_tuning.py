@@ -49,13 +49,13 @@ ACTIONS = Table((
     Row("trust", "Below 0: positions, velocities of fixes are not used", "1", (2,), lower=-1.0, upper=1.0),
 ))  # fmt: skip
 _NOW = Row("action_now", "The action in force", "1", (9,), lower=-1.0, upper=1.0)
-_TREND = Row("ratio_trend", "Running mean of the squared test ratios", "1", (6,), "n", start=1.0)
+TREND = Row("ratio_trend", "Running mean of the squared test ratios", "1", (6,), "n", start=1.0)
 OBSERVED = Table((
     Row("fixes", "Fixes since the last step", "1", lower=0.0, upper=10.0),
     Row("age_level", "Decimal logarithm of 1 s plus the time since the epoch of the latest fix", "1", lower=0.0, upper=6.0),
     Row("ratio", "Mean test ratio r as r / (1 + |r|)", "1", (6,), "n", lower=-1.0, upper=1.0),
     Row("ratio_level", "Decimal logarithm of the rms test ratio; 0 without fixes", "1", (6,), "n", lower=-3.0, upper=3.0),
-    Row("trend_level", "The same of the running mean over about 20 fixes", "1", (6,), "n", lower=-3.0, upper=3.0),
+    Row("trend_level", "Decimal logarithm of the rms test ratio over about 20 fixes", "1", (6,), "n", lower=-3.0, upper=3.0),
     Row("innovation_level", "Decimal logarithm of the rms innovation over the reported sigma; 0 without fixes", "1", (6,), "n",
         lower=-3.0, upper=3.0),
     Row("gyro_level", "Decimal logarithm of the scatter of the gyros over the white noise of the data sheet", "1", (3,), "b",
@@ -80,15 +80,15 @@ def fault_tuning_task(plant: Model, estimator: str) -> Task:
     """Return the task of tuning a filter of a faulty plant.  Raises `InputError` for a filter that cannot be tuned."""
     inner = inner_loop(plant, estimator, SET)
     steps = {
-        "trend": Step(_trend, when="gnss_valid"),
+        "trend": Step(trend, when="gnss_valid"),
         **scoring_steps(inner),
         "act": Step(lambda p, x, u: _act(inner, p, x, u), when="never"),
     }
-    score = Part(filter_score.PARAMETERS + SCALING, filter_score.STATE + Table((_NOW, _TREND)), ACTIONS, steps)
+    score = Part(filter_score.PARAMETERS + SCALING, filter_score.STATE + Table((_NOW, TREND)), ACTIONS, steps)
 
     def output(p: Any, x: Any) -> dict[str, Any]:
         info = {"scale": getattr(x, SCALED), "true_scale": getattr(x, SCALE), "fault_now": x.fault_now}
-        return within(OBSERVED, _observed(inner, p, x)) | scored(inner, p, x) | info
+        return within(OBSERVED, observed(inner, p, x) | {"action_now": x.action_now}) | scored(inner, p, x) | info
 
     parts = [as_part(inner.model), window_part(), score]
     model = merge(f"{inner.model.id}-tuning", f"{inner.model.title}: tuning", parts, OBSERVED + RESULT + _INFO, output)
@@ -104,12 +104,14 @@ def _act(inner: Inner, p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {"invalid": ca.logic_not(finite), SCALED: factors, "action_now": action, **next_decision(inner, p, x)}
 
 
-def _trend(p: Any, x: Any, u: Any) -> dict[str, Any]:
+def trend(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Return the value of `TREND` after a fix."""
     ratio = clamp(x.estimator_test_ratio, -LARGEST_RATIO, LARGEST_RATIO)
     return {"ratio_trend": x.ratio_trend + FORGETTING * (ratio * ratio - x.ratio_trend)}
 
 
-def _observed(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
+def observed(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
+    """Return the values of `OBSERVED` but the action, not yet clipped to their bounds."""
     seen, reported, sigma = statistics(p, x), ca.vertcat(x.gnss_position_sigma, x.gnss_velocity_sigma), inner.sigma(x)
     mean, some, root = seen["test_ratio_mean"], x.window_fixes > 0.0, ca.sqrt(p.sample_interval)
     return {
@@ -123,7 +125,6 @@ def _observed(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
         "accel_level": log10(seen["force_deviation"] * root / p.known_velocity_random_walk),
         "sigma_level": log10(sigma[:6] / reported),
         "attitude_level": log10(sigma[6:9] * 1e3),
-        "action_now": x.action_now,
     }
 
 

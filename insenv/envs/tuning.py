@@ -167,7 +167,8 @@ class TuningEnv(Tuning, InertialEnv):
     The filter's error e (rotation vector, velocity, position, in n) and its normalised estimation error squared (NEES),
     `e^T P^-1 e` of position, velocity and attitude as the filter defines its errors, are evaluated every second of the
     window. Let s be the limit (`info["limit"]`: the smallest standard deviation that any method can have, docs/limits.md,
-    as root mean square over the episode, or over 60 s of a shorter one, up to 600 s), T the number of steps and n = 9 the number of components. Then
+    as root mean square over the episode, up to 600 s; of an episode below 60 s, over 60 s), T the number of steps and n = 9
+    the number of components. Then
 
         measure = ln(1 + sqrt(mean of (e / s)^2 over components and evaluations))
         consistency = |ln(mean NEES over evaluations / n)|, at most 10
