@@ -76,7 +76,7 @@ def resolve_backend(backend: str | None = None) -> str:
     """The backend to use: `backend`, else native if there is a C compiler; warns once if there is none."""
     chosen = _requested(backend)
     if chosen and chosen not in BACKENDS:
-        raise InputError(f"backend {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")
+        raise InputError(f"backend = {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")
     if chosen == "interpreter":
         return chosen
     if find_compiler() is not None:

@@ -197,8 +197,8 @@ class Table:
     def unpack(self, vector: Vector, names: Iterable[str] | None = None) -> dict[str, Any]:
         """Values by name from a flat vector, or from an array of them along the last axis; only those of `names`."""
         vector = np.asarray(vector)
-        if vector.shape[-1] != self.size:
-            raise InputError(f"vector of length {vector.shape[-1]}: this table has {self.size} elements")
+        if vector.shape[-1:] != (self.size,):
+            raise InputError(f"vector of shape {vector.shape}: this table has {self.size} elements")
         rows = self.rows if names is None else [self[name] for name in names]
         return {row.name: vector[..., self._slices[row.name]].reshape(vector.shape[:-1] + row.shape) for row in rows}
 

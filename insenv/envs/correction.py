@@ -164,7 +164,8 @@ class CorrectionEnv(Correction, InertialEnv):
     That of `TuningEnv`.
 
     ## Arguments
-    - `reach`: standard deviations of the filter for an action of 1. `estimator`: "loosely-coupled".
+    - `reach`: standard deviations of the filter for an action of 1. A filter with fixes of centimetres states so little that a
+      drag is thousands of its standard deviations: a larger reach is needed there. `estimator`: "loosely-coupled".
     - `spread_decades`, `faults`, `duration_s`: as for `FaultTuningEnv`. All others, and the options of `reset`: as for
       `TuningEnv`, without `decades` and `mistuning_decades`.
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -26,8 +26,8 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Array, Row, Table
 from insenv.envs.checks import check_number, check_type
 from insenv.envs.embedded_filter import SCALE, scaled_model
-from insenv.envs.filter_score import LEAST_LIMIT_S, FilterInside
-from insenv.envs.starts import InnerStarts, uniforms_of
+from insenv.envs.filter_score import FilterInside, ScoredStarts
+from insenv.envs.starts import uniforms_of
 from insenv.scenario import Scenario, plant_of
 from insenv.sensors import GNSS
 
@@ -113,15 +113,15 @@ def _fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     }
 
 
-class FaultyStarts(InnerStarts):
-    """`InnerStarts` of a faulty plant.
+class FaultyStarts(ScoredStarts):
+    """`ScoredStarts` of a faulty plant.
 
     spread: the true noises and biases are those of the data sheet times factors whose decimal logarithms are uniform between
     -spread and +spread.  faults: whether there are windows.
     """
 
     def __init__(self, *arguments: Any, estimator: str, spread: float, faults: bool) -> None:
-        super().__init__(*arguments, estimator=estimator, least_limit_s=LEAST_LIMIT_S)
+        super().__init__(*arguments, estimator=estimator)
         self.spread, self.faults = spread, faults
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Array:
@@ -154,6 +154,7 @@ class FaultyStarts(InnerStarts):
 class Faulty(FilterInside):
     """The arguments of all environments with a filter inside and instruments that fail."""
 
+    drawn: ClassVar[tuple[str, ...]] = ("spread_decades", "faults")
     samples_per_step: int = 200
     duration_s: float | None = 240.0
     spread_decades: float = 0.5

@@ -11,15 +11,18 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import casadi as ca
+import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.elementary import log, minimum, select
 from insenv.core.model import Step
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.envs.checks import check_number, check_type, check_whole
 from insenv.envs.embedded_filter import COMMON, ERROR, Inner, empty_window
 from insenv.envs.setup import Arguments
+from insenv.envs.starts import InnerStarts
 from insenv.envs.task import DECISIONS, INVALID, NEVER, TRUTH, truth
-from insenv.scenario import Scenario, ScenarioLike
+from insenv.scenario import Scenario, ScenarioLike, prior_of
 
 DIVERGED = 1e4
 """Root mean square of the error components, in limits, above which the filter has diverged."""
@@ -142,8 +145,32 @@ def scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
 
 LEAST_LIMIT_S = 60.0
 """A shorter episode has the limit of so long a one, s: while a vehicle stands, the limit of its velocity is some 1e-5 m/s."""
+START_LIMITS = DIVERGED / 3.0
+"""Root mean square of the standard deviations of the reported start, in limits, above which an episode can begin diverged."""
 SCORE_INTERVAL = 1.0
 """Time between evaluations of the error, s; a shorter step is evaluated once."""
+
+
+class ScoredStarts(InnerStarts):
+    """`InnerStarts` of a task that is scored here.
+
+    Raises `InputError` for a unit so good that an error of the reported start counts as a divergence.
+    """
+
+    def __init__(self, *arguments: Any, **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        self.limit_s = max(self.duration, LEAST_LIMIT_S)
+
+    def _limit(self, unit: Array) -> Array:
+        limit, prior = super()._limit(unit), prior_of(self._section)
+        start = np.concatenate([prior.attitude, prior.velocity, prior.position])
+        if np.sqrt(np.mean((start / limit) ** 2)) > START_LIMITS:
+            raise InputError(
+                f"the inertial unit is too good for a filter that is scored by the limit: roll could be known to "
+                f"{np.degrees(limit[0]):.2g} deg, and the start is reported with {np.degrees(start[0]):.2g} deg, more than "
+                f"{START_LIMITS:.0f} times as much; allowed is a unit with larger errors, or a start that is better known"
+            )
+        return limit
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

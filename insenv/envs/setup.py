@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from inspect import signature
 from math import isfinite
 from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
 
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, nearest
 from insenv.core.tables import Array, Table
 from insenv.envs.checks import check_choice, check_type, check_whole, is_number, refused
 from insenv.envs.starts import Ranges, Starts, Variation
-from insenv.envs.task import HUGE_ACTION, Task
+from insenv.envs.task import Task
 from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.inputs import DRIVEN
 from insenv.scenario.poles import check_reach
+from insenv.vehicles import registry
 from insenv.vehicles.section import MAX_DURATION_S
 
 FLOAT64 = np.dtype(np.float64)
@@ -82,12 +84,14 @@ class Arguments(Variation):
     A subclass says what its task is (`_task`: actions, observation, reward), which parameters of it are constant
     (`_constants`), and how an episode starts (`_starts`).  `AlignmentEnv` describes the arguments.
 
-    needs_vehicle_in_place, needs_gnss: what the scenario must have.  rewards: the names that `reward` takes.
+    needs_vehicle_in_place, needs_gnss: what the scenario must have.  rewards: the names that `reward` takes.  drawn: names of
+    the arguments, besides those of `Variation`, that say what an episode draws.
     """
 
     needs_vehicle_in_place: ClassVar[bool] = False
     needs_gnss: ClassVar[bool] = False
     rewards: ClassVar[tuple[str, ...]] = ("final", "dense")
+    drawn: ClassVar[tuple[str, ...]] = ()
 
     scenario: ScenarioLike = field(default="", kw_only=False)
     vehicle: str = ""
@@ -102,10 +106,7 @@ class Arguments(Variation):
         ranges = self._ranges(scenario)
         samples = check_whole("samples_per_step", self.samples_per_step)
         check_choice("dtype", self.dtype, ("float64", "float32"))
-        reward = self.reward if callable(self.reward) else None
-        if reward is None and (not isinstance(self.reward, str) or self.reward not in self.rewards):
-            names = ", ".join(map(repr, self.rewards))
-            raise refused("reward", self.reward, f"{names} or a function of the info that returns a number")
+        reward = self._function()
         constants, task = self._constants(scenario), self._task(scenario)
         duration = scenario.duration_s if self.duration_s is None else self.duration_s
         step = samples / scenario.rate_hz
@@ -118,9 +119,20 @@ class Arguments(Variation):
         interval, dtype = 1.0 / scenario.rate_hz, np.dtype(self.dtype)
         return Setup(scenario, task, starts, samples, decisions, interval, constants, dtype, reward)
 
+    def _function(self) -> RewardOf | None:
+        """Return the function that `reward` is; None for a name."""
+        if callable(self.reward) and _takes_one(self.reward):
+            return self.reward
+        if isinstance(self.reward, str) and self.reward in self.rewards:
+            return None
+        names = ", ".join(map(repr, self.rewards))
+        raise refused("reward", self.reward, f"{names} or a function of the info that returns a number")
+
     def _scenario(self) -> Scenario:
         """Return the scenario; a track stands for each kind of vehicle."""
         check_type("vehicle", self.vehicle, str, "a kind of vehicle or ''")
+        if self.vehicle not in ("", *registry.names()):
+            raise InputError(f"vehicle = {self.vehicle!r}: no such kind{nearest(self.vehicle, registry.names())}")
         scenario = load(self.scenario)
         name, kind = scenario.name or scenario.title, scenario.vehicle.kind
         if self.vehicle and kind != self.vehicle and scenario.vehicle.lasts_s is None:
@@ -152,25 +164,31 @@ class Arguments(Variation):
         return Starts(scenario, task, ranges, constants, duration)
 
 
+def _takes_one(function: Callable[..., Any]) -> bool:
+    """Return whether a function can be called with one argument; one that tells no signature, as if it could."""
+    try:
+        signature(function).bind(None)
+    except TypeError:
+        return False
+    except ValueError:
+        pass
+    return True
+
+
 _NOT_REAL = "cSUMm"
 """Kinds of arrays that NumPy turns into numbers, of complex ones with only a warning."""
 
 
 def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
-    """Return the action as float64, with a huge number in place of what is not finite, for the task to judge.
-
-    Raises `InputError` for a wrong shape.
-    """
-    plain = type(action) is np.ndarray and action.dtype is FLOAT64 and action.shape == shape
-    # a sum is fast for a short row, and not finite if an element is not
-    if plain and (isfinite(sum(action.tolist())) if len(shape) == 1 else np.isfinite(action).all()):
+    """Return the action as float64; the task judges what is not finite.  Raises `InputError` for a wrong shape."""
+    if type(action) is np.ndarray and action.dtype is FLOAT64 and action.shape == shape:
         return action
     try:
         if np.asarray(action).dtype.kind in _NOT_REAL:
             raise TypeError
         array = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise refused("action", action, f"an array of shape {shape} of real numbers") from None
     if array.shape != shape:
         raise InputError(f"action of shape {array.shape}: allowed is {shape}")
-    return np.nan_to_num(array, nan=HUGE_ACTION, posinf=HUGE_ACTION, neginf=-HUGE_ACTION)
+    return array

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import gymnasium
 import numpy as np
@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 from insenv.base.errors import InputError, nearest
 from insenv.core.runner import make_runner
 from insenv.core.tables import Array, Table
-from insenv.envs.checks import check_choice, check_keywords, check_type
+from insenv.envs.checks import as_numbers, check_choice, check_keywords, check_type, refused
 from insenv.envs.rendering import Drawing, Seen, write
 from insenv.envs.setup import RewardOf, Setup, checked_action
 from insenv.envs.starts import RANGES
@@ -49,6 +49,7 @@ class Interface:
 
     setup: Setup
     reward: str | RewardOf
+    drawn: ClassVar[tuple[str, ...]]
     _made_with: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls: type[Made], *args: Any, **kwargs: Any) -> Made:
@@ -92,8 +93,10 @@ class Interface:
     def named(self, observation: Array) -> dict[str, Any]:
         """Return an observation by row name (views): ``imu`` (samples, 7), ``time``, ``fix_position`` ...
 
-        A vector environment's rows have the environments along the first axis.
+        A vector environment's rows have the environments along the first axis.  Raises `InputError` for anything else.
         """
+        if as_numbers(observation) is None:
+            raise refused("observation", observation, f"an array of {self.layout.size} numbers, or one of each environment")
         return self.layout.unpack(observation)
 
     def set_ranges(self, **ranges: Any) -> None:
@@ -101,7 +104,7 @@ class Interface:
 
         Raises `InputError` for another argument, or for a value that is not allowed; nothing is changed then.
         """
-        allowed = [name for name in RANGES if hasattr(self, name)]
+        allowed = [name for name in (*RANGES, *self.drawn) if hasattr(self, name)]
         for name in ranges:
             if name not in allowed:
                 raise InputError(f"set_ranges: {name!r} is not an argument that can vary{nearest(name, allowed)}")

@@ -318,10 +318,14 @@ class Starts:
             if self._limits is None:
                 self._limits = np.full((len(self._pool), place.stop - place.start), np.nan)
             for unit in set(units[np.isnan(self._limits[units, 0])].tolist()):
-                scenario = self.scenario.model_copy(update={"knowledge": self._section})
-                self._limits[unit] = episode_limit(self.task, self._plant, scenario, self._pool[unit], self.limit_s)
+                self._limits[unit] = self._limit(self._pool[unit])
             p[:, place] = self._limits[units]
         return p
+
+    def _limit(self, unit: Array) -> Array:
+        """Return the limits (components,) of an episode with a unit of the pool (parameters.size,)."""
+        scenario = self.scenario.model_copy(update={"knowledge": self._section})
+        return episode_limit(self.task, self._plant, scenario, unit, self.limit_s)
 
     def _known(self, p: Array, x: Array, units: NDArray[np.intp]) -> Array:
         """Return the initial knowledge (k, KNOWN.size) of episodes; of varied keys it follows those that are known."""
@@ -362,12 +366,10 @@ class InnerStarts(Starts):
 
     arguments: those of `Starts`.  estimator: id of the filter.  mistuning: if not 0, the filter's noises are wrong by
     factors whose decimal logarithms (row ``mistuning`` of the task) are drawn uniformly between -mistuning and +mistuning.
-    least_limit_s: `limit_s` of a shorter episode.
     """
 
-    def __init__(self, *arguments: Any, estimator: str, mistuning: float = 0.0, least_limit_s: float = 0.0) -> None:
+    def __init__(self, *arguments: Any, estimator: str, mistuning: float = 0.0) -> None:
         super().__init__(*arguments)
-        self.limit_s = max(self.duration, least_limit_s)
         self.mistuning, self._estimator = mistuning, estimators.get(estimator)
         self._tunings, self._same = self.scenario.tunings, build(self.scenario, driven=True).knowledge
         table = self._estimator.model.parameters

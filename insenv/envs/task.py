@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from sys import float_info
 from typing import Any
 
 import casadi as ca
@@ -22,8 +23,6 @@ DENSE = Row("dense", "1 if each step pays what it gains, 0 if the end pays for a
 DECISIONS = Row("decisions", "Decisions so far")
 INVALID = Row("invalid", "1 if the latest action was not finite", lower=0.0, upper=1.0)
 NEVER = Row("never", "Always 0: steps conditioned on it run only when called by name")
-HUGE_ACTION = 1e308
-"""What a model gets for an element of an action that is not finite; half of it and more counts as not finite."""
 RESULT = Table((
     Row("reward", "Reward of the latest action"),
     Row("terminated", "1 if the task is over", lower=0.0, upper=1.0),
@@ -81,7 +80,7 @@ def _bound(table: Table, which: str) -> Array:
 
 def finite_action(action: Any) -> tuple[Any, Any]:
     """Return whether all elements of an action are finite, and the action with 0 in place of those that are not."""
-    wrong = select(ca.fabs(action) <= HUGE_ACTION / 2.0, 0.0, 1.0)  # 1 for a NaN too
+    wrong = select(ca.fabs(action) <= float_info.max, 0.0, 1.0)  # 1 for a NaN too
     return ca.sumsqr(wrong) == 0.0, select(wrong, 0.0, action)
 
 

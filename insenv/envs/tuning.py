@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -30,9 +30,8 @@ from insenv.envs.embedded_filter import (
     window_part,
     within,
 )
-from insenv.envs.filter_score import LEAST_LIMIT_S, FilterInside, next_decision, scored, scoring_steps
+from insenv.envs.filter_score import FilterInside, ScoredStarts, next_decision, scored, scoring_steps
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import InnerStarts
 from insenv.envs.task import CLOCK, RESULT, Task, finite_action
 from insenv.envs.vector import InertialVectorEnv
 from insenv.scenario import Scenario, plant_of
@@ -105,6 +104,7 @@ class FilterTuning(FilterInside):
 class Tuning(FilterTuning):
     """The arguments and the task of `TuningEnv` and `TuningVectorEnv`."""
 
+    drawn: ClassVar[tuple[str, ...]] = ("mistuning_decades",)
     samples_per_step: int = 2000
     mistuning_decades: float = 1.5
 
@@ -112,9 +112,8 @@ class Tuning(FilterTuning):
         check_number("mistuning_decades", self.mistuning_decades, 0.0, 4.0)
         return tuning_task(plant_of(scenario)[0], self.estimator)
 
-    def _starts(self, scenario: Scenario, *rest: Any) -> InnerStarts:
-        decades = float(self.mistuning_decades)
-        return InnerStarts(scenario, *rest, estimator=self.estimator, mistuning=decades, least_limit_s=LEAST_LIMIT_S)
+    def _starts(self, scenario: Scenario, *rest: Any) -> ScoredStarts:
+        return ScoredStarts(scenario, *rest, estimator=self.estimator, mistuning=float(self.mistuning_decades))
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.base.errors import InputError, nearest
+from insenv.base.errors import InputError, guess, nearest
 from insenv.core.model import Model
 from insenv.core.tables import Array
 from insenv.envs.checks import check_type, refused
@@ -68,10 +68,11 @@ class Varied:
         self._place = Place(*(float(base[self._model.parameters.slice(f"start_{name}").start]) for name in _PLACE))
         allowed = (*MOVES, "imu", "gravity", REPORTED, *scenario.sensors)
         for variation in variations:
-            if variation.key.split(".")[0] not in allowed or "." not in variation.key:
+            section, dot, _ = variation.key.partition(".")
+            if section not in allowed or not dot:
                 raise InputError(
                     f"vary {variation.key!r}: allowed in an environment are the keys of {', '.join(allowed)}, such as "
-                    f"'imu.gyro_bias_deg_h'{nearest(variation.key, allowed)}"
+                    f"'imu.gyro_bias_deg_h'{guess(section, allowed)}"
                 )
         self.changed = {variation.key: self._tried(variation, duration) for variation in variations}
 
@@ -84,7 +85,7 @@ class Varied:
                 self._check(plant.model)
                 changed |= self.parameters({variation.key: value}) != self._base
             except InputError as error:
-                raise InputError(f"vary {variation}: {error}") from None
+                raise InputError(f"vary {variation}: {str(error).removeprefix(f'vary {variation.key!r}: ')}") from None
         return changed
 
     def _check(self, model: Model) -> None:

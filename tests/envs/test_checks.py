@@ -71,6 +71,11 @@ OWN = [
     (TuningEnv, {"estimator": "nothing"}, "estimator = 'nothing': allowed are filters that can run inside this environment: "),
     (TuningEnv, {"scenario": "ship-swaying"}, "has no [gnss]"),
     (TuningEnv, {"mistuning_decades": np.nan}, "mistuning_decades = nan"),
+    (TuningEnv, {"reward": lambda: 3}, "allowed is 'final', 'dense' or a function of the info that returns a number"),
+    (TuningEnv, {"vehicle": "boat"}, "vehicle = 'boat': no such kind (allowed: ship, car, aircraft"),
+    (TuningEnv, {"backend": "nosuch"}, "backend = 'nosuch': allowed is native or interpreter"),
+    (TuningEnv, {"vary": {"gnss.grde": (0, 1)}}, "vary gnss.grde=uniform(0, 1): no key 'grde'; did you mean 'grade'? (allowed"),
+    (TuningEnv, {"vary": {"gnns.grade": (0, 1)}}, "such as 'imu.gyro_bias_deg_h'; did you mean 'gnss'?"),
     (TuningEnv, {"consistency_weight": np.zeros(2)}, "consistency_weight = array([0., 0.]): allowed is a number"),
 ]  # fmt: skip
 
@@ -121,6 +126,8 @@ def test_what_methods_refuse():
         refuses(lambda env=env: env.set_ranges(dtype="float32"), "set_ranges: 'dtype' is not an argument that can vary")
         refuses(lambda env=env: env.set_ranges(imu="gold"), "gold")
         assert env.imu is None
+        for wrong in ("a", 3.0, [1.0, 2.0]):
+            refuses(lambda env=env, wrong=wrong: env.named(wrong), "observation = 'a'" if wrong == "a" else "vector of shape")
         refuses(lambda env=env: env.restore("x"), "snapshot = 'x': allowed is a Snapshot")
         env.reset(seed=1)
         action = np.zeros(env.action_space.shape).astype(complex)

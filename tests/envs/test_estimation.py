@@ -2,6 +2,7 @@
 
 import itertools
 import sys
+from sys import float_info
 
 import gymnasium
 import numpy as np
@@ -181,7 +182,7 @@ def test_an_invalid_estimate_ends_the_episode_with_a_finite_reward(id):
 @pytest.mark.parametrize("id", [SHIP, DRIVE])
 def test_an_action_outside_the_space_is_clipped_and_a_quaternion_normalized(id):
     env, found = gymnasium.make(id, **SHORT), []
-    for scale, beyond in ((1.0, 1.0), (7.0, 3.0), (1e200, 1e200)):
+    for scale, beyond in ((1.0, 1.0), (7.0, 3.0), (1e200, 1e200), (2.0**1023, float_info.max)):
         env.reset(seed=1)
         action = np.full(env.action_space.shape, -beyond)
         action[:4] = scale * np.array([0.5, -0.25, 0.75, 0.125])

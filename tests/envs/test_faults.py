@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from insenv import geodesy
+from insenv.base.errors import InputError
 from insenv.envs import FaultTuningEnv, FaultTuningVectorEnv, TuningEnv
 from insenv.envs.faults import BIASES, DRAG, FAULTS, JAMMING, LENGTH_S, PARTS, SOONEST_S, STREET, STUCK, VIBRATION
 
@@ -43,6 +44,28 @@ def test_without_faults_it_is_the_filter_of_a_run(env):
     for _, info, _ in _steps(env, 16, [0.0] * 7 + [1.0, 1.0]):
         expected = plain.step(np.zeros(6))[-1]
         assert all(np.array_equal(info[name], expected[name]) for name in ("q_nb", "position", "error", "nees", "measure"))
+
+
+def test_what_an_episode_draws_can_be_set_for_all_that_follow():
+    env = FaultTuningEnv(**SHORT)
+    env.set_ranges(spread_decades=0.0, faults=False)
+    env.reset(seed=1)
+    drawn = env.setup.task.model.parameters.unpack(env.snapshot().parameters)
+    assert np.all(drawn["noise_factor"] == 1.0) and np.all(drawn["fault_begin"] == drawn["fault_end"])
+    with pytest.raises(InputError, match="spread_decades = 3: allowed is a number from 0 to 2"):
+        env.set_ranges(spread_decades=3)
+    assert env.spread_decades == 0.0
+    tuned = TuningEnv(**SHORT)
+    tuned.set_ranges(mistuning_decades=0.0)
+    tuned.reset(seed=1)
+    assert not tuned.setup.task.model.parameters.unpack(tuned.snapshot().parameters)["mistuning"].any()
+
+
+@pytest.mark.parametrize("kind", [FaultTuningEnv, TuningEnv])
+def test_a_unit_without_errors_is_refused(kind):
+    """Its filter would count as diverged before the first fix."""
+    with pytest.raises(InputError, match="the inertial unit is too good for a filter that is scored by the limit: roll could "):
+        kind(**SHORT, imu="perfect").reset(seed=1)
 
 
 def test_noises_grow_inside_their_windows_and_nothing_is_reported(env):
