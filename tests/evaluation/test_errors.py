@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from insenv import run
 from insenv.estimators.parts import applicability
-from insenv.evaluation.errors import ATTITUDE, sigma_of, stated_sigma, wrapped_deg
+from insenv.evaluation.errors import ATTITUDE, UNITS, sigma_of, stated_sigma, unit_errors, wrapped_deg
 from insenv.scenario import load
 from insenv.studies.campaign.block import run_block
 from insenv.studies.campaign.plan import make_plan
@@ -32,6 +32,34 @@ def test_stated_sigma_is_the_scatter_of_roll_pitch_and_heading(heading_deg):
 def test_wrapped_angles():
     angles = np.array([-540.0, -180.0, -1.0, 0.0, 179.0, 180.0, 359.0])
     assert wrapped_deg(angles).tolist() == [-180.0, -180.0, -1.0, 0.0, 179.0, -180.0, -1.0]
+
+
+SHOWN = {  # unit, and what 1 of it is in SI
+    "gyro_bias": ("deg/h", np.pi / 180 / 3600),
+    "accel_bias": ("ug", 9.80665e-6),
+    "gyro_g_sensitivity": ("deg/h/g", np.pi / 180 / 3600 / 9.80665),
+    "gyro_scale": ("ppm", 1e-6),
+    "accel_scale": ("ppm", 1e-6),
+    "gyro_misalignment": ("urad", 1e-6),
+    "accel_misalignment": ("urad", 1e-6),
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_an_error_of_the_unit_is_shown_in_its_unit(name):
+    """At the last record, by component; on a turntable alone."""
+    assert UNITS.keys() == SHOWN.keys()
+    unit, size = SHOWN[name]
+    axes = ("xy", "xz", "yx", "yz", "zx", "zy") if "misalignment" in name else ("x", "y", "z")
+    numbers = np.arange(1.0, len(axes) + 1)
+    last = {name: 7 * numbers * size, f"{name}_estimate_sigma": numbers * size}
+    outputs = {row: np.stack([0 * values, values]) for row, values in last.items()}
+    found = unit_errors("turntable", outputs, {name: 4 * numbers * size})
+    assert [(one.name, one.component, one.unit) for one in found] == [(name, axis, unit) for axis in axes]
+    shown = np.array([(one.estimate, one.sigma, one.true, one.error) for one in found])
+    assert shown == pytest.approx(numbers[:, None] * [7.0, 1.0, 4.0, 3.0], rel=1e-12)
+    assert [(one.true, one.error) for one in unit_errors("turntable", outputs)] == [(None, None)] * len(axes)
+    assert unit_errors("car", outputs) == ()
 
 
 @pytest.mark.slow

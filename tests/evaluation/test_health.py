@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command_line import call
 from scipy.signal import lfilter
+from scipy.stats import chi2
 from simulated_log import simulated_log
 from written_logs import written_log
 
@@ -58,6 +59,22 @@ def test_the_bounds_hold_the_mean_as_often_as_they_say(rho, least):
     # with rho 0.9 the variance of the mean is 9.5 times as large: bounds of independent innovations hold it 47 % of the time
     white = np.mean([abs(nis.mean - 1) < 1.96 * np.sqrt(2 / 3600) for nis in found])
     assert white < 0.55 or rho < 0.9
+    # of independent ones they are as wide as for 3600 degrees of freedom, and by a scatter of blocks above that of chance more
+    width = np.mean([nis.high - nis.low for nis in found]) / (2 * 1.96 * np.sqrt(2 / 3600))
+    assert 1.0 <= width < 1.1 or rho > 0.0
+
+
+def test_the_bounds_are_those_of_chi_square_with_the_freedom_that_the_blocks_leave():
+    """Errors whose size changes from block to block: a sum of n independent squares of mean m has the variance 2 m^2 n."""
+    ratios = np.random.default_rng(11).normal(size=(2000, 6)) * (1 + 0.3 * np.sin(np.arange(2000) / 300))[:, None]
+    squares = ratios**2
+    sums, mean = squares.reshape(BLOCKS, -1).sum(axis=1), squares.mean()
+    excess = sums.var(ddof=1) / (2 * mean**2 * ratios.size / BLOCKS)
+    degrees = ratios.size / excess
+    assert excess > 5
+    found = health(of_fixes(ratios)).nis
+    expected = [mean, *(chi2.ppf([0.025, 0.975], degrees) / degrees)]
+    assert [found.mean, found.low, found.high] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(("fixes", "verdict"), [(2, "consistent"), (7, "consistent"), (8, "overconfident")])

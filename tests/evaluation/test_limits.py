@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from types import SimpleNamespace
 
 import earth_fixed
@@ -399,6 +399,41 @@ def test_a_limit_is_kept_on_disk_and_a_broken_file_is_not_believed(tmp_path, mon
     path.write_bytes(b"not a file of NumPy")
     limits._stored.cache_clear()
     assert np.array_equal(insenv.limit("static-ecef", duration_s=2.0).sigma["heading_deg"], first.sigma["heading_deg"])
+
+
+def test_a_limit_is_kept_for_that_on_which_it_depends_alone(tmp_path, monkeypatch):
+    """Each part of a case by itself makes another limit, in memory and on disk; the seed of a run does not."""
+    plant, asked = build(load("static-ecef"), seed=1), []
+
+    def numbered(*case, **_):
+        asked.append(case)
+        return Limit(np.array([0.0, 1.0]), np.zeros((2, 3)), {"roll_deg": np.full(2, float(len(asked)))})
+
+    def found(model, rows, prior, samples, in_place):
+        stored = Prior(*np.split(np.array(prior), 3))
+        return limits.limit_along(model, rows, stored, samples, in_place).sigma["roll_deg"][0]
+
+    monkeypatch.setenv("INSENV_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(limits, "WORTH_KEEPING_S", -1.0)
+    monkeypatch.setattr(limits.limits, "bound", numbered)
+    monkeypatch.setattr(limits, "_stored", lru_cache(limits._stored.__wrapped__))
+    parameters, rows, prior = plant.model.parameters, plant.model.parameters.pack(plant.parameters), np.arange(1.0, 10.0)
+    model = SimpleNamespace(parameters=parameters, fingerprint="one")
+    whole = {"model": model, "rows": rows, "prior": prior, "samples": 200, "in_place": True}
+    other = SimpleNamespace(parameters=parameters, fingerprint="two")
+    changes = [{}, {"samples": 201}, {"samples": 1}, {"in_place": False}, {"model": other}]
+    changes += [{"prior": np.where(row, prior + 1e-9, prior)} for row in np.eye(9)]
+    of_rows = [row for row in np.eye(len(rows)) if not row[parameters.slice("seed")].any()]
+    changes += [{"rows": np.where(row, rows * 1.001 + 1e-9, rows)} for row in of_rows]
+    cases = [{**whole, **change} for change in changes]
+    assert [found(**case) for case in cases] == [1.0 + n for n in range(len(cases))]
+    assert [case[3] for case in asked[:3]] == [200, 201, 1]
+    limits._stored.cache_clear()
+    again = rows.copy()
+    again[parameters.slice("seed")] = 7.0
+    cases.append({**whole, "rows": again})
+    assert [found(**case) for case in cases] == [*(1.0 + n for n in range(len(cases) - 1)), 1.0]
+    assert len(asked) == len(cases) - 1
 
 
 def test_errors_of_a_unit_that_nothing_shows_keep_what_is_known_of_them():

@@ -75,14 +75,18 @@ def test_kml_is_valid_and_read_by_fastkml(tmp_path, report):
     assert {(item.angle.tilt, item.angle.roll) for item in track.track_items} == {(0.0, 0.0)}
 
 
-def test_nmea_is_read_by_pynmea2(tmp_path):
+@pytest.mark.parametrize(("noise", "semi_major", "orientation"), [
+    ([0.01, 0.03, 0.05], 1, 90.0),  # the larger one is east
+    ([0.03, 0.01, 0.05], 0, 0.0),
+])  # fmt: skip
+def test_nmea_is_read_by_pynmea2(tmp_path, noise, semi_major, orientation):
     import pynmea2
 
     scenario = {
         "title": "South and west", "duration_s": 20.0,
         "start": {"latitude_deg": -33.5, "longitude_deg": -70.001, "height_m": 520.0, "heading_deg": 200.0},
         "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 12.0}]},
-        "gnss": {"grade": "rtk", "interval_s": 0.2, "position_noise_m": [0.01, 0.03, 0.05]},
+        "gnss": {"grade": "rtk", "interval_s": 0.2, "position_noise_m": noise},
     }  # fmt: skip
     log = insenv.record(scenario)
     fixes, (path,) = log.gnss, insenv.write(log, tmp_path, "nmea")
@@ -102,9 +106,13 @@ def test_nmea_is_read_by_pynmea2(tmp_path):
     np.testing.assert_allclose([s.spd_over_grnd_kmph / 3.6 for s in kinds["VTG"]], speed, atol=5e-4)
     assert kinds["RMC"][-1].true_course == pytest.approx(200.0, abs=1.0)
     np.testing.assert_allclose([s.std_dev_latitude for s in kinds["GST"]], fixes.position_sigma[:, 0], atol=6e-4)
+    np.testing.assert_allclose([s.std_dev_longitude for s in kinds["GST"]], fixes.position_sigma[:, 1], atol=6e-4)
     np.testing.assert_allclose([s.std_dev_altitude for s in kinds["GST"]], fixes.position_sigma[:, 2], atol=6e-4)
-    np.testing.assert_allclose([s.std_dev_major for s in kinds["GST"]], fixes.position_sigma[:, 1], atol=6e-4)
-    assert {s.orientation for s in kinds["GST"]} == {90.0}  # the larger one is east
+    # NMEA 0183: the orientation is that of the semi-major axis, in degrees from true north
+    for axis, column in (("major", semi_major), ("minor", 1 - semi_major)):
+        shown = [getattr(s, f"std_dev_{axis}") for s in kinds["GST"]]
+        np.testing.assert_allclose(shown, fixes.position_sigma[:, column], atol=6e-4, err_msg=axis)
+    assert {s.orientation for s in kinds["GST"]} == {orientation}
 
 
 def test_rerun_reads_its_recording(tmp_path, report):

@@ -1,5 +1,7 @@
 """A simulated drive as a log: CSV files and their description."""
 
+from itertools import groupby
+
 import numpy as np
 import pytest
 from standing_car import started
@@ -103,6 +105,12 @@ def test_lost_samples_are_missing_in_the_log_and_bridged_again(tmp_path):
     assert 20 < lost < 120
     assert len((tmp_path / "drive-log-imu.csv").read_text("utf-8").splitlines()) - 1 == 3000 - lost
     assert back.gaps.samples == lost
+    runs = [[n for n, _ in run] for is_lost, run in groupby(enumerate(log.bridged), key=lambda each: each[1]) if is_lost]
+    lengths = [len(run) for run in runs]
+    assert (log.gaps.count, log.gaps.samples) == (len(runs), sum(lengths)) == (back.gaps.count, log.bridged.sum())
+    assert log.gaps.longest_s == pytest.approx(0.01 * max(lengths)) == pytest.approx(back.gaps.longest_s)
+    # sample n covers n to n + 1 intervals
+    np.testing.assert_allclose(log.gaps.intervals, [(0.01 * run[0], 0.01 * (run[-1] + 1)) for run in runs], atol=1e-12)
     for name in ("delta_angle", "delta_velocity"):
         np.testing.assert_allclose(getattr(back, name), getattr(log, name), rtol=1e-9, atol=1e-12)
     assert np.ptp(log.temperature) > 40.0

@@ -1,5 +1,7 @@
 """References in other axes and notations, against SciPy's rotations and pymap3d."""
 
+from functools import partial
+
 import numpy as np
 import pymap3d
 import pytest
@@ -20,6 +22,7 @@ ENU, FLU = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.diag([1, -1, -1])  #
 ARM, ORIGIN = np.array([0.5, -1.0, -2.0]), (45.02, -93.03, 150.0)
 C_EN = np.stack([np.column_stack([pymap3d.enu2uvw(*axis, *place[:2]) for axis in ENU]) for place in PLACE])
 OF_ORIGIN = np.array([pymap3d.uvw2enu(*each, *ORIGIN[:2]) for each in np.eye(3)]).T @ C_EN  # from NED at the place to ENU there
+POINTS = {"N": [1, 0, 0], "E": [0, 1, 0], "D": [0, 0, 1], "W": [0, -1, 0], "U": [0, 0, -1]}  # of an axis, in NED
 COLUMNS = "x,y,z,u,v,w,q0,q1,q2,q3"
 QUATERNION = 'quaternion = ["q0", "q1", "q2", "q3"]\nquaternion_order = "{}"\nquaternion_direction = "{}"\n'
 AXES = 'navigation_axes = "ENU"\naxes = "FLU"\n' + QUATERNION.format("wxyz", "body-to-nav")
@@ -38,10 +41,12 @@ def in_ecef():
     return columns, keys + QUATERNION.format("xyzw", "nav-to-body")
 
 
-def in_local_axes():
-    q = Rotation.from_matrix(OF_ORIGIN @ C_NB.as_matrix() @ FLU).as_quat()[:, [3, 0, 1, 2]]
-    place, velocity = np.column_stack(pymap3d.geodetic2enu(*PLACE.T, *ORIGIN)), np.einsum("kij,kj->ki", OF_ORIGIN, VELOCITY)
-    return np.hstack([place, velocity, q]), 'position_local = ["x", "y", "z"]\n' + LOCAL
+def in_local_axes(axes):
+    of_enu = np.array([POINTS[axis] for axis in axes]) @ ENU
+    turn = of_enu @ OF_ORIGIN
+    q = Rotation.from_matrix(turn @ C_NB.as_matrix() @ FLU).as_quat()[:, [3, 0, 1, 2]]
+    place, velocity = np.column_stack(pymap3d.geodetic2enu(*PLACE.T, *ORIGIN)), np.einsum("kij,kj->ki", turn, VELOCITY)
+    return np.hstack([place @ of_enu.T, velocity, q]), 'position_local = ["x", "y", "z"]\n' + LOCAL.replace("ENU", axes)
 
 
 def written(folder, columns, keys):
@@ -50,7 +55,7 @@ def written(folder, columns, keys):
     return folder
 
 
-@pytest.mark.parametrize("form", [in_ecef, in_local_axes])
+@pytest.mark.parametrize("form", [in_ecef, *(partial(in_local_axes, axes) for axes in ("NED", "ENU", "NWU"))])
 def test_each_notation_means_the_same(folder, form):
     reference = written(folder, *form()).load().reference
     np.testing.assert_allclose(reference.time, TIME, rtol=1e-10)

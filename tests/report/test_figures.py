@@ -12,6 +12,7 @@ from insenv.base.style import save
 from insenv.evaluation.errors import ATTITUDE, Track
 from insenv.evaluation.health import course
 from insenv.report import OutputFolder, Report, write_files
+from insenv.report.panels import threshold_of
 from insenv.report.run_data import outages
 
 draw = Report.plot
@@ -31,6 +32,16 @@ def test_outages_are_the_gaps_between_fixes():
     assert outages(time, np.cumsum(fixes)) == ((40.0, 61.0), (90.0, 99.5))
     assert outages(time, np.zeros(200)) == ()
     assert outages(time, np.cumsum(time % 1.0 == 0.0)) == ()
+
+
+@pytest.mark.parametrize(("settled", "reach", "threshold"), [
+    ((0.3, 40.0), (0.0, 0.0), 0.5), ((40.0, 0.3), (0.0, 0.0), 0.5), ((0.3, 40.0), (0.7, 0.0), 1.0),  # of the best one
+    ((7.0, 0.06, 0.015), (0.0, 0.0, 0.0), 0.02), ((0.015,), (0.0,), 0.02), ((90.0, 80.0), (0.0, 0.0), None),
+])  # fmt: skip
+def test_a_scale_is_linear_within_the_settled_errors_of_the_best_estimator(settled, reach, threshold):
+    """Errors of 100 at first, then smaller ones over the last quarter; the next of 1, 2, 5, 10, ... above them."""
+    errors = [np.r_[np.full(75, 100.0), np.linspace(-size, size / 2, 25)] for size in settled]
+    assert threshold_of(errors, reach) == (None if threshold is None else pytest.approx(threshold))
 
 
 def test_a_figure_shades_its_outages():

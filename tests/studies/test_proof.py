@@ -80,6 +80,23 @@ def test_what_is_not_there_is_said_in_one_sentence(data, tmp_path, monkeypatch):
     assert "its data are not here: package:onavdata; `pip install" in proof.public_logs()["umn-thor-75"].missing(tmp_path)
 
 
+@pytest.mark.parametrize(("names", "gone", "status"), [
+    ((), (), 0), ((), ("first",), 0), ((), ("first", "second"), 1),
+    (("first", "second"), (), 0), (("first", "second"), ("second",), 1), (("first",), ("first",), 1),
+])  # fmt: skip
+def test_the_status_is_1_where_a_named_log_or_every_log_is_missing(names, gone, status, tmp_path, monkeypatch):
+    """Of all logs, some may be missing: who asks for all of them runs those that are there."""
+
+    def prove(asked, data, progress):
+        logs = (LogProof(name, "", "", "", "reported on", "", missing=name if name in gone else "")
+                for name in asked or ("first", "second"))  # fmt: skip
+        return Proof("", tuple(logs))
+
+    monkeypatch.setattr(proof, "prove", prove)
+    found, out, err = call("prove", *names, "--data", tmp_path, "--json")
+    assert (found, err) == (status, "") and [log["missing"] for log in strict(out)["logs"] if log["missing"]] == list(gone)
+
+
 def test_a_run_that_states_too_little_counts_as_silent_unless_it_says_so():
     over = {"heading_deg": Compared(3.0, 0.5, 0.02)}
     lost = Withheld(2, 4.0, {"horizontal_m": Compared(9.0, 2.0, 0.3)}, {"horizontal_m": 9.0}, "consistent", False)

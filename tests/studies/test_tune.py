@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from changed_scenario import changed
 from command_line import call, strict
-from scipy.stats import sem, t
+from scipy.stats import norm, sem, t
 from simulated_log import simulated_log
 
 import insenv
 from insenv.base.errors import InputError
 from insenv.estimators import get
+from insenv.runs.replayed import prepared
 from insenv.scenario import load
 from insenv.studies import tune_log, tune_search
 from insenv.studies.campaign import make_plan
@@ -79,6 +80,30 @@ def test_a_mistuned_filter_is_tuned_back_on_a_log_without_a_reference():
 def test_the_change_on_a_log_has_the_interval_of_the_means_of_ten_blocks():
     found = tune_log._change(np.repeat(np.arange(10.0), 20))
     assert [found.value, found.low, found.high] == pytest.approx([4.5, *t.interval(0.95, 9, 4.5, sem(np.arange(10.0)))])
+
+
+def test_the_score_of_a_fix_is_the_predictive_density_of_its_innovations():
+    """Against the outputs of a replay: what the filter states before a fix, with what the receiver states, and what came."""
+    log = log_of_car(45.0)
+    ready = prepared(log, ["loosely-coupled"])
+    samples = np.flatnonzero(ready.columns["gnss_valid"])[1:13]
+    fixes = tune_log.Fixes(ready, (), samples, tune_log._sigma(ready, samples))
+    scores, squares = fixes.scores(np.ones((1, 0)), len(samples))
+    result = insenv.replay(log, "loosely-coupled").results[0]
+    rows = np.searchsorted(result.time, log.imu_time[ready.first + samples] - 1e-6)
+    assert np.diff(result.time) == pytest.approx(0.02), "every sample is recorded"
+    came = np.searchsorted(log.gnss.time, result.time[rows] - 1e-6)
+    told = np.hstack([log.gnss.position_sigma, log.gnss.velocity_sigma])[came]
+    stated = np.hstack([result.outputs["position_sigma"], result.outputs["velocity_sigma"]])[rows - 1]
+    sigma, y = np.hypot(stated, told), result.outputs["innovation"][rows]
+    assert np.abs(y / sigma).max() < 5 and (np.log(sigma).max() - np.log(sigma).min()) > 1
+    assert scores[0] == pytest.approx(-norm.logpdf(y, scale=sigma) - np.log(2 * np.pi) / 2, rel=1e-9, abs=1e-9)
+    assert squares[0] == pytest.approx((y / sigma) ** 2, rel=1e-9)
+    # a fix that is off by more than five standard deviations counts as one that is off by five
+    ready.columns["gnss_height"][samples[-1]] += 1e3
+    scores, squares = fixes.scores(np.ones((1, 0)), len(samples))
+    assert squares[0, -1, 2] > 1e4
+    assert scores[0, -1, 2] == pytest.approx(-norm.logpdf(5 * sigma[-1, 2], scale=sigma[-1, 2]) - np.log(2 * np.pi) / 2)
 
 
 def test_the_search_finds_a_minimum_and_survives_ctrl_c():

@@ -53,6 +53,19 @@ def test_instruments_and_an_offset_of_the_fixes(tmp_path):
     np.testing.assert_allclose(found["barometer"], 540.3, atol=0.2)
 
 
+def test_increments_are_over_intervals_of_their_own(tmp_path):
+    """IMT: DelA over DelaT, DelV over DelvT; here the two differ from one another and from the step of 10 ms."""
+    log = DataflashWriter("IMT")
+    angle_s, velocity_s, rates, force = 0.008, 0.005, np.array([0.01, -0.02, 0.03]), np.array([0.5, -0.25, -9.75])
+    for i in range(300):
+        log.add("IMT", i * 10_000, 0, 0.01, velocity_s, angle_s, *(rates * angle_s), *(force * velocity_s))
+    (tmp_path / "flight.BIN").write_bytes(log.data)
+    found = load(tmp_path / "flight.BIN")
+    assert len(found.dt) > 290
+    np.testing.assert_allclose(found.delta_angle / found.dt[:, None], np.tile(rates, (len(found.dt), 1)), rtol=1e-6)
+    np.testing.assert_allclose(found.delta_velocity / found.dt[:, None], np.tile(force, (len(found.dt), 1)), rtol=1e-6)
+
+
 def test_gaps_twice_out_of_order_and_restarts(tmp_path):
     log = DataflashWriter("IMU")
     first = [t for t in range(0, 10_000_000, 10_000) if not 3_000_000 < t < 3_200_000]  # a gap that is bridged

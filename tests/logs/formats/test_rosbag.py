@@ -15,7 +15,8 @@ SCENARIO = {
     "start": {"latitude_deg": 70.0, "longitude_deg": 19.0, "height_m": 50.0, "heading_deg": 60.0},
     "vehicle": {"kind": "car", "legs": [{"wait_s": 4.0}, {"accelerate_to_mps": 15.0}, {"turn_deg": 90.0, "radius_m": 30.0}]},
     "imu": {"grade": "tactical", "temperature_start_degc": 15.0, "temperature_end_degc": 40.0},
-    "gnss": {"grade": "rtk", "latency_s": 0.1, "interval_s": 0.2, "lever_arm_m": [0.5, 0.0, -1.0]},
+    "gnss": {"grade": "rtk", "latency_s": 0.1, "interval_s": 0.2, "lever_arm_m": [0.5, 0.0, -1.0],
+             "position_noise_m": [0.01, 0.02, 0.04], "velocity_noise_mps": [0.03, 0.05, 0.07]},
     "magnetometer": {"interval_s": 0.1},
 }  # fmt: skip
 
@@ -65,6 +66,8 @@ def test_messages_have_the_axes_units_and_times_of_ros(drive):
     assert at - stamp(fix) == pytest.approx(0.1e9, abs=2), "recorded on arrival, stamped with its time of validity"
     assert fix.latitude == pytest.approx(np.degrees(log.gnss.latitude[10]), abs=1e-12) and fix.altitude == log.gnss.height[10]
     np.testing.assert_allclose(np.sqrt(fix.position_covariance[[4, 0, 8]]), log.gnss.position_sigma[10])
+    twist = found["/gnss/velocity"][10][1].twist
+    np.testing.assert_allclose(np.array(twist.covariance)[[7, 0, 14]], log.gnss.velocity_sigma[10] ** 2)
     field = found["/magnetometer"][5][1].magnetic_field
     np.testing.assert_allclose([field.x, -field.y, -field.z], log.instruments[0].values[5])
 
@@ -106,7 +109,9 @@ def test_a_bag_is_replayed_as_a_log(drive, kind):
     for name in ("latitude", "longitude"):
         np.testing.assert_allclose(getattr(back.gnss, name), getattr(log.gnss, name), atol=1e-15)
     np.testing.assert_allclose(back.gnss.velocity_n, log.gnss.velocity_n, atol=1e-12)
-    np.testing.assert_allclose(back.gnss.position_sigma, log.gnss.position_sigma, rtol=1e-12)
+    assert len(np.unique(log.gnss.position_sigma)) == len(np.unique(log.gnss.velocity_sigma)) == 3, "north, east, down differ"
+    for name in ("position_sigma", "velocity_sigma"):
+        np.testing.assert_allclose(getattr(back.gnss, name), getattr(log.gnss, name), rtol=1e-12, err_msg=name)
     for name in ("roll", "pitch", "heading", "velocity_n", "height"):
         rows = np.rint((back.reference.time + start) * 100.0).astype(int) - 1
         np.testing.assert_allclose(getattr(back.reference, name), getattr(log.reference, name)[rows], atol=1e-9, err_msg=name)

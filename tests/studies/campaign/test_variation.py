@@ -28,6 +28,16 @@ def test_values_have_their_distribution(text, law):
     assert stats.kstest(numbers, law.cdf).pvalue > 1e-3 and np.allclose(law.cdf(numbers), uniforms, atol=1e-9)
 
 
+@pytest.mark.parametrize(("text", "expected"), [
+    ("normal(2, 0.5)", [(-3.5, "the smallest of 4 values drawn"), (8.25, "the largest of 4 values drawn")]),
+    ("lognormal(2, 0.5)", [(-3.5, "the smallest of 4 values drawn"), (8.25, "the largest of 4 values drawn")]),
+    ("-1:3", [(-1.0, ""), (3.0, "")]), ("loguniform(0.1, 10)", [(0.1, ""), (10.0, "")]),
+    ("choice(spp, rtk, ppp)", [("spp", ""), ("rtk", ""), ("ppp", "")]),
+])  # fmt: skip
+def test_a_plan_is_checked_with_ends_choices_and_the_extremes_drawn(text, expected):
+    assert parse_variation(f"x={text}").distribution.tried(np.array([1.0, 8.25, -3.5, 2.0])) == expected
+
+
 def test_values_that_some_runs_refuse_are_named():
     plan = plan_of("imu.gyro_bias_deg_h=-1:1")
     wrong = replace(plan, variations=(parse_variation("imu.gyro_arw_deg_sqrt_h=-2:-1"),))
