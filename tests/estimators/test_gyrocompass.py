@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from driven import outputs_of
 from resting import at_rest, attitude_error
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import expm, solve_continuous_lyapunov
 
 from insenv import attitude
 from insenv.estimators import gyrocompass
@@ -25,6 +25,19 @@ def test_noise_of_the_heading_loop_is_that_of_its_equations():
         x = gyrocompass.MODEL.state.pack({"time": 1e6, "gravity": G, "axis_n": [np.cos(LATITUDE), 0, -np.sin(LATITUDE)]})
         shown = outputs_of(gyrocompass.MODEL, x, {**given, "start_heading_sigma": 0.0})
         assert shown["attitude_sigma"][2] == pytest.approx(expected, rel=1e-3), name
+
+
+@pytest.mark.parametrize("after", [0.0, 0.5, 1.0, 3.0])
+def test_a_start_heading_error_is_stated_to_decay_as_the_loop_lets_it(after):
+    """A small one, without noise, `after` time constants from levelling on: v', phi_E', phi_D' of the module, level at first."""
+    tau, start = 40.0, 1e-3
+    K1, K2, K3, R = 3 / tau, 3 / tau**2, 1 / tau**3, OMEGA_IE * np.cos(LATITUDE)
+    F = np.array([[-K1, -G, 0.0], [K2 / G, 0.0, R], [K3 / (G * R), 0.0, 0.0]])
+    given = {**QUIET, "heading_constant": tau, "start_heading_sigma": start, "levelling_time": 60.0}
+    state = {"time": 60.0 + after * tau, "gravity": G, "axis_n": [np.cos(LATITUDE), 0, -np.sin(LATITUDE)]}
+    shown = outputs_of(gyrocompass.MODEL, gyrocompass.MODEL.state.pack(state), given)["attitude_sigma"][2]
+    left = (expm(F * after * tau) @ [0.0, 0.0, start])[2]
+    assert left * (1 - 1e-9) <= shown < 1.08 * left  # its exponential is (1 + s / 64)^-64, a little above
 
 
 @pytest.mark.parametrize("heading_error_deg", [0.0, 5.0, -60.0, -150.0])

@@ -1,5 +1,7 @@
 """Parameters of estimators from files, the command line and Python."""
 
+import re
+
 import numpy as np
 import pytest
 from interpreted import interpreted  # noqa: F401
@@ -30,6 +32,17 @@ def test_units_of_parameters():
                 {"arw_deg_sqrt_h": 1.0, "angle_random_walk_deg_sqrt_h": 1.0}):  # fmt: skip
         with pytest.raises(InputError, match=f"estimator.loosely-coupled.{list(bad)[-1]}"):
             tuning("loosely-coupled", bad)
+
+
+@pytest.mark.parametrize(("key", "row", "unit"), [
+    ("innovation_gate", "innovation_gate", 1.0), ("arw_deg_sqrt_h", "angle_random_walk", np.pi / 180 / 60),
+    ("accel_bias_ug", "accel_bias_sigma", 9.80665e-6),
+])  # fmt: skip
+def test_a_refused_setting_names_its_bounds_in_its_own_unit(key, row, unit):
+    bounds = get("loosely-coupled").model.parameters[row]
+    allowed = f"allowed is a finite number from {bounds.lower / unit:g} to {bounds.upper / unit:g} ({bounds.meaning})"
+    with pytest.raises(InputError, match=re.escape(allowed)):
+        tuning("loosely-coupled", {key: "x"})
 
 
 def test_settings_are_those_of_the_scenario_file_and_of_a_filter_s_smoother():

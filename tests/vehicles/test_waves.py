@@ -104,6 +104,14 @@ def test_spectrum_has_the_moments_of_the_sea(enhancement: float) -> None:
         assert 2 * np.pi * zeroth / first == pytest.approx(0.772 * 9.0, rel=0.01)
 
 
+@pytest.mark.parametrize(("ratio", "width"), [(0.93, 0.07), (1.0, 0.07), (1.09, 0.09), (1.3, 0.09)])
+def test_the_peak_is_narrow_below_and_wide_above(ratio: float, width: float) -> None:
+    """DNV-RP-C205, sec. 3.5.5: the enhancement over Pierson and Moskowitz, gamma to the power of a bell of width 0.07 or 0.09."""
+    w = ratio * 2 * np.pi / 9.0
+    enhanced = spectrum(w, 3.0, 9.0, 3.3) / spectrum(w, 3.0, 9.0, 1.0)
+    assert enhanced == pytest.approx((1 - 0.287 * np.log(3.3)) * 3.3 ** np.exp(-0.5 * ((ratio - 1) / width) ** 2), rel=1e-9)
+
+
 @pytest.mark.parametrize("speed", [0.0, 8.0])
 def test_motion_in_an_irregular_sea_has_the_variance_of_spectrum_and_response(speed: float) -> None:
     hull, height, period, heading, direction = Hull(length=60), 2.5, 9.0, 0.4, 2.5
