@@ -29,7 +29,7 @@ def test_noise_of_the_heading_loop_is_that_of_its_equations():
 
 @pytest.mark.parametrize("after", [0.0, 0.5, 1.0, 3.0])
 def test_a_start_heading_error_is_stated_to_decay_as_the_loop_lets_it(after):
-    """A small one, without noise, `after` time constants from levelling on: v', phi_E', phi_D' of the module, level at first."""
+    """A small one, without noise, `after` time constants after levelling: v', phi_E', phi_D' of the module; level at first."""
     tau, start = 40.0, 1e-3
     K1, K2, K3, R = 3 / tau, 3 / tau**2, 1 / tau**3, OMEGA_IE * np.cos(LATITUDE)
     F = np.array([[-K1, -G, 0.0], [K2 / G, 0.0, R], [K3 / (G * R), 0.0, 0.0]])

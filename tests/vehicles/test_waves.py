@@ -106,7 +106,7 @@ def test_spectrum_has_the_moments_of_the_sea(enhancement: float) -> None:
 
 @pytest.mark.parametrize(("ratio", "width"), [(0.93, 0.07), (1.0, 0.07), (1.09, 0.09), (1.3, 0.09)])
 def test_the_peak_is_narrow_below_and_wide_above(ratio: float, width: float) -> None:
-    """DNV-RP-C205, sec. 3.5.5: the enhancement over Pierson and Moskowitz, gamma to the power of a bell of width 0.07 or 0.09."""
+    """DNV-RP-C205, sec. 3.5.5: the enhancement over Pierson and Moskowitz, gamma to the power of a bell 0.07 or 0.09 wide."""
     w = ratio * 2 * np.pi / 9.0
     enhanced = spectrum(w, 3.0, 9.0, 3.3) / spectrum(w, 3.0, 9.0, 1.0)
     assert enhanced == pytest.approx((1 - 0.287 * np.log(3.3)) * 3.3 ** np.exp(-0.5 * ((ratio - 1) / width) ** 2), rel=1e-9)

@@ -1,8 +1,12 @@
 """Fusion filters as estimators: choice of states and aids, wrong choices, notes, known errors found."""
 
+from types import SimpleNamespace
+
+import casadi as ca
 import numpy as np
 import pytest
 from changed_scenario import changed
+from constants import number
 from driven import columns_of, fed_outputs
 from peers import package
 from places import ROOT
@@ -12,7 +16,7 @@ from insenv import InputError
 from insenv.estimators.contract import Drive, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.family import aids_of, prepared
-from insenv.estimators.fusion.non_holonomic import UNKNOWN_ARM
+from insenv.estimators.fusion.non_holonomic import NON_HOLONOMIC, UNKNOWN_ARM
 from insenv.scenario import build, load
 
 N380 = ROOT / "examples" / "n380-car-position-only.toml"
@@ -178,3 +182,15 @@ def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_tol
     exact, known = (insenv.run(name, filter, duration_s=2.0).results[0].notes for name in ("car-city-drive", "car-odometer"))
     assert any("use the state odometer_mounting_error" in note for note in exact)
     assert not any("the mounting of the unit relative to the wheels is not stated" in note for note in known)
+
+
+def test_the_constraint_of_wheels_is_loosened_by_the_lateral_acceleration_of_a_turn():
+    """12 m/s forward and 5 sideways, 2 m/s^2 forward, 5 to the right: slip sideways, pitch down, the arm's error."""
+    rows = {"sigma": 0.05, "slip": 0.003, "pitch": 0.01, "arm_sigma": 0.2, "interval": 0.5}
+    p = SimpleNamespace(**{f"non_holonomic_{name}": value for name, value in rows.items()})
+    rate, force = np.array([0.1, -0.2, 0.4]), np.array([2.0, 5.0, -9.8])
+    u = SimpleNamespace(delta_angle=ca.SX(rate * 0.01), delta_velocity=ca.SX(force * 0.01), dt=0.01)
+    found = number(NON_HOLONOMIC.variance(p, SimpleNamespace(velocity_w=ca.SX([12.0, 5.0, 0.0])), u, None))
+    arms = np.cross(rate, 0.2 * np.eye(3))  # a row for an arm that is off along each axis; ten uses in a turn of 5 s
+    own = 0.05**2 + 10 * np.sum(arms**2, axis=0)[1:]
+    assert found == pytest.approx(own + 13.0**2 * np.array([0.003 * 5.0, 0.01]) ** 2, rel=1e-12)

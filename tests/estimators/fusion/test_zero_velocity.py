@@ -6,6 +6,7 @@ from constants import constants, number
 from driven import columns_of, fed
 from resting import samples
 
+from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.fusion import zero_velocity
@@ -76,6 +77,27 @@ def test_likelihood_is_that_of_its_formula_at_any_rate(dt):
         3 * (swing[0] ** 2 / dt + swing[1] ** 2)
     )
     assert found == pytest.approx(expected, rel=1e-6) and found == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("sigma", "explained"), [
+    ({}, 0.0), ({"tilt": (2e-3, 0.0, 0.0)}, 2e-3 * 9.80665), ({"tilt": (0.0, 2e-3, 0.0)}, 2e-3 * 9.80665),
+    ({"accel": (0.0, 0.0, 0.03)}, 0.03), ({"accel": (0.03, 0.0, 0.0)}, 0.03),
+    ({"tilt": (0.0, 0.0, 3.0)}, 0.0),  # a heading error turns no gravity
+])  # fmt: skip
+def test_a_change_of_velocity_is_explained_by_errors_of_level_and_accelerometers_alone(sigma, explained):
+    """A quiet window of 2 s at rest, whose velocity changes by up to three standard deviations of what the filter states."""
+    states = np.zeros(15)
+    states[3:6], states[6:9], states[12:15] = 0.02, sigma.get("tilt", 0.0), sigma.get("accel", 0.0)
+    allowed = 3 * np.hypot(0.01, 2.0 * explained)
+    for share, rest in ((0.98, True), (1.02, False)):
+        x = {
+            "still_samples": 100, "still_time": 2.0,
+            "still_velocity": [0.0, 0.0, -19.6], "still_velocity_square": 19.6**2 / 100,
+            "still_change_w": [0.0, share * allowed, 0.0], "covariance": symmetric.triangle_of_diagonal(states**2),
+        }  # fmt: skip
+        p = constants(MODEL.parameters, standing_sigma=0.01)
+        found = zero_velocity.detected(p, constants(MODEL.state, **x), None)["standing_now"]
+        assert bool(number(found)) == rest, share
 
 
 @pytest.mark.slow
