@@ -52,6 +52,15 @@ def test_a_state_is_written_and_read_alike(document, tmp_path):
     assert back == state and "seed=7" in link and "imu.grade=navigation" in link and len(link) < 2000
 
 
+def test_of_commands_a_link_holds_what_changes_and_gives_back_what_is_in_force(tmp_path):
+    rows = [{"name": f"command_{name}", "unit": "m/s", "minimum": -9, "maximum": 9} for name in ("speed", "climb")]
+    live = {"controls": [], "outages": [], "commands": {}, "tables": {"inputs": rows}}
+    in_force = [{"speed": 1, "climb": 0}, {"speed": 2, "climb": 0}, {"speed": 2, "climb": -3}, {"speed": 0.5, "climb": 4}]
+    commands = [{"sample": 7 * k + 2, "values": values} for k, values in enumerate(in_force)]
+    link, back = answers("address.js", READ, [live, {"seed": 3, "values": {}, "commands": commands}], tmp_path)
+    assert back["commands"] == commands and back["seed"] == 3 and "commands=" in link
+
+
 def test_what_a_run_had_that_another_has_not_is_named(tmp_path):
     controls = [{"key": f"a.{key}", "label": key, "unit": unit, "value": own} for key, unit, own in
                 (("grade", "", "marine"), ("turn", "deg", 3.0), ("wind", "m/s", None), ("sway", "m", 1.0))]  # fmt: skip

@@ -110,6 +110,20 @@ def test_a_control_converts_as_its_key_and_a_cloud_has_the_rms_of_its_units(tmp_
     assert answers("cloud.js", code, {"live": live, "ends": [3.0, -4.0]}, tmp_path) == [["a [m]", "3.54", "4.00"]]
 
 
+def test_a_grade_goes_before_the_numbers_that_replace_its_own(tmp_path):
+    """In whatever order a link names them."""
+    controls = {"imu.bias_deg_h": {}, "imu.grade": {"options": {}}, "gnss.grade": {"options": {}}, "gnss.noise_m": {}}
+    code = """given[1].map((order) => {
+        const set = [], values = Object.fromEntries(order.map((key) => [key, 1]));
+        const machine = { controls: new Map(Object.entries(given[0])), set: (key) => set.push(key) };
+        module_machine.Machine.prototype.apply.call(machine, values);
+        return set;
+    })"""
+    orders = [list(controls), list(controls)[::-1], ["imu.bias_deg_h", "gnss.noise_m", "imu.grade", "gnss.grade"]]
+    for order, found in zip(orders, answers("machine.js", code, [controls, orders], tmp_path), strict=True):
+        assert sorted(found) == sorted(order) and {key.split(".")[1] for key in found[:2]} == {"grade"}
+
+
 @pytest.mark.slow
 def test_worker_cuts_gnss_off_and_drives_as_the_scenario_says(tmp_path):
     made = live_page(*CAR)

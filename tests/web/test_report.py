@@ -160,6 +160,10 @@ def test_numbers_in_the_page_are_written_as_in_the_terminal(tmp_path):
     values = [0.0, 1.0, -0.012345, 123456.7, 1e-7, -1e9, 99.96, 0.09996, 999.5, 1e-4, 2.5e5, 10.25, 0.00625, 12.5]
     shown = answers("numbers.js", "given.map(module_numbers.number)", values, tmp_path)
     assert shown == [number(value) for value in values]
+    values = [sign * lead * 10.0**power for power in range(-7, 8) for lead in (1.0, 1.25, 9.996) for sign in (1, -1)]
+    for digits in (3, 5):
+        told = answers("numbers.js", f"given.map((value) => module_numbers.significant(value, {digits}))", values, tmp_path)
+        assert told == [f"{value:.{digits}g}" for value in values]
     given, told = "1.8e-05 -2.2e-06 1.2e+07 1.0e-11 0.000214", "0.000018 -0.0000022 12000000 1.0e-11 0.000214"
     assert answers("numbers.js", "given.map(module_numbers.plain)", given.split(), tmp_path) == told.split()
     code = "given.map((given) => module_numbers.ticks(...given))"
