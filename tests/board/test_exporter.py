@@ -65,6 +65,23 @@ def test_the_test_on_the_board_finds_another_bit(tmp_path):
     ]
 
 
+def test_a_run_that_was_cut_off_is_not_the_same(tmp_path):
+    """A record has the inputs of some samples and the outputs after them: whole records alone are a run."""
+    exported = export_c("q-method", output=tmp_path, duration_s=0.2, whole_run=True, measure=False)
+    samples, run = tmp_path / "test" / "samples.h", tmp_path / "test" / "run.bin"
+    text = samples.read_text()
+    assert "#define RUN_EVERY 1 " in text
+    samples.write_text(text.replace("#define RUN_EVERY 1 ", "#define RUN_EVERY 4 "))
+    size = insenv.estimators.get("q-method").model.inputs.size
+    rows = np.frombuffer(run.read_bytes()).reshape(exported.run_samples, -1)
+    records = [np.concatenate([rows[k : k + 4, :size].ravel(), rows[k + 3, size:]]) for k in range(0, 8, 4)]
+    whole, one = np.concatenate(records).tobytes(), records[0].nbytes
+    for length, same in ((2 * one, True), (one, True), (one + 3 * 8 * size, False), (2 * one - 8, False), (0, False)):
+        run.write_bytes(whole[:length])
+        lines, good = make(exported.folder, "check", "RUN=test/run.bin")
+        assert good == same and lines[-1] == ("same bits" if same else "NOT the same bits"), (length, lines)
+
+
 @pytest.mark.slow
 def test_the_largest_filter_is_clean_as_c_and_as_c_plus_plus(tmp_path):
     """The arrays of a function are of one type: that they could be swapped is what clang-tidy is not asked."""

@@ -95,7 +95,9 @@ class Slave:
         return self.get([self.names["time"]])[0]
 
     def step(self, k, n=1):
-        self.fmu.doStep(currentCommunicationPoint=k * self.interval, communicationStepSize=n * self.interval)
+        stepped = self.fmu.doStep(currentCommunicationPoint=k * self.interval, communicationStepSize=n * self.interval)
+        if self.fmi == 3:  # no event, no wish to end, no early return, and the time that the step has reached
+            assert stepped == (False, False, False, pytest.approx((k + n) * self.interval, abs=1e-12))
 
     def run(self, rows, first=0, n=1):
         """Make steps of n samples with a row of inputs each; return the outputs after each."""
