@@ -76,7 +76,8 @@ def test_a_run_that_was_cut_off_is_not_the_same(tmp_path):
     rows = np.frombuffer(run.read_bytes()).reshape(exported.run_samples, -1)
     records = [np.concatenate([rows[k : k + 4, :size].ravel(), rows[k + 3, size:]]) for k in range(0, 8, 4)]
     whole, one = np.concatenate(records).tobytes(), records[0].nbytes
-    for length, same in ((2 * one, True), (one, True), (one + 3 * 8 * size, False), (2 * one - 8, False), (0, False)):
+    cut = [one + 8, one + 3 * 8 * size, 2 * one - 8, 0]
+    for length, same in ((2 * one, True), (one, True), *((length, False) for length in cut)):
         run.write_bytes(whole[:length])
         lines, good = make(exported.folder, "check", "RUN=test/run.bin")
         assert good == same and lines[-1] == ("same bits" if same else "NOT the same bits"), (length, lines)

@@ -1,7 +1,5 @@
 """Parameters of estimators from files, the command line and Python."""
 
-import re
-
 import numpy as np
 import pytest
 from interpreted import interpreted  # noqa: F401
@@ -12,7 +10,7 @@ from insenv import replay, run
 from insenv.base.errors import InputError
 from insenv.base.toml import read_toml
 from insenv.estimators import get
-from insenv.estimators.settings import parsed_changes, setting_rows, tuning
+from insenv.estimators.settings import keys_by_row, parsed_changes, setting_rows, tuning
 from insenv.scenario import load
 
 SET = {"loosely-coupled": {"arw_deg_sqrt_h": 3.0, "fix_wander_sigma_m": [1.0, 2.0, 3.0]}}
@@ -34,15 +32,27 @@ def test_units_of_parameters():
             tuning("loosely-coupled", bad)
 
 
-@pytest.mark.parametrize(("key", "row", "unit"), [
-    ("innovation_gate", "innovation_gate", 1.0), ("arw_deg_sqrt_h", "angle_random_walk", np.pi / 180 / 60),
-    ("accel_bias_ug", "accel_bias_sigma", 9.80665e-6),
-])  # fmt: skip
-def test_a_refused_setting_names_its_bounds_in_its_own_unit(key, row, unit):
-    bounds = get("loosely-coupled").model.parameters[row]
-    allowed = f"allowed is a finite number from {bounds.lower / unit:g} to {bounds.upper / unit:g} ({bounds.meaning})"
-    with pytest.raises(InputError, match=re.escape(allowed)):
-        tuning("loosely-coupled", {key: "x"})
+DEG, HOUR, UG = np.pi / 180, 3600.0, 9.80665e-6
+SCALES = {  # of the unit that a key ends with, in SI, by the SI unit of its row; the others are in SI
+    "rad": {"deg": DEG}, "rad/s": {"deg_h": DEG / HOUR}, "rad/s^0.5": {"deg_sqrt_h": DEG / 60},
+    "m/s^2": {"ug": UG, "mgal": 1e-5}, "m/s^1.5": {"ug_sqrt_hz": UG, "mps_sqrt_h": 1 / 60},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("id", ["ecef-kf", "loosely-coupled", "fusion"])
+def test_the_refusal_of_a_setting_names_its_bounds_in_the_unit_of_its_key(id):
+    rows = get(id).settable_rows
+    # of a key that sets two rows the first is named
+    keys = {key: rows[name] for name, found in reversed(keys_by_row(rows).items()) for key in found}
+    with pytest.raises(InputError) as caught:
+        tuning(id, dict.fromkeys(keys, "x"))
+    said, wrong = dict(line.split(" = ", 1) for line in str(caught.value).splitlines()), {}
+    for key, row in keys.items():
+        (scale,) = [one for end, one in SCALES.get(row.unit, {"": 1.0}).items() if key.endswith(end)]
+        bounds = f" from {row.lower / scale:g} to {row.upper / scale:g} ({row.meaning})"
+        if not said[f"estimator.{id}.{key}"].endswith(bounds):
+            wrong[key] = said[f"estimator.{id}.{key}"], bounds
+    assert not wrong and "arw_deg_sqrt_h" in keys
 
 
 def test_settings_are_those_of_the_scenario_file_and_of_a_filter_s_smoother():

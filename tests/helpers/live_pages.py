@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 from peers import program, ran
-from places import scratch
+from places import ROOT, scratch
 
 from insenv.base.resources import web_folder
 from insenv.report.page import assembled, joined
@@ -16,6 +16,7 @@ from insenv.web.live import Live, live, live_document
 
 SHIP = ("ship-swaying", ("q-method",), 60.0)
 CAR = ("car-city-drive", ("loosely-coupled", "wander-sins"), 60.0)
+ELEMENTS = ROOT / "tests" / "web" / "elements.cjs"
 
 
 @functools.cache
@@ -50,3 +51,8 @@ def answers(entry: str, code: str, given: object, folder: Path) -> object:
         f"{read}\n{joined(web_folder(), entry)}\nPromise.resolve({code}).then((found) => console.log(JSON.stringify(found)));\n"
     )
     return json.loads(in_node(text, given, folder))
+
+
+def panel_answers(entry: str, code: str, given: object, folder: Path) -> object:
+    """The same of a function's `code` that makes elements, of tests/web/elements.cjs."""
+    return answers(entry, f"(() => {{\n{ELEMENTS.read_text('utf-8')}\n{code}\n}})()", given, folder)

@@ -110,13 +110,15 @@ def test_ship_increments_are_those_of_an_independent_integration(rate: int) -> N
 @pytest.mark.parametrize("name", ["ship", "car", "aircraft", "multirotor"])
 @pytest.mark.parametrize("latitude", [-70.0, 0.0, 45.0])
 def test_at_rest_increments_are_earth_rate_and_gravity(name: str, latitude: float) -> None:
-    h = 0.01
+    """The gravity is normal gravity plus the disturbance."""
+    h, disturbance = 0.01, np.array([-3e-4, 2e-4, 5e-4])
     place = {"start_latitude": latitude * DEG, "start_height": 250.0, "start_heading": 40 * DEG}
     tilt = {"mean_roll": 2 * DEG, "mean_pitch": -3 * DEG}
-    rows = history(name, {**place, **tilt, "sample_interval": h, "imu_lever_arm_b": LEVER}, 30)
+    values = {**place, **tilt, "sample_interval": h, "imu_lever_arm_b": LEVER, "gravity_disturbance_n": disturbance}
+    rows = history(name, values, 30)
     C = Rotation.from_euler("ZYX", [40.0, -3.0, 2.0], degrees=True).as_matrix()
     rate = C.T @ (OMEGA_IE * np.array([np.cos(latitude * DEG), 0, -np.sin(latitude * DEG)]))
-    force = -C.T @ earth(latitude * DEG, 250.0)[2]
+    force = -C.T @ (earth(latitude * DEG, 250.0)[2] + disturbance)
     np.testing.assert_allclose(rows["true_delta_angle"][1:], np.tile(rate * h, (30, 1)), rtol=1e-13, atol=1e-21)
     np.testing.assert_allclose(rows["true_delta_velocity"][1:], np.tile(force * h, (30, 1)), rtol=1e-13, atol=1e-17)
     assert np.all(rows["latitude"] == latitude * DEG) and np.all(rows["height"] == 250.0)

@@ -52,13 +52,12 @@ def test_a_state_is_written_and_read_alike(document, tmp_path):
     assert back == state and "seed=7" in link and "imu.grade=navigation" in link and len(link) < 2000
 
 
-def test_of_commands_a_link_holds_what_changes_and_gives_back_what_is_in_force(tmp_path):
-    rows = [{"name": f"command_{name}", "unit": "m/s", "minimum": -9, "maximum": 9} for name in ("speed", "climb")]
-    live = {"controls": [], "outages": [], "commands": {}, "tables": {"inputs": rows}}
-    in_force = [{"speed": 1, "climb": 0}, {"speed": 2, "climb": 0}, {"speed": 2, "climb": -3}, {"speed": 0.5, "climb": 4}]
-    commands = [{"sample": 7 * k + 2, "values": values} for k, values in enumerate(in_force)]
-    link, back = answers("address.js", READ, [live, {"seed": 3, "values": {}, "commands": commands}], tmp_path)
-    assert back["commands"] == commands and back["seed"] == 3 and "commands=" in link
+def test_a_command_in_a_link_changes_what_it_names_and_keeps_the_rest(tmp_path):
+    rows = [{"name": f"command_{name}", "unit": "1", "minimum": 0, "maximum": 9} for name in "ab"]
+    live = {"seed": 1, "controls": [], "outages": [], "commands": {}, "tables": {"inputs": rows}}
+    given = [(5, {"a": 1, "b": 2}), (9, {"a": 3, "b": 2}), (9, {"a": 3, "b": 4}), (12, {"a": 1, "b": 4})]
+    state = {"seed": 1, "values": {}, "commands": [{"sample": sample, "values": values} for sample, values in given]}
+    assert answers("address.js", READ, [live, state], tmp_path)[1] == state
 
 
 def test_what_a_run_had_that_another_has_not_is_named(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import wasmtime
 from interpreted import interpreted  # noqa: F401
-from live_pages import CAR, SHIP, answers, in_node, live_page
+from live_pages import CAR, SHIP, answers, in_node, live_page, panel_answers
 
 import insenv
 from insenv.base.keys import FORMS
@@ -110,18 +110,54 @@ def test_a_control_converts_as_its_key_and_a_cloud_has_the_rms_of_its_units(tmp_
     assert answers("cloud.js", code, {"live": live, "ends": [3.0, -4.0]}, tmp_path) == [["a [m]", "3.54", "4.00"]]
 
 
-def test_a_grade_goes_before_the_numbers_that_replace_its_own(tmp_path):
-    """In whatever order a link names them."""
-    controls = {"imu.bias_deg_h": {}, "imu.grade": {"options": {}}, "gnss.grade": {"options": {}}, "gnss.noise_m": {}}
-    code = """given[1].map((order) => {
-        const set = [], values = Object.fromEntries(order.map((key) => [key, 1]));
-        const machine = { controls: new Map(Object.entries(given[0])), set: (key) => set.push(key) };
-        module_machine.Machine.prototype.apply.call(machine, values);
-        return set;
+def test_a_cloud_is_drawn_at_the_ends_of_its_intervals_with_the_limit_of_then(tmp_path):
+    interval, curves = 2.5, [[0.1, -0.2, 0.3, -0.4], [0.5, 0.6, 0.7, 0.8]]
+    limit = {"time_s": [1, 4, 6, 12], "sigma": {"a": [9, 3, 2, 1]}, "floor": {"a": 0}}
+    channels = {name: {"title": name, "label": f"{name} [m]", "unit": "m"} for name in "ab"}
+    live = {"channels": channels, "estimators": [{"id": "x", "channels": ["b", "a"]}], "limit": limit}
+    units = [np.column_stack([np.full(4, 7.0), values]).ravel().tolist() for values in curves]
+    code = """const panel = module_cloud.cloudPanel(given.live, () => {}), [, channel] = panel.element.all("select");
+    given.units.forEach((one, k) => panel.take({ errors: [one], interval_s: given.interval, done: k + 1, units: 2 }));
+    channel.value = "a";
+    channel.tell("change");
+    return uPlot.plots.at(-1);"""
+    x, *drawn, upper, lower = panel_answers("cloud.js", code, {"live": live, "units": units, "interval": interval}, tmp_path)
+    assert x == [2.5, 5.0, 7.5, 10.0] and drawn == curves
+    expected = np.interp(x, limit["time_s"], limit["sigma"]["a"])
+    np.testing.assert_allclose([upper, lower], [expected, -expected], rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [("grade", "bias"), ("bias", "grade")])
+def test_a_figure_replaces_that_of_a_grade_in_either_order(tmp_path, order):
+    code = """(() => {
+      const machine = Object.create(module_machine.Machine.prototype), p = [1, 1];
+      const target = (at) => ({ into: "p", form: "product", scale: 1, at: [at], stated: [] });
+      const grade = { options: [{ value: "good", p: [[0, 5], [1, 6]] }] };
+      machine.live = { outages: [] };
+      machine.controls = new Map([["grade", grade], ["bias", { minimum: 0, maximum: 9, targets: [target(0)] }]]);
+      machine.apply(Object.fromEntries(given), p, []);
+      return p;
+    })()"""
+    given = [(key, {"grade": "good", "bias": 7}[key]) for key in order]
+    assert answers("machine.js", code, given, tmp_path) == [7, 6]
+
+
+def test_an_outage_begins_and_ends_between_the_sample_that_was_measured_and_the_next(tmp_path):
+    """By the windows that the page gives to a scenario; here the sensor measures at whole samples."""
+    code = """given.map((moments) => {
+      const session = Object.create(module.exports.Session.prototype);
+      session.live = { rate_hz: 8, outages: [{ sensor: "gnss", key: "gnss.outages_s" }], values: { gnss: {} } };
+      Object.assign(session, { values: {}, machine: { setOutages: () => {} }, post: () => {}, unit: { commands: [] } });
+      moments.forEach((sample, place) => {
+        session.unit.sample = sample;
+        session.do_cut({ sensor: "gnss", on: place % 2 === 0 });
+      });
+      return session.values["gnss.outages_s"];
     })"""
-    orders = [list(controls), list(controls)[::-1], ["imu.bias_deg_h", "gnss.noise_m", "imu.grade", "gnss.grade"]]
-    for order, found in zip(orders, answers("machine.js", code, [controls, orders], tmp_path), strict=True):
-        assert sorted(found) == sorted(order) and {key.split(".")[1] for key in found[:2]} == {"grade"}
+    moments = [[40], [40, 56], [40, 40], [0, 8, 16]]
+    found = answers("worker.js", code, moments, tmp_path)
+    inside = [[[sample for sample in range(100) if begin <= sample / 8 < end] for begin, end in windows] for windows in found]
+    assert inside == [[[*range(41, 100)]], [[*range(41, 57)]], [], [[*range(1, 9)], [*range(17, 100)]]]
 
 
 @pytest.mark.slow

@@ -100,6 +100,7 @@ static int check_samples(void) {
 static int check_run(const char *name) {
   static double row[N_INPUT], last[N_OUTPUT];
   unsigned long k = 0;
+  size_t bytes = 0;
   int good = 1;
   FILE *run;
   if (!start()) return 0;
@@ -108,13 +109,13 @@ static int check_run(const char *name) {
     printf("%s: cannot be read\n", name);
     return 0;
   }
-  while (good && fread(row, sizeof row, 1, run) == 1) {
+  while (good && (bytes = fread(row, 1, sizeof row, run)) == sizeof row) {
     good = take(row, k);
     k += 1;
     if (good && k % RUN_EVERY == 0) good = fread(last, sizeof last, 1, run) == 1 && judge(last, k);
   }
   (void)fclose(run);
-  return tell(name, k) && good && k > 0 && k % RUN_EVERY == 0;
+  return tell(name, k) && good && k > 0 && k % RUN_EVERY == 0 && bytes == 0;
 }
 
 int main(int count_of_names, char **names) {
