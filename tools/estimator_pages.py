@@ -53,8 +53,8 @@ SHOWN_ELEMENTS = 16
 _KNOWN = Knowledge(0.5, 0.5, 10.0, 0.01)
 _OTHERWISE = Knowledge(
     -0.6, 0.7, 20.0, 0.02, np.full(3, 1.5), 0.11, 0.12, 0.13, np.full(3, 2.5), np.full(3, 0.7), 0.021, 0.22, np.full(3, 1e-6),
-    np.full(3, 1e-3), 1e-6, 0.5, 1e-4, 1e-4, np.full(3, 0.5), 61.0, np.full(3, 1.0),
-    ImuDataSheet(1e-7, 2e-4, 2e-7, 2e-3, 7200.0, 7200.0),
+    np.full(3, 1e-3), 1e-6, 0.5, 1e-4, 1e-4, ImuDataSheet(1e-7, 2e-4, 2e-7, 2e-3, 7200.0, 7200.0),
+    {"fix_wander_sigma": np.full(3, 0.5), "fix_wander_time": 61.0, "antenna_lever_arm": np.full(3, 1.0)},
 )  # fmt: skip
 
 
@@ -122,7 +122,7 @@ def parameters(id: str, markdown: Markdown) -> str:
             continue
         if row.size > SHOWN_ELEMENTS:
             continue
-        follows = row.name in usual and not np.array_equal(usual[row.name], other[row.name])
+        follows = row.name in other and not np.array_equal(usual.get(row.name, row.start), other[row.name])
         default = _source(row.name) if follows else _numbers(usual.get(row.name, row.start))
         shape = f" ({row.size})" if row.shape else ""
         named = ", ".join(f"`{key}`" for key in keys[row.name])

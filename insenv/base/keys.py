@@ -71,16 +71,21 @@ def conversion_of(field: FieldInfo) -> Conversion:
     return stated[0] if stated else BY_UNIT.get(unit_of(field), SAME)
 
 
+def keys_of(section: type[BaseModel]) -> dict[str, SetsRow]:
+    """The keys of a section that set a row, and what each sets."""
+    keys = ((name, each) for name, field in section.model_fields.items() for each in field.metadata)
+    return {name: each for name, each in keys if isinstance(each, SetsRow)}
+
+
 def rows_of(section: BaseModel, within: str = "", without: Collection[str] = ()) -> dict[str, Any]:
     """The rows (SI) that the keys of a section set, by name; not those of keys without a value and of `without`.
 
     within: name of the list that the section is in.
     """
     rows = {}
-    for name, field in type(section).model_fields.items():
+    for name, each in keys_of(type(section)).items():
         value = getattr(section, name)
-        for each in field.metadata:
-            if isinstance(each, SetsRow) and value is not None and name not in without:
-                converted = each.convert(np.asarray(value, dtype=np.float64))
-                rows[each.row.format(within)] = converted if np.ndim(converted) else float(converted)
+        if value is not None and name not in without:
+            converted = each.convert(np.asarray(value, dtype=np.float64))
+            rows[each.row.format(within)] = converted if np.ndim(converted) else float(converted)
     return rows

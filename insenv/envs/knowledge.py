@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import lru_cache
-from math import pi, radians
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from insenv.estimators.contract import ImuDataSheet, Knowledge
 from insenv.scenario import reported_attitude, start_errors
 from insenv.scenario.description import KnowledgeSection
 from insenv.sensors.data_sheet import motion_errors
+from insenv.sensors.gnss import ARM
 from insenv.sensors.imu_tables import HUGE
 
 _FIELDS = {field.name for field in fields(ImuDataSheet)}
@@ -80,14 +81,8 @@ def known_rows(section: KnowledgeSection, model: Model, p: Array, x: Array, shee
 @lru_cache(maxsize=64)
 def _reported(section: KnowledgeSection) -> Array:
     """Return the values of `KNOWN` (KNOWN.size,) with the standard deviations that a section reports; others are 0."""
-    rows: dict[str, Any] = {
-        "position_sigma": section.position_sigma_m,
-        "velocity_sigma": section.velocity_sigma_mps,
-        "tilt_sigma": radians(section.tilt_sigma_deg),
-        "heading_sigma": radians(section.heading_sigma_deg),
-    }
     vector = np.zeros(KNOWN.size)
-    for name, value in rows.items():
+    for name, value in section.sigmas.items():
         vector[_PLACES[name]] = value
     return vector
 
@@ -95,12 +90,13 @@ def _reported(section: KnowledgeSection) -> Array:
 def knowledge_of(known: Mapping[str, Any], same: Knowledge | None = None) -> Knowledge:
     """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored.
 
-    same: of the scenario, whose other fields are those of all episodes: errors of the fixes, and what instruments tell.
+    same: of the scenario, whose other fields are those of all episodes: errors of the instruments.
     """
     values: dict[str, Any] = {
         name: np.array(value) if np.ndim(value) else float(value) for name, value in fields_known(known).items()
     }
     values["sensors"] = ImuDataSheet(**{name: values.pop(name) for name in _SHEET})
+    values["instruments"] = {**(same.instruments if same else {}), ARM.name: values.pop(ARM.name)}
     return Knowledge(**values) if same is None else replace(same, **values)
 
 

@@ -18,7 +18,7 @@ from insenv.core.tables import Array
 from insenv.envs.checks import check_type, refused
 from insenv.estimators.contract import Knowledge
 from insenv.scenario import Scenario, build, plant_of
-from insenv.scenario.build import fix_wander, sensor_rows, stated_errors
+from insenv.scenario.build import sensor_rows, stated_errors
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.variation import Variation, check_variations, variation_of, with_values
 from insenv.sensors.contract import Place
@@ -151,9 +151,9 @@ class Varied:
         return self._with({key: value for key, value in values.items() if key.split(".")[0] == REPORTED}).knowledge
 
     def knowledge(self, same: Knowledge, values: Mapping[str, Any]) -> Knowledge:
-        """Return the knowledge of all episodes with the errors of fixes and instruments that follow from values by key."""
+        """Return the knowledge of all episodes with the errors of instruments that follow from values by key."""
         parameters = self._model.parameters.unpack(self.parameters(values))
-        return replace(same, **fix_wander(parameters), instruments=stated_errors(self._with(values), parameters))
+        return replace(same, instruments=stated_errors(self._with(values), parameters))
 
     def _with(self, values: Mapping[str, Any]) -> Scenario:
         return with_values(self.scenario, self._data, values)

@@ -95,7 +95,7 @@ STATE = strapdown.STATE + rows.BIASES + Table((
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     Row("predict_due", "1 when the time update is due"),
     Row("since_fix", "Time since the epoch of the last fix", "s", start=1e9),
-)) + lever_arm.MEMORY + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
+)) + lever_arm.MEMORY + rows.FIX_REPORTED  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -278,7 +278,7 @@ def fix_variance(p: Any, x: Any, u: Any, antenna: gnss_fix.Antenna) -> Any:
     P = symmetric.full(x.covariance, N)[DQ, DQ]
     variance = receiver_variance(p, x, u, antenna) + _curvature(p, antenna, P)
     since = maximum(x.since_fix - u.gnss_age, 0.0)  # between the epochs of the two fixes
-    return variance + ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
+    return variance + gnss_fix.correlated_variance(p, since)
 
 
 def _curvature(p: Any, antenna: gnss_fix.Antenna, P: Any) -> Any:
@@ -352,7 +352,7 @@ def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
         "position_sigma": sigma(C_nw, POSITION),
         "velocity_sigma": sigma(C_nw, VELOCITY),
         "attitude_sigma": sigma(tilt, DQ),
-        **rows.values_of(x, (rows.BIASES + rows.FIX_RESIDUALS + rows.FIX_HEALTH).names),
+        **rows.values_of(x, (rows.BIASES + rows.FIX_REPORTED).names),
     }
 
 

@@ -26,6 +26,7 @@ from insenv.estimators.parts.finding import Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.sensors import registry as sensor_registry
 from insenv.sensors.data_sheet import ImuDataSheet
+from insenv.sensors.gnss import ARM, GNSS_STATED
 from insenv.vehicles import VehicleTraits
 from insenv.vehicles.registry import traits_of
 
@@ -42,10 +43,8 @@ class Knowledge:
     rest_share: the part of gyro_bias that is the rate at rest less the Earth's rate in the attitude above, 0 to 1; through it
     an error of the attitude is one of the bias too.
     rotation_error, thrust_error: scale factor and misalignment of gyros and accelerometers, 1 sigma, 1; 0: not stated.
-    fix_wander_sigma (3, m, n), fix_wander_time (s): the part of a fix's position error that changes slowly; 0: not stated.
-    antenna_lever_arm: IMU to antenna, b, m.
-    instruments: stated errors of the receiver and of the aiding instruments, by row name of `sensors.registry.stated_rows`; a
-    row that is missing means "no such error".
+    instruments: what is stated of the receiver and of the aiding instruments, lever arms and errors, by row name of
+    `sensors.registry.stated_rows`; a row that is missing means "no such error".
     """
 
     latitude: float
@@ -66,9 +65,6 @@ class Knowledge:
     rest_share: float = 0.0
     rotation_error: float = 0.0
     thrust_error: float = 0.0
-    fix_wander_sigma: Vector = field(default_factory=lambda: _ZERO)
-    fix_wander_time: float = 60.0
-    antenna_lever_arm: Vector = field(default_factory=lambda: _ZERO)
     sensors: ImuDataSheet = field(default_factory=ImuDataSheet)
     instruments: Mapping[str, Any] = field(default_factory=dict)
 
@@ -79,9 +75,9 @@ class Knowledge:
     @cached_property
     def rows(self) -> dict[str, Any]:
         """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``; stated errors."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("sensors", "instruments")}
-        sheet = {f.name: getattr(self.sensors, f.name) for f in fields(self.sensors)}
-        return {**{f"start_{name}": value for name, value in values.items()}, **values, **sheet, **self.instruments}
+        values = {name: getattr(self, name) for name in _VALUES}
+        start = {f"start_{name}": value for name, value in values.items()}
+        return {**start, **values, **vars(self.sensors), **self.instruments}
 
     def rows_of(self, table: Table) -> dict[str, Any]:
         """The values of those rows of a table that are in `rows`."""
@@ -89,12 +85,15 @@ class Knowledge:
 
     @staticmethod
     def field_of(row: str) -> str:
-        """The name of the field whose value `rows` has under the name `row`; empty if there is none."""
-        names = {f.name for f in fields(Knowledge)} - {"sensors", "instruments"}
-        if row in names or row in {f.name for f in fields(ImuDataSheet)}:
+        """The name without ``start_`` of the value that `rows` has under the name `row`; empty if there is none."""
+        if row in _SHEET or row in sensor_registry.stated_rows():
             return row
-        field = row.removeprefix("start_")
-        return field if field in names else ""
+        name = row.removeprefix("start_")
+        return name if name in _VALUES else ""
+
+
+_SHEET = frozenset(each.name for each in fields(ImuDataSheet))
+_VALUES = tuple(each.name for each in fields(Knowledge) if each.name not in ("sensors", "instruments"))
 
 
 @dataclass(frozen=True)
@@ -365,7 +364,7 @@ class Estimator:
         return set_rows
 
     def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:
-        """The fields of `Knowledge` and `ImuDataSheet` that `parameters` copies, by row name; None if `prepare` computes.
+        """The names (`Knowledge.field_of`) of what `parameters` copies, by row name; None if `prepare` computes.
 
         Many starts can then be had by copying columns.
         """
@@ -389,7 +388,7 @@ class Estimator:
         """
         import casadi as ca
 
-        table, known = self.model.parameters, {f.name for f in fields(Knowledge)} - {"antenna_lever_arm"}
+        table, known = self.model.parameters, {*_VALUES, *GNSS_STATED.names} - {ARM.name}
         p = ca.SX.sym("p", table.size)
         start = self.model.kernels["start"].function(p, ca.SX.sym("r", self.model.start_uniforms))
         used = set(ca.jacobian_sparsity(start, p).get_triplet()[1])

@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.base.errors import InputError, nearest
 from insenv.base.installing import need
+from insenv.base.keys import keys_of
 from insenv.base.remarks import Remark, declared
 from insenv.core.runner import Progress, check_progress, make_runner, prepare
 from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Result, Track, stated_sigma, track_of
 from insenv.logs import GnssFixes, RecordedLog, Reference
+from insenv.logs.description import GnssSection, InitialSection
 from insenv.logs.formats import WRITTEN as FORMATS
 from insenv.logs.formats import log_tables
 from insenv.logs.formats.contract import Columns, Drive, Files, NamedTrack
@@ -37,6 +39,7 @@ from insenv.report.run_data import RunData
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.scenario.inputs import bridge_lost, chunks
 from insenv.sensors import registry
+from insenv.sensors.gnss import FIX
 from insenv.sensors.imu import FIGURES
 from insenv.sensors.units import ZERO_CELSIUS
 
@@ -238,18 +241,12 @@ def _gaps(time: Array, lost: NDArray[np.bool_], interval: float) -> Gaps:
 
 def _fixes(columns: Mapping[str, Array]) -> GnssFixes:
     at = columns["gnss_valid"] != 0
-    moving = columns["gnss_velocity_valid"][at]
-    arrival, age = columns["time"][at], columns["gnss_age"][at]
-    place = {name: columns[f"gnss_{name}"][at] for name in ("latitude", "longitude", "height", "position_sigma")}
-    with_velocity = bool(moving.size) and bool(moving.all())
-    return GnssFixes(
-        arrival - age,
-        **place,
-        velocity_n=columns["gnss_velocity_n"][at] if with_velocity else None,
-        velocity_sigma=columns["gnss_velocity_sigma"][at] if with_velocity else None,
-        arrival=arrival,
-        age=age,
-    )
+    arrival, moving = columns["time"][at], columns["gnss_velocity_valid"][at]
+    flags = ("gnss_valid", "gnss_velocity_valid")
+    fix: dict[str, Any] = {name.removeprefix("gnss_"): columns[name][at] for name in FIX.names if name not in flags}
+    if not (moving.size and moving.all()):
+        fix |= {"velocity_n": None, "velocity_sigma": None}
+    return GnssFixes(arrival - fix["age"], arrival=arrival, **fix)
 
 
 def _readings(id: str, columns: Mapping[str, Array]) -> Readings:
@@ -297,15 +294,11 @@ def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings,
         "reference": {"file": file_of("reference"), **log_tables.reference_keys(reference)},
     }
     if gnss is not None and len(gnss.time) and scenario.gnss is not None:
-        rows, stated = plant.parameters, plant.knowledge.instruments
+        stated = plant.knowledge.instruments
         data["gnss"] = {
             "file": file_of("gnss"),
             **log_tables.gnss_keys(gnss),
-            "lever_arm_m": list(scenario.gnss.lever_arm_m),
-            "lever_arm_sigma_m": _list(stated.get("antenna_lever_arm_sigma", 0.0)),
-            "delay_sigma_s": float(stated.get("gnss_delay_sigma", 0.0)),
-            "wander_sigma_m": _list(rows.get("gnss_wander_sigma", 0.0)),
-            "wander_time_s": float(rows.get("gnss_wander_time", 60.0)),
+            **{key: np.asarray(stated[each.row]).tolist() for key, each in keys_of(GnssSection).items()},
         }
     for each in readings:
         if len(each.time):
@@ -326,23 +319,13 @@ def _initial(plant: Plant) -> dict[str, Any]:
     roll, pitch, heading = known.roll, known.pitch, known.heading
     if abs(pitch) > np.pi / 2:
         roll, pitch, heading = (float(v) for v in attitude.numeric.to_euler(attitude.numeric.from_euler(roll, pitch, heading)))
-    return {
-        "latitude_deg": degrees_of(known.latitude),
-        "longitude_deg": degrees_of(known.longitude),
-        "height_m": known.height,
-        "velocity_mps": _list(known.velocity_n),
-        "roll_deg": degrees_of(roll),
-        "pitch_deg": degrees_of(pitch),
-        "heading_deg": degrees_of(heading),
-        "position_sigma_m": list(errors.position_sigma_m),
-        "velocity_sigma_mps": list(errors.velocity_sigma_mps),
-        "tilt_sigma_deg": errors.tilt_sigma_deg,
-        "heading_sigma_deg": min(errors.heading_sigma_deg, 180.0),
+    values = {**known.rows, "roll": roll, "pitch": pitch, "heading": heading}
+    stated = {
+        key: degrees_of(values[each.row]) if key.endswith("_deg") else np.asarray(values[each.row]).tolist()
+        for key, each in keys_of(InitialSection).items()
     }
-
-
-def _list(value: Any) -> list[float]:
-    return [float(each) for each in np.broadcast_to(np.asarray(value, dtype=float), 3)]
+    # the angles that the scenario states in degrees as they are there
+    return stated | {"tilt_sigma_deg": errors.tilt_sigma_deg, "heading_sigma_deg": min(errors.heading_sigma_deg, 180.0)}
 
 
 _SHEET_KEYS = (

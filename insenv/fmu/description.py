@@ -29,8 +29,7 @@ _CAUSALITY = {  # of numbers; Booleans cannot be continuous
 
 TERMINALS = {
     "imu": ("delta_angle", "delta_velocity", "dt", "sample_number", "imu_valid", "imu_temperature"),
-    "gnss": ("gnss_",),
-    **{id: (f"{id}_",) for id in SENSORS if id != "gnss"},
+    **{id: (f"{id}_",) for id in SENSORS},
     "command": ("command_",),
     "truth": ("true_", "gyro_bias_true", "accel_bias_true"),
     "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height"),

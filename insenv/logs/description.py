@@ -233,7 +233,7 @@ class GnssSection(PositionSection, MeasurementSection):
     course_unit: AngleUnit = key("deg", "unit of the course")
     speed_sigma: Column | None = key(None, "column of the standard deviation of the speed [m/s]")
     speed_sigma_mps: Positive | None = key(None, "constant standard deviation of the speed", "m/s", validate_default=True)
-    lever_arm_m: Vector3 = key(..., "from the IMU to the antenna: forward, right, down", "m")
+    lever_arm_m: Vector3 = key(..., "from the IMU to the antenna: forward, right, down", "m", row="antenna_lever_arm")
     lever_arm_sigma_m: PerAxis = key(
         (0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m", row="antenna_lever_arm_sigma"
     )
@@ -246,11 +246,13 @@ class GnssSection(PositionSection, MeasurementSection):
         ge=0,
         le=3600,
     )
-    wander_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "part of position_sigma that changes slowly, 1 sigma, N, E, D", "m")
-    wander_time_s: Positive = key(60.0, "correlation time of that part", "s", le=1e9)
+    wander_sigma_m: PerAxis = key(
+        (0.0, 0.0, 0.0), "part of position_sigma that changes slowly, 1 sigma, N, E, D", "m", row="fix_wander_sigma"
+    )
+    wander_time_s: Positive = key(60.0, "correlation time of that part", "s", row="fix_wander_time", le=1e9)
 
     def stated_errors(self) -> dict[str, Any]:
-        """Stated errors of the receiver beside the fields of `Knowledge`: rows of `sensors.gnss.GNSS_STATED`."""
+        """What is stated of the receiver: rows of `sensors.gnss.GNSS_STATED`."""
         return {name: value for name, value in rows_of(self).items() if np.asarray(value).any()}
 
     @field_validator("position_sigma_m")
@@ -380,18 +382,24 @@ class InitialSection(Section):
     start_s: Number | None = key(None, "time at which navigation starts, and of the state that the other keys give", "s")
     static_from_s: Number | None = key(None, "start of the time at rest (absent: the first sample)", "s")
     static_until_s: Number | None = key(None, "end of the time at rest", "s")
-    latitude_deg: Number | None = key(None, "initial latitude", "deg", ge=-90, le=90)
-    longitude_deg: Number | None = key(None, "initial longitude", "deg", ge=-360, le=360)
-    height_m: Number | None = key(None, "initial height above the ellipsoid", "m")
-    velocity_mps: Vector3 | None = key(None, "initial velocity north, east, down", "m/s")
-    roll_deg: Number | None = key(None, "initial roll", "deg", ge=-360, le=360)
-    pitch_deg: Number | None = key(None, "initial pitch", "deg", ge=-90, le=90)
-    heading_deg: Number | None = key(None, "initial heading, clockwise from north", "deg", ge=-360, le=360)
-    position_sigma_m: Sigma3 | None = key(None, "standard deviations N, E, D of the initial position", "m")
-    velocity_sigma_mps: Sigma3 | None = key(None, "standard deviations N, E, D of the initial velocity", "m/s")
-    tilt_sigma_deg: Number | None = key(None, "standard deviation of initial roll and pitch", "deg", gt=0, le=180)
+    latitude_deg: Number | None = key(None, "initial latitude", "deg", row="latitude", ge=-90, le=90)
+    longitude_deg: Number | None = key(None, "initial longitude", "deg", row="longitude", ge=-360, le=360)
+    height_m: Number | None = key(None, "initial height above the ellipsoid", "m", row="height")
+    velocity_mps: Vector3 | None = key(None, "initial velocity north, east, down", "m/s", row="velocity_n")
+    roll_deg: Number | None = key(None, "initial roll", "deg", row="roll", ge=-360, le=360)
+    pitch_deg: Number | None = key(None, "initial pitch", "deg", row="pitch", ge=-90, le=90)
+    heading_deg: Number | None = key(None, "initial heading, clockwise from north", "deg", row="heading", ge=-360, le=360)
+    position_sigma_m: Sigma3 | None = key(
+        None, "standard deviations N, E, D of the initial position", "m", row="position_sigma"
+    )
+    velocity_sigma_mps: Sigma3 | None = key(
+        None, "standard deviations N, E, D of the initial velocity", "m/s", row="velocity_sigma"
+    )
+    tilt_sigma_deg: Number | None = key(
+        None, "standard deviation of initial roll and pitch", "deg", row="tilt_sigma", gt=0, le=180
+    )
     heading_sigma_deg: Number | None = key(
-        None, "standard deviation of the initial heading; 180: the heading is unknown", "deg", gt=0, le=180
+        None, "standard deviation of the initial heading; 180: the heading is unknown", "deg", row="heading_sigma", gt=0, le=180
     )
 
 

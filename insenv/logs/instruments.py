@@ -5,7 +5,7 @@ All of it follows from the declaration of the instrument (`insenv.sensors.instru
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, Literal
 
@@ -14,7 +14,7 @@ from pydantic import ValidationInfo, create_model, field_validator
 
 from insenv.base.errors import InputError
 from insenv.base.toml import Number, Positive, key
-from insenv.core.tables import Array
+from insenv.core.tables import Array, Table
 from insenv.logs.assemble import LogReader
 from insenv.logs.columns import Axes, Column, Columns3, MeasurementSection
 from insenv.logs.description import LogDescription
@@ -23,6 +23,7 @@ from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, delivered
 from insenv.logs.units import axes_matrix, wrap
 from insenv.sensors import registry
 from insenv.sensors.contract import Place
+from insenv.sensors.gnss import FIX
 from insenv.sensors.instrument import Column as MeasuredColumn
 from insenv.sensors.instrument import Instrument
 from insenv.sensors.registry import figures_of, setting_key
@@ -150,10 +151,17 @@ def _instrument_columns(readings: Sequence[Readings], end: Array, dt: Array) -> 
         chosen, sample, age = delivered(each.time, each.arrival, each.age, end, dt)
         rows = {instrument.new: np.ones(len(chosen)), instrument.age: age}
         rows |= {name: values[chosen] for name, values in each.columns().items()}
-        for name, values in rows.items():
-            start = instrument.measurement[name].flat_start().reshape(instrument.measurement[name].shape)
-            columns[name] = np.tile(start, (len(end), *[1] * start.ndim)) if start.ndim else np.full(len(end), float(start))
-            columns[name][sample] = values
+        columns |= _spread(instrument.measurement, rows, sample, len(end))
+    return columns
+
+
+def _spread(table: Table, rows: Mapping[str, Array], sample: np.ndarray, count: int) -> dict[str, Array]:
+    """Columns of `count` samples with the values of rows (k, ...) at some of them (k,), and their start values at others."""
+    columns = {}
+    for name, values in rows.items():
+        start = table[name].flat_start().reshape(table[name].shape)
+        columns[name] = np.tile(start, (count, *[1] * start.ndim)) if start.ndim else np.full(count, float(start))
+        columns[name][sample] = values
     return columns
 
 
@@ -182,27 +190,8 @@ def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Arra
     fix, sample, age = delivered(gnss.time, gnss.arrival, gnss.age, end, dt)
     arrived = gnss.time if gnss.arrival is None else gnss.arrival
     inside = np.count_nonzero((arrived > end[0] - dt[0]) & (arrived <= end[-1]))
-    valid = np.zeros(len(end))
-    valid[sample] = 1
-
-    ages = np.zeros(len(end))
-    ages[sample] = age
-
-    def spread(values: Array, otherwise: float = 0.0) -> Array:
-        column = np.full((len(end), *values.shape[1:]), otherwise)
-        column[sample] = values[fix]
-        return column
-
-    columns = {
-        "gnss_valid": valid,
-        "gnss_age": ages,
-        "gnss_latitude": spread(gnss.latitude),
-        "gnss_longitude": spread(gnss.longitude),
-        "gnss_height": spread(gnss.height),
-        "gnss_position_sigma": spread(gnss.position_sigma, 1.0),
-    }
-    if gnss.velocity_n is not None and gnss.velocity_sigma is not None:
-        columns["gnss_velocity_valid"] = valid
-        columns["gnss_velocity_n"] = spread(gnss.velocity_n)
-        columns["gnss_velocity_sigma"] = spread(gnss.velocity_sigma, 1.0)
-    return columns, int(inside - len(fix))
+    values = {**vars(gnss), "valid": np.ones(len(gnss.time)), "velocity_valid": np.ones(len(gnss.time))}
+    moving = gnss.velocity_n is not None and gnss.velocity_sigma is not None
+    names = [name.removeprefix("gnss_") for name in FIX.names if moving or "velocity" not in name]
+    rows = {f"gnss_{name}": age if name == "age" else values[name][fix] for name in names}
+    return _spread(FIX, rows, sample, len(end)), int(inside - len(fix))

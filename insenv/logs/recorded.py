@@ -226,13 +226,6 @@ class RecordedLog(InertialSamples):
         """Scale factor and misalignment of the unit, 1 sigma, as the fields of `Knowledge` of that name."""
         return motion_errors(vars(self.sensors(in_place=True)))
 
-    def fix_wander(self) -> dict[str, Any]:
-        """The slowly changing error of the fixes that the description states, as the fields of `Knowledge`."""
-        section = self.description.gnss
-        if self.gnss is None or section is None:
-            return {}
-        return {"fix_wander_sigma": np.array(section.wander_sigma_m), "fix_wander_time": section.wander_time_s}
-
     @property
     def _unit_rows(self) -> dict[str, Any]:
         """Parameter rows (SI) of the inertial unit."""

@@ -27,6 +27,7 @@ from insenv.runs.heading_bank import attitude_by_motion, heading_of
 from insenv.runs.log_remarks import latitude_text
 from insenv.runs.rest import RestStart, gyrocompass_sigma, heading_at_rest, start_at_rest
 from insenv.runs.stated_start import KEYS, ROUNDED_PLACE, is_moored, stated_of, swaying
+from insenv.sensors.gnss import ARM
 from insenv.vehicles import registry as vehicles
 
 STARTS = ("coarse", "reference", "stated")
@@ -130,9 +131,7 @@ def _known(log: RecordedLog, in_place: bool, **state: Any) -> Knowledge:
         sample_interval=float(np.median(log.dt)),
         **state,
         **log.motion_errors(),
-        **log.fix_wander(),
-        antenna_lever_arm=log.lever_arm_b,
-        instruments=log.stated_errors,
+        instruments={**log.stated_errors, ARM.name: log.lever_arm_b},
         sensors=log.sensors(in_place=in_place),
     )
 

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.keys import keys_of, rows_of
 from insenv.base.remarks import Remark, declared
 from insenv.estimators import Knowledge
 from insenv.logs import RecordedLog
+from insenv.logs.description import InitialSection
 from insenv.logs.rest import rest_of
 from insenv.vehicles import registry as vehicles
 
@@ -29,31 +31,13 @@ SWAY_SPEED = 1.0
 FELT = ("dvl", "odometer")
 """Sensors beside GNSS that show a velocity, by which others start."""
 
-KEYS = {
-    "latitude": "latitude_deg",
-    "longitude": "longitude_deg",
-    "height": "height_m",
-    "velocity_n": "velocity_mps",
-    "roll": "roll_deg",
-    "pitch": "pitch_deg",
-    "heading": "heading_deg",
-    "position_sigma": "position_sigma_m",
-    "velocity_sigma": "velocity_sigma_mps",
-    "tilt_sigma": "tilt_sigma_deg",
-    "heading_sigma": "heading_sigma_deg",
-}
+KEYS = {each.row: key for key, each in keys_of(InitialSection).items()}
 """Keys of [initial] by the fields of `Knowledge`; a start "stated" needs all of them."""
 
 
 def stated_of(log: RecordedLog) -> dict[str, Any]:
     """What [initial] gives, by the fields of `Knowledge`, SI."""
-    stated: dict[str, Any] = {}
-    for name, key in KEYS.items():
-        value = getattr(log.description.initial, key)
-        if value is not None:
-            value = np.array(value) if isinstance(value, tuple) else value
-            stated[name] = float(np.radians(value)) if key.endswith("_deg") else value
-    return stated
+    return rows_of(log.description.initial)
 
 
 UNKNOWN = (

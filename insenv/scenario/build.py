@@ -229,19 +229,9 @@ def _knowledge(
         heading=float(heading),
         **known.sigmas,
         **motion_errors(vars(sheet)),
-        **fix_wander(parameters),
-        antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
         sensors=sheet,
         instruments=stated,
     )
-
-
-def fix_wander(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """The slow error of the fixes in a plant's parameters, by field of `Knowledge`."""
-    return {
-        "fix_wander_sigma": np.broadcast_to(np.asarray(parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3),
-        "fix_wander_time": float(parameters.get("gnss_wander_time", 60.0)),
-    }
 
 
 def stated_errors(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:

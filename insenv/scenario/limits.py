@@ -20,7 +20,7 @@ from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Vector
 from insenv.evaluation import limits
 from insenv.evaluation.limits import Limit, Prior
-from insenv.scenario.build import build
+from insenv.scenario.build import build, start_sigmas
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.files import ScenarioLike, load
 from insenv.scenario.plant import Plant
@@ -75,11 +75,8 @@ def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:
 
 def prior_of(known: KnowledgeSection) -> Prior:
     """The initial uncertainty that a scenario states."""
-    return Prior(
-        attitude=np.radians([known.tilt_sigma_deg, known.tilt_sigma_deg, known.heading_sigma_deg]),
-        velocity=np.array(known.velocity_sigma_mps, dtype=float),
-        position=np.array(known.position_sigma_m, dtype=float),
-    )
+    attitude, position, velocity = np.split(start_sigmas(known), 3)
+    return Prior(attitude, velocity, position)
 
 
 def limit_along(

@@ -24,6 +24,7 @@ its own accuracy; and estimators take position and velocity, with or without the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -39,10 +40,10 @@ from insenv.core.compose import Part
 from insenv.core.elementary import TWO_PI, clamp, maximum, normals, select, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
-from insenv.geodesy import geodetic_from_ned_offset, place_rows
+from insenv.geodesy import bounded_place_rows, geodetic_from_ned_offset
 from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.figures import Figure, Grade, TimedSection, by_name, figures_section, find_grade
-from insenv.sensors.instrument import Term, drift, sigma_row, sources_of, white
+from insenv.sensors.instrument import Estimated, Term, drift, sigma_row, sources_of, white
 from insenv.sensors.sampled import counted, gauss_markov, lost_epoch, timing_rows, timing_sources, timing_state
 from insenv.sensors.units import one_sigma_from_cep, one_sigma_from_r50
 
@@ -51,6 +52,8 @@ START_UNIFORMS = 8
 SIGMA_FLOOR = 1e-3
 """Smallest standard deviation that the receiver reports, m and m/s; never 0, so that an estimator may divide by it."""
 
+ARM = Row("antenna_lever_arm", "From the inertial unit to the antenna", "m", (3,), "b", lower=-1e3, upper=1e3)
+"""The stated lever arm."""
 TERMS = (
     Term(
         "lever_arm", "GNSS lever arm", "constant", (3,), "m", "b",
@@ -60,6 +63,7 @@ TERMS = (
                   "b", lower=0.0),
         value=Row("antenna_lever_arm_true", "Actual position of the antenna relative to the IMU", "m", (3,), "b"),
         stated=(sigma_row("antenna_lever_arm_sigma", "Error of the lever arm of the antenna", "m", (3,), "b"),),
+        states=(Estimated("gnss_lever_arm", "lever arm of the antenna", start=ARM.name, assumed=0.1),),
     ),
     Term(
         "delay", "GNSS delay not stated", "constant", (), "s",
@@ -68,13 +72,22 @@ TERMS = (
                   upper=3600.0),
         value=Row("gnss_delay_true", "True minus stated age of a fix", "s"),
         stated=(sigma_row("gnss_delay_sigma", "Error of the age of a fix: true minus stated", "s"),),
+        states=(Estimated("gnss_delay", "age of the fixes beyond the stated age", assumed=0.02),),
     ),
     white("gnss_position_noise", "GNSS position noise", "White position noise", "m", (3,), "n", sigma_shape=(3,)),
     white("gnss_velocity_noise", "GNSS velocity noise", "White velocity noise", "m/s", (3,), "n", sigma_shape=(3,)),
-    drift("gnss_wander", "wander", "GNSS wander", "Correlated position error", "m", (3,), "n", sigma_shape=(3,),
-          start_time=60.0),
+    replace(
+        drift("gnss_wander", "wander", "GNSS wander", "Correlated position error", "m", (3,), "n", sigma_shape=(3,),
+              start_time=60.0),
+        stated=(
+            Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
+            Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
+        ),
+        states=(Estimated("gnss_wander", "slowly varying error of the fixes: measured minus true", sigma="fix_wander_sigma",
+                          time="fix_wander_time"),),
+    ),
 )  # fmt: skip
-"""Its errors; what it states of its noise and wander comes with every fix."""
+"""Its errors; what it states of its noise comes with every fix."""
 LEVER_ARM, DELAY, *_, WANDER = TERMS
 _TIMING, _COUNTERS = timing_rows("gnss"), timing_state("gnss")
 
@@ -83,7 +96,7 @@ GNSS_PARAMETERS = Table((
     _TIMING["gnss_latency"],
     Row("gnss_epoch_offset", "Time by which the epoch precedes the sample on which it is processed, below one sample", "s",
         lower=0.0, upper=1.0),
-    Row("antenna_lever_arm_b", "Position of the antenna relative to the IMU", "m", (3,), "b", lower=-1e3, upper=1e3),
+    replace(ARM, name="antenna_lever_arm_b"),
     *(row for term in TERMS for row in term.rows),
     Row("gnss_outlier_probability", "Probability that a position is an outlier", lower=0.0, upper=1.0),
     Row("gnss_outlier_size", "Length of an outlier's displacement, in a random direction", "m", lower=0.0),
@@ -92,6 +105,16 @@ GNSS_PARAMETERS = Table((
     _TIMING["gnss_outage_end"],
 ))  # fmt: skip
 
+FIX = Table((
+    Row("gnss_valid", "1 on the one sample with which a fix arrives", lower=0.0, upper=1.0, flag=True),
+    Row("gnss_age", "Time from the epoch of the latest fix to the end of that sample", "s", lower=-1.0, upper=10.0),
+    *bounded_place_rows("gnss_", " of the antenna, latest fix"),
+    Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0, 1e-6, 1e9),
+    Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0, flag=True),
+    Row("gnss_velocity_n", "Velocity relative to the Earth of the antenna, latest fix", "m/s", (3,), "n"),
+    Row("gnss_velocity_sigma", "Standard deviation of velocity that the receiver reports", "m/s", (3,), "n", 1.0, 1e-6, 1e9),
+))  # fmt: skip
+"""A fix: outputs of a plant, and inputs of estimators, which have these bounds."""
 _NAMES = ("latitude", "longitude", "height", "velocity_n")
 
 
@@ -100,19 +123,15 @@ def _value(term: Term) -> Row:
     return term.value
 
 
-def _fix(prefix: str, when: str) -> tuple[Row, ...]:
-    velocity = Row(f"{prefix}velocity_n", f"Velocity relative to the Earth of the antenna, {when}", "m/s", (3,), "n")
-    return (*place_rows(prefix, f" of the antenna, {when}"), velocity)
+def _simulated(row: Row, **changes: Any) -> Row:
+    """A row of a fix as the plant has it, whose bounds are not those of an estimator."""
+    return replace(row, **changes) if row.flag else replace(row, lower=-math.inf, upper=math.inf, **changes)
 
 
 GNSS_STATE = Table((
-    Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0, flag=True),
-    Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0, flag=True),
-    *_fix("gnss_", "latest fix delivered"),
-    Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0),
-    Row("gnss_velocity_sigma", "Standard deviation of velocity that the receiver reports", "m/s", (3,), "n", 1.0),
-    Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
-    *_fix("gnss_pending_", "latest epoch, not yet delivered"),
+    *map(_simulated, FIX),
+    *(_simulated(row, name=row.name.replace("gnss_", "gnss_pending_"), meaning=f"{row.meaning}; pending")
+      for row in FIX if row.name.removeprefix("gnss_") in _NAMES),
     _COUNTERS["gnss_pending"],
     _value(WANDER),
     *(_COUNTERS[f"gnss_{name}"] for name in ("epochs", "counter", "due")),
@@ -148,14 +167,17 @@ def gnss_part(instant: Instant) -> Part:
     )
 
 
-GNSS_STATED = Table((*LEVER_ARM.stated, *DELAY.stated))
-"""Stated errors of a receiver beside the fields of `insenv.Knowledge`."""
+GNSS_STATED = Table((ARM, *(row for term in (LEVER_ARM, DELAY, WANDER) for row in term.stated)))
+"""What is stated of a receiver to an estimator: the lever arm, and errors."""
 
 
 def _stated_errors(rows: Mapping[str, Any]) -> dict[str, Any]:
     return {
+        ARM.name: rows["antenna_lever_arm_b"],
         "antenna_lever_arm_sigma": np.hypot(rows["antenna_lever_arm_error"], rows["antenna_lever_arm_sigma"]),
         "gnss_delay_sigma": float(np.hypot(rows["gnss_delay_error"], rows["gnss_delay_sigma"])),
+        "fix_wander_sigma": rows["gnss_wander_sigma"],
+        "fix_wander_time": rows["gnss_wander_time"],
     }
 
 
@@ -180,17 +202,7 @@ GNSS_ERRORS = (
 GNSS = Sensor(
     "gnss",
     gnss_part,
-    outputs=(
-        "gnss_valid",
-        "gnss_age",
-        "gnss_latitude",
-        "gnss_longitude",
-        "gnss_height",
-        "gnss_position_sigma",
-        "gnss_velocity_valid",
-        "gnss_velocity_n",
-        "gnss_velocity_sigma",
-    ),
+    outputs=FIX.names,
     truth=("antenna_lever_arm_true", "gnss_delay_true"),
     stated_errors=_stated_errors,
     errors=GNSS_ERRORS,

@@ -65,14 +65,17 @@ class Estimated:
     """How a fusion filter estimates an error.
 
     name: of the state row.  meaning: of it, after "Estimated".  elements: those of the error that it estimates; empty: all.
-    sigma: name of the stated row of its standard deviation, if it is not that of the error.  start_sigma: ``p -> ()``, the
-    standard deviation at the start, if it is not that row.  assumed: the standard deviation where nothing states it, 0: none.
+    sigma, time: names of the stated rows of its standard deviation and correlation time, if they are not those of the error.
+    start: name of the stated row that the estimate starts from; empty: from 0.  start_sigma: ``p -> ()``, the standard
+    deviation at the start, if it is not the row sigma.  assumed: the standard deviation where nothing states it, 0: none.
     """
 
     name: str
     meaning: str
     elements: tuple[int, ...] = ()
     sigma: str = ""
+    time: str = ""
+    start: str = ""
     start_sigma: Callable[[Any], Any] | None = None
     assumed: float = 0.0
 

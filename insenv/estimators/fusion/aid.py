@@ -18,6 +18,7 @@ from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.fusion.error_state import LARGEST
 from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.parts.rows import REPORTED, reported
 
 Spread = Callable[[str], Any]
 """Variances (k) of the error of a state, by its name or "attitude"; 0 for a state that the filter does not have."""
@@ -123,20 +124,9 @@ class Aid:
     @property
     def reported(self) -> Table:
         """State and output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
-        parts = (len(self.parts),)
-        return Table((
-            Row(self.row("innovation"), f"Last innovation of {self.title}: {self.what}", self.unit, (self.size,),
-                self.frame),
-            Row(self.row("test_ratio"), "Innovation over its standard deviation, in the same order", "1", (self.size,),
-                self.frame),
-            Row(self.row("count"), f"Measurements of {self.title} so far", "1"),
-            Row(self.row("refused_count"), "Those of which the gate refused a component", "1"),
-            Row(self.row("nis_used"), "Sum of the squared test ratios of the components used", "1", parts),
-            Row(self.row("nis_used_count"), "Number of these components", "1", parts),
-            Row(self.row("nis_refused"), "Sum of the squared test ratios of the components refused", "1", parts),
-            Row(self.row("nis_refused_count"), "Number of these components", "1", parts),
-            *self._restarts,
-        ))  # fmt: skip
+        names = [self.row(name) for name in REPORTED]
+        rows = reported(names, self.title, self.what, self.unit, self.size, self.frame, len(self.parts))
+        return Table((*rows, *self._restarts))
 
     @property
     def _restarts(self) -> tuple[Row, ...]:

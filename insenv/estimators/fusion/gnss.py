@@ -13,32 +13,15 @@ import casadi as ca
 
 from insenv import attitude
 from insenv.core.elementary import maximum
-from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.aid import Aid, Spread
-from insenv.estimators.fusion.error_state import ErrorState
+from insenv.core.tables import Table
+from insenv.estimators.fusion.aid import Aid, Spread, gate_row
+from insenv.estimators.fusion.instruments import error_states
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import gnss_fix, rows
 from insenv.geodesy import NOMINAL_GRAVITY
-from insenv.sensors.gnss import GNSS_STATED
+from insenv.sensors.gnss import GNSS_STATED, TERMS
 
-LEVER_ARM = ErrorState(
-    Row("gnss_lever_arm", "Estimated lever arm of the antenna", "m", (3,), "b"),
-    sigma="antenna_lever_arm_sigma",
-    rows=rows.LEVER_ARM + Table((replace(GNSS_STATED["antenna_lever_arm_sigma"], start=0.1),)),
-    started=lambda p: p.antenna_lever_arm,
-)
-DELAY = ErrorState(
-    Row("gnss_delay", "Estimated age of the fixes beyond the stated age", "s", (1,)),
-    sigma="gnss_delay_sigma",
-    rows=Table((replace(GNSS_STATED["gnss_delay_sigma"], start=0.02),)),
-)
-WANDER = ErrorState(
-    Row("gnss_wander", "Estimated slowly varying error of the fixes: measured minus true", "m", (3,), "n"),
-    sigma="fix_wander_sigma",
-    time="fix_wander_time",
-    rows=rows.FIX_WANDER,
-)
-STATES = (LEVER_ARM, DELAY, WANDER)
+STATES = LEVER_ARM, DELAY, WANDER = error_states(TERMS, GNSS_STATED)
 
 
 def _residual(p: Any, seen: Navigation, u: Any) -> Any:
@@ -61,6 +44,10 @@ def _white(p: Any, x: Any, u: Any, spread: Spread) -> Any:
     return white + _second_order(x, u, spread)
 
 
+def _total(values: Any) -> Any:
+    return ca.sum1(values)
+
+
 JERK = 3.0
 """m/s^3: of a vehicle that brakes or turns, for what linearisation in the delay leaves out of the velocity."""
 
@@ -78,14 +65,6 @@ def _second_order(x: Any, u: Any, spread: Spread) -> Any:
     return ca.vertcat(ca.repmat(bent + turned, 3, 1), ca.repmat(0.75 * JERK**2 * delay**2 + rate2 * turned, 3, 1))
 
 
-def _total(values: Any) -> Any:
-    return ca.sum1(values)
-
-
-def _correlated(p: Any, x: Any, since: Any) -> Any:
-    return ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
-
-
 WHITE = Aid(
     id="gnss",
     title="GNSS",
@@ -100,23 +79,14 @@ WHITE = Aid(
     inputs=rows.FIX_INPUTS,
     parameters=rows.LEVER_ARM
     + rows.FIX_WANDER
-    + Table((
-        Row("innovation_gate", "Innovations of fixes beyond this many standard deviations are rejected; 0: none is",
-            start=5.0, lower=0, upper=1e12),
-    )),
+    + Table((replace(gate_row("gnss"), name="innovation_gate"),)),
     present=lambda p, x, u: gnss_fix.present(u),
     age=lambda u: u.gnss_age,
     gate="innovation_gate",
-    correlated=_correlated,
+    correlated=lambda p, x, since: gnss_fix.correlated_variance(p, since),
     restarts=True,
     groups=(slice(0, 3), slice(3, 6)),
-    renamed={
-        "innovation": "innovation",
-        "test_ratio": "test_ratio",
-        "count": "fix_count",
-        "refused_count": "fix_refused_count",
-        **{name: name for name in ("nis_used", "nis_used_count", "nis_refused", "nis_refused_count")},
-    },
+    renamed=dict(zip(rows.REPORTED, rows.FIX_REPORTED.names, strict=True)),
 )  # fmt: skip
 """The aid of a filter that does not estimate the slow error of fixes: repeated fixes count less."""
 WANDER_ESTIMATED = replace(WHITE, variance=_white, correlated=None)

@@ -6,6 +6,7 @@ that the filter estimates; those that it does not estimate are 0 there, and nois
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -90,24 +91,30 @@ class PresentMotion:
 @cache
 def states_of(instrument: Instrument) -> tuple[ErrorState, ...]:
     """The error states of a filter with the instrument."""
+    return error_states(instrument.terms, instrument.stated_errors, instrument.stated)
+
+
+def error_states(terms: Iterable[Term], stated: Table, further: tuple[Row, ...] = ()) -> tuple[ErrorState, ...]:
+    """The error states of a filter with an instrument of these errors and stated rows; further: those that are no error's."""
     return tuple(
-        _state(instrument, term, state, elements)
-        for term in instrument.terms
+        _state(term, state, elements, stated, further)
+        for term in terms
         for state, (_, elements) in zip(term.states, term.parts, strict=False)
     )
 
 
-def _state(instrument: Instrument, term: Term, state: Estimated, elements: tuple[int, ...]) -> ErrorState:
-    stated = [row for row in term.stated if row is not term.time]
-    sigma_name = stated[term.states.index(state)].name if not state.sigma else state.sigma
-    sigma = assumed(instrument.stated_errors[sigma_name], state.assumed)
-    further = instrument.stated if state.start_sigma is not None else ()
+def _state(term: Term, state: Estimated, elements: tuple[int, ...], stated: Table, further: tuple[Row, ...]) -> ErrorState:
+    of_term = [row for row in term.stated if row is not term.time]
+    sigma = assumed(stated[state.sigma or of_term[term.states.index(state)].name], state.assumed)
+    time = (stated[state.time],) if state.time else () if term.time is None else (term.time,)
+    start = (stated[state.start],) if state.start else ()
     size = len(state.elements or elements)
     return ErrorState(
         Row(state.name, f"Estimated {state.meaning}", term.unit, (size,), term.frame),
         sigma=sigma.name,
-        rows=Table((sigma, *(() if term.time is None else (term.time,)), *further)),
-        time="" if term.time is None else term.time.name,
+        rows=Table((*start, sigma, *time, *(further if state.start_sigma is not None else ()))),
+        time=time[0].name if time else "",
+        started=(lambda p: getattr(p, state.start)) if state.start else None,
         started_sigma=state.start_sigma,
     )
 

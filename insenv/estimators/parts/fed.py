@@ -10,7 +10,6 @@ from insenv.base.errors import nearest
 from insenv.core.model import Model
 from insenv.core.tables import Table
 from insenv.estimators.parts.rows import (
-    LEVER_ARM,
     PLACE,
     SAMPLE_INPUTS,
     SENSORS,
@@ -44,8 +43,7 @@ def known() -> dict[str, Table]:
     return {
         "the start": PLACE + START + START_SIGMAS + START_BIASES,
         "the data sheet of the unit": SENSORS,
-        "the receiver": LEVER_ARM,
-        "the data sheet of an instrument": sensor_registry.stated_rows(),
+        "the receiver or the data sheet of an instrument": sensor_registry.stated_rows(),
     }
 
 

@@ -85,8 +85,8 @@ def present(u: Any) -> Any:
 
 
 def correlated_variance(p: Any, since: Any) -> Any:
-    """Variance (3, m^2) to add to a position because its slow error is partly that of the fix `since` seconds before."""
-    return correlated_again(p.fix_wander_sigma**2, since, p.fix_wander_time)
+    """Variance (6) to add to a fix because the slow error of its position is partly that of the fix `since` seconds before."""
+    return ca.vertcat(correlated_again(p.fix_wander_sigma**2, since, p.fix_wander_time), ca.SX.zeros(3))
 
 
 def counted(x: Any, present: Any, accept: Any, ratio: Any) -> dict[str, Any]:

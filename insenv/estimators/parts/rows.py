@@ -6,7 +6,7 @@ An estimator takes whole tables, or some of their rows with its own start values
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +15,7 @@ import casadi as ca
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
 from insenv.geodesy import bounded_place_rows, place_rows
+from insenv.sensors.gnss import ARM, FIX, WANDER
 
 _TURN = 2 * math.pi
 _LARGEST = 1e12
@@ -78,7 +79,7 @@ SENSORS = Table((
 NOISES = chosen(SENSORS, "gyro_bias_sigma", "accel_bias_sigma", "angle_random_walk", "velocity_random_walk")
 """Those of `SENSORS` that an alignment states its accuracy from."""
 
-LEVER_ARM = Table((Row("antenna_lever_arm", "From the inertial unit to the antenna", "m", (3,), "b", lower=-1e3, upper=1e3),))
+LEVER_ARM = Table((ARM,))
 
 SAMPLE_INPUTS = Table((
     Row("delta_angle", "Integral of the measured angular rate over the sample", "rad", (3,), "b", lower=-1e3, upper=1e3),
@@ -87,15 +88,7 @@ SAMPLE_INPUTS = Table((
 ))  # fmt: skip
 """Inputs: one inertial sample, which every estimator takes."""
 
-FIX_INPUTS = Table((
-    Row("gnss_valid", "1 when a fix arrives with this sample", lower=0, upper=1, flag=True),
-    Row("gnss_age", "Time from the fix's validity to the end of this sample", "s", lower=-1.0, upper=10.0),
-    *bounded_place_rows("gnss_", " of the antenna"),
-    Row("gnss_position_sigma", "Standard deviation of the position", "m", (3,), "n", 1.0, lower=1e-6, upper=1e9),
-    Row("gnss_velocity_valid", "1 when the fix has a velocity", lower=0, upper=1, flag=True),
-    Row("gnss_velocity_n", "Velocity of the antenna", "m/s", (3,), "n"),
-    Row("gnss_velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n", 1.0, lower=1e-6, upper=1e9),
-))  # fmt: skip
+FIX_INPUTS = FIX
 """Inputs: one GNSS fix."""
 
 STANDING_INPUT = Table((Row("standing", "1 when the vehicle is known to be at rest", lower=0, upper=1, flag=True),))
@@ -123,24 +116,33 @@ BIASES = Table((
     Row("accel_bias", "Estimated accelerometer bias", "m/s^2", (3,), "b"),
 ))  # fmt: skip
 
-FIX_RESIDUALS = Table((
-    Row("innovation", "Innovation of the last fix: position, then velocity", "m, m/s", (6,), "n"),
-    Row("test_ratio", "Innovation over its standard deviation, in the same order", "1", (6,), "n"),
-))  # fmt: skip
-
-FIX_HEALTH = Table((
-    Row("fix_count", "Fixes so far", "1"),
-    Row("fix_refused_count", "Fixes so far of which the gate refused a component", "1"),
-    Row("nis_used", "Sum of the squared test ratios of the components used: of position, of velocity", "1", (2,)),
-    Row("nis_used_count", "Number of these components", "1", (2,)),
-    Row("nis_refused", "Sum of the squared test ratios of the components refused: of position, of velocity", "1", (2,)),
-    Row("nis_refused_count", "Number of these components", "1", (2,)),
-))  # fmt: skip
-"""Outputs, and state, of a filter that reports its health (`insenv.evaluation.health`): sums over all fixes so far."""
-
-
 COUNTED = ("count", "refused_count", "nis_used", "nis_used_count", "nis_refused", "nis_refused_count")
-"""Ends of the names of the outputs of any instrument, in the order of `FIX_HEALTH`."""
+"""Ends of the names of what a filter counts of the measurements of an instrument."""
+REPORTED = ("innovation", "test_ratio", *COUNTED)
+"""Ends of the names of what it reports of them."""
+
+
+def reported(names: Sequence[str], title: str, what: str, unit: str, size: int, frame: str, parts: int) -> tuple[Row, ...]:
+    """The rows `REPORTED` of measurements of `size` components, of which `parts` groups are summed apart."""
+    rows: tuple[tuple[Any, ...], ...] = (
+        (f"Last innovation of {title}: {what}", unit, (size,), frame),
+        ("Innovation over its standard deviation, in the same order", "1", (size,), frame),
+        (f"Measurements of {title} so far", "1"),
+        ("Those of which the gate refused a component", "1"),
+        ("Sum of the squared test ratios of the components used", "1", (parts,)),
+        ("Number of these components", "1", (parts,)),
+        ("Sum of the squared test ratios of the components refused", "1", (parts,)),
+        ("Number of these components", "1", (parts,)),
+    )
+    return tuple(Row(name, *row) for name, row in zip(names, rows, strict=True))
+
+
+FIX_REPORTED = Table(reported(
+    ("innovation", "test_ratio", "fix_count", "fix_refused_count", *COUNTED[2:]),
+    "GNSS", "position, then velocity", "m, m/s", 6, "n", 2,
+))  # fmt: skip
+FIX_HEALTH = Table(FIX_REPORTED.rows[2:])
+"""Outputs, and state, of a filter that reports its health (`insenv.evaluation.health`): sums over all fixes so far."""
 
 
 def aid_health(id: str) -> tuple[str, ...]:
@@ -157,10 +159,7 @@ def reported_aids(outputs: Iterable[str]) -> tuple[str, ...]:
 
 # GNSS/INS filters: `aqe-ekf`, `aqe-sukf`, and in part those of `fusion`
 
-FIX_WANDER = Table((
-    Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
-    Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
-))  # fmt: skip
+FIX_WANDER = Table(WANDER.stated)
 MOTION_ERRORS = Table((
     Row("rotation_error", "Gyro scale factor and misalignment: tilt per radian of rotation", "1", lower=0, upper=1.0),
     Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
@@ -170,7 +169,7 @@ AIDED_OUTPUTS = NAVIGATION + BIASES + Table((
     Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),
     Row("velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n"),
     ALIGNMENT["attitude_sigma"],
-)) + FIX_RESIDUALS + FIX_HEALTH  # fmt: skip
+)) + FIX_REPORTED  # fmt: skip
 STANDING_SIGMA = Table((
     Row("standing_sigma", "Standard deviation of the velocity of a vehicle at rest", "m/s", start=0.02, lower=1e-9, upper=1e3),
 ))  # fmt: skip

@@ -20,7 +20,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame, lever_arm, rows
 from insenv.estimators.parts.error_model import bias_sigma
 from insenv.sensors.dvl import DVL
-from insenv.sensors.gnss import GNSS_STATED
+from insenv.sensors.gnss import ARM, GNSS_STATED
 
 DRIFT, ALPHA, MEAN, SUM, ANSWER, GYRO, ACCEL, OF_VECTOR = (slice(i, i + 3) for i in range(0, 24, 3))
 OF_SCALAR, N = 24, 25
@@ -121,6 +121,7 @@ def _bias(parameters: Mapping[str, Any]) -> tuple[str, float]:
 LONGEST_GAP = 20.0
 """s: beta is then wrong by g a T^3 / (12 R) and by the Coriolis term of what a turn adds: for an aircraft by 0.05 m/s."""
 SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
+_OF_FIXES = ("antenna_lever_arm_sigma", "gnss_delay_sigma")
 
 
 def _of_fix(p: Any, x: Any, u: Any, q_ni: Any) -> Measurement:
@@ -162,8 +163,8 @@ FIXES = Source(
     arrives="gnss_velocity_valid",
     age="gnss_age",
     inputs=rows.FIX_INPUTS,
-    parameters=rows.LEVER_ARM + GNSS_STATED,
-    sigma=lambda p: ca.vertcat(p.antenna_lever_arm_sigma, p.gnss_delay_sigma),
+    parameters=rows.chosen(GNSS_STATED, ARM.name, *_OF_FIXES),
+    sigma=lambda p: ca.vertcat(*(getattr(p, name) for name in _OF_FIXES)),
     measurement=_of_fix,
     exact=lambda p, of_alpha, of_beta: of_alpha,
     longest_gap=LONGEST_GAP,
