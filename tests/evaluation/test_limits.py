@@ -22,7 +22,7 @@ from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import Limit, Prior, bound, ratio, ratio_bounds
 from insenv.evaluation.limits.bound import limit_of
 from insenv.evaluation.limits.recursion import Layout, recursion
-from insenv.evaluation.limits.states import Mooring, entering, mooring_of, unit_of, wander_of
+from insenv.evaluation.limits.states import Mooring, entering, mooring_of, receiver_of, unit_of
 from insenv.evaluation.limits.steps import DR, DV, PSI, _summed, earth_axes, fixes_of, integrals, step_ends, steps_along
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, limits, load
@@ -46,8 +46,7 @@ def bound_with(plant, rest, mooring=None):
     """The limit of a plant said to rest always or never, whatever it does, and with a sway or without."""
     rows = rows_of(plant)
     fixes, blocks = steps_of(plant, rest=lambda count: np.full(count, rest))
-    wander = wander_of(rows) if fixes else None
-    layout = Layout(unit_of(rows), () if wander is None else (wander,), fixes, mooring)
+    layout = Layout(unit_of(rows), receiver_of(rows) if fixes else (), fixes, mooring)
     times, sigmas = zip(*recursion(blocks, layout, prior_of(plant.scenario.knowledge)), strict=True)
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
 

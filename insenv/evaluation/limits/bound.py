@@ -14,7 +14,7 @@ from insenv.core.tables import Array
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, STEEP, VELOCITY
 from insenv.evaluation.limits.recursion import Layout, Prior, recursion
-from insenv.evaluation.limits.states import aids_of, mooring_of, receiver_of, unit_of, wander_of
+from insenv.evaluation.limits.states import aids_of, mooring_of, receiver_of, unit_of
 from insenv.evaluation.limits.steps import Steps, fixes_of, step_ends, steps_along
 
 FLOOR = {
@@ -129,9 +129,7 @@ def layout_of(rows: Mapping[str, Any], interval: float, in_place: bool) -> Layou
     """The states of the optimal filter of a plant and what it measures; the arguments are those of `bound`."""
     fixes = fixes_of(rows, interval)
     mooring = mooring_of(rows) if in_place else None
-    of_fixes = () if fixes is None else (wander_of(rows), *receiver_of(rows))
-    sources = tuple(source for source in of_fixes if source is not None)
-    return Layout(unit_of(rows), sources, fixes, mooring, aids_of(rows, interval))
+    return Layout(unit_of(rows), () if fixes is None else receiver_of(rows), fixes, mooring, aids_of(rows, interval))
 
 
 def blocks_of(model: Model, rows: Mapping[str, Any], interval: float, samples: int, layout: Layout) -> Iterable[Steps]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,17 @@ class Layout:
         of_aids = (source for aid in self.aids for source in aid.sources)
         moored = () if self.mooring is None else self.mooring.sources()
         return (*self.unit.sources, *self.receiver, *of_aids, *moored)
+
+    def matrix(self, sources: Iterable[Source], navigation: Array, by_source: Mapping[str, Array]) -> Array:
+        """A measurement matrix (m, r, states).
+
+        navigation (m, r, 9): by the errors of navigation.  by_source (m, r, components): by those of `sources`, by name.
+        """
+        H = np.zeros((*navigation.shape[:2], NAVIGATION + sum(source.place.size for source in self.sources)))
+        H[:, :, :NAVIGATION] = navigation
+        for source in sources:
+            H[:, :, self.place(source)] = by_source[source.name][:, :, source.place]
+        return H
 
     def place(self, source: Source) -> slice:
         """The states of a source."""
@@ -138,11 +149,11 @@ class CovarianceFilter:
         rest = steps.rest if layout.mooring is None else np.zeros(count, dtype=bool)
         moves = self._moves(steps, C_en, rest)
         still = np.eye(len(self.P))[DV]
-        antenna = None if layout.fixes is None else _antenna(steps, layout.fixes.lever_arm)
+        fixes, fix = layout.fixes, None if layout.fixes is None else fix_of(layout, layout.fixes, steps, C_en)
         moored = None if layout.mooring is None else layout.mooring.rows(steps.time)
         begins = np.concatenate([[self.last], steps.end[:-1]])
         self.last = int(steps.end[-1])
-        aided = [(aid.epochs(begins, steps.end), *self._aid(aid, steps, C_en)) for aid in layout.aids]
+        aided = [(aid.epochs(begins, steps.end), *aid_of(layout, aid, steps, C_en)) for aid in layout.aids]
         for k in range(count):
             self.move(moves, k)
             if moored is not None:
@@ -152,13 +163,13 @@ class CovarianceFilter:
             for number, H, variance in aided:
                 if number[k]:
                     self.measure(H[k], variance / number[k])
-            fixes = layout.fixes
-            if fixes is not None and antenna is not None:
+            if fixes is not None and fix is not None:
                 sample = int(steps.end[k])
                 if fixes.measured(sample):
                     before = self.P.copy() if fixes.latency else None
                     self.without = None
-                    self._fix(fixes, C_en[k], antenna.at(k))
+                    if fix[1].size:
+                        self.measure(fix[0][k], fix[1])
                     self.without, self.due = before, sample + fixes.latency
                 if self.without is not None and sample >= self.due:
                     self.without = None
@@ -225,28 +236,30 @@ class CovarianceFilter:
             inside = C_en.T @ crossed[DR] - rows @ crossed[begin:]
             _measure(P, crossed, inside, np.full(3, SWAY_SIGMA**2))
 
-    def _aid(self, aid: Aid, steps: Steps, C_en: Array) -> tuple[Array, Array]:
-        """The measurement matrix (m, r, states) of an instrument at the end of each step, and its white variance (r,)."""
-        nav, by_source = aid.linear(steps, C_en)
-        H = np.zeros((*nav.shape[:2], len(self.P)))
-        H[:, :, :NAVIGATION] = nav
-        for source in aid.sources:
-            H[:, :, self.layout.place(source)] = by_source[source.name][:, :, source.place]
-        return H, aid.noise**2
 
-    def _fix(self, fixes: Fixes, C_en: Array, antenna: _Antenna) -> None:
-        """Apply a fix: position and velocity of the antenna in n."""
-        H = np.zeros((6, len(self.P)))
-        C_ne = C_en.T
-        # psi x a = -[a x] psi
-        H[:3, PSI], H[3:, PSI] = (-attitude.numeric.skew(arm) @ C_ne for arm in (antenna.arm, antenna.turning))
-        H[:3, DR], H[:3, DV], H[3:, DV] = C_ne, -fixes.offset * C_ne, C_ne
-        for source in self.layout.receiver:
-            H[:, self.layout.place(source)] = antenna.effect(source.name)[:, source.place]
-        sigma = np.concatenate([fixes.position, fixes.velocity])
-        H, sigma = H[np.isfinite(sigma)], sigma[np.isfinite(sigma)]
-        if sigma.size:
-            self.measure(H, sigma**2)
+def aid_of(layout: Layout, aid: Aid, steps: Steps, C_en: Array) -> tuple[Array, Array]:
+    """The measurement matrix (m, r, states) of an instrument at the end of each step, and its white variance (r,)."""
+    return layout.matrix(aid.sources, *aid.linear(steps, C_en)), aid.noise**2
+
+
+def fix_of(layout: Layout, fixes: Fixes, steps: Steps, C_en: Array) -> tuple[Array, Array]:
+    """The same of position and velocity of the antenna in n; the small acceleration by its rotation is left out."""
+    C_nb, C_ne = attitude.numeric.to_dcm(steps.q_nb), C_en.swapaxes(1, 2)
+    arm = (C_nb @ fixes.lever_arm[:, None])[..., 0]
+    turning = np.cross(steps.rate_n, arm)
+    acceleration = steps.thrust / steps.length[:, None]
+    acceleration[:, 2] += geodesy.numeric.normal_gravity(np.sin(steps.latitude), steps.height)
+    by_source = {
+        "lever arm": np.concatenate([C_nb, attitude.numeric.skew(steps.rate_n) @ C_nb], axis=1),
+        "delay": np.concatenate([steps.velocity_n + turning, acceleration], axis=1)[..., None],
+        "wander": np.broadcast_to(np.eye(6, 3), (len(arm), 6, 3)),
+    }
+    nav = np.zeros((len(arm), 6, NAVIGATION))
+    # psi x a = -[a x] psi
+    nav[:, :3, PSI], nav[:, 3:, PSI] = (-attitude.numeric.skew(each) @ C_ne for each in (arm, turning))
+    nav[:, :3, DR], nav[:, :3, DV], nav[:, 3:, DV] = C_ne, -fixes.offset * C_ne, C_ne
+    measured = np.isfinite(fixes.sigma)
+    return layout.matrix(layout.receiver, nav, by_source)[:, measured], fixes.sigma[measured] ** 2
 
 
 def _propagate(P: Array, both: Array, drive: Array) -> None:
@@ -282,40 +295,6 @@ def _as_known(steps: Steps, rest: NDArray[np.bool_]) -> tuple[Array, Array]:
     return np.where(rest[:, None], up * steps.length[:, None], steps.thrust), np.where(
         rest[:, None, None, None], force, steps.force
     )
-
-
-@dataclass(frozen=True)
-class _Antenna:
-    """The antenna in n: lever arm (m) and its velocity by rotation (m/s), angular rate (rad/s), velocity (m/s), acceleration
-    (m/s^2), (3,) each or (m, 3); C_nb (3, 3)."""
-
-    arm: Array
-    turning: Array
-    rate: Array
-    velocity: Array
-    acceleration: Array
-    C_nb: Array
-
-    def at(self, k: int) -> _Antenna:
-        """At one step of a block."""
-        return _Antenna(*(getattr(self, each.name)[k] for each in fields(self)))
-
-    def effect(self, name: str) -> Array:
-        """How a fix follows the states of a source of the receiver, (6, components)."""
-        if name == "lever arm":
-            return np.concatenate([self.C_nb, attitude.numeric.skew(self.rate) @ self.C_nb])
-        if name == "delay":
-            return np.concatenate([self.velocity + self.turning, self.acceleration])[:, None]
-        return np.eye(6, 3)
-
-
-def _antenna(steps: Steps, arm: Array) -> _Antenna:
-    """The antenna at the end of each step; the small acceleration by its rotation is left out."""
-    C_nb = attitude.numeric.to_dcm(steps.q_nb)
-    arm_n = (C_nb @ arm[:, None])[..., 0]
-    acceleration = steps.thrust / steps.length[:, None]
-    acceleration[:, 2] += geodesy.numeric.normal_gravity(np.sin(steps.latitude), steps.height)
-    return _Antenna(arm_n, np.cross(steps.rate_n, arm_n), steps.rate_n, steps.velocity_n, acceleration, C_nb)
 
 
 def _channels(P: Array, steps: Steps, C_en: Array) -> Array:

@@ -21,8 +21,9 @@ from insenv.attitude import skew
 from insenv.core.model import Values
 from insenv.core.numeric import vectorized
 from insenv.core.tables import Array
-from insenv.evaluation.limits.steps import DR, DV, NAVIGATION, PSI, REST_MPS, Steps
+from insenv.evaluation.limits.steps import DR, DV, NAVIGATION, PSI, REST_MPS, Steps, outages_of
 from insenv.sensors import registry
+from insenv.sensors.gnss import DELAY, LEVER_ARM, WANDER
 from insenv.sensors.imu_tables import FLICKER_PARTS, FLICKER_SIGMA, FLICKER_TIMES
 from insenv.sensors.instrument import Instrument, Term, errors_of
 
@@ -104,20 +105,18 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
     )
 
 
-def wander_of(rows: Mapping[str, Any]) -> Source | None:
-    """The slowly varying error of the fixes (n, m), from a plant's parameters by row name; None if there is none."""
-    sigma = np.broadcast_to(np.asarray(rows.get("gnss_wander_sigma", 0.0), dtype=float), 3)
-    return source("wander", None, sigma**2, time=np.full(3, float(rows.get("gnss_wander_time", 1.0))))
+def receiver_of(rows: Mapping[str, Any]) -> tuple[Source, ...]:
+    """The slowly varying error of the fixes (n, m), that of the lever arm (b, m) and of the delay (s) of a plant's receiver."""
+    return _sources({term.name.replace("_", " "): term for term in (WANDER, LEVER_ARM, DELAY)}, rows)
 
 
-def receiver_of(rows: Mapping[str, Any]) -> tuple[Source | None, Source | None]:
-    """The errors of the lever arm (b, m) and of the delay (s) of a receiver."""
-
-    def square(name: str, size: int) -> Array:
-        pair = (np.asarray(rows.get(f"{name}_{part}", 0.0), dtype=float) for part in ("error", "sigma"))
-        return np.asarray(sum(np.broadcast_to(each, size) ** 2 for each in pair))
-
-    return source("lever arm", None, square("antenna_lever_arm", 3)), source("delay", None, square("gnss_delay", 1))
+def _sources(terms: Mapping[str, Term], rows: Mapping[str, Any]) -> tuple[Source, ...]:
+    """The states of errors by name with these parameters, those that vary."""
+    sources = []
+    for name, term in terms.items():
+        time = None if term.time is None else np.broadcast_to(np.asarray(rows[term.time.name], dtype=float), term.size)
+        sources.append(source(name, None, term.variance(rows), time=time))
+    return tuple(each for each in sources if each is not None)
 
 
 def constants(name: str, variance: Array) -> Source:
@@ -345,38 +344,28 @@ def aids_of(rows: Mapping[str, Any], sample_interval: float) -> tuple[Aid, ...]:
 def aid_of(instrument: Instrument, rows: Mapping[str, Any], sample_interval: float) -> Aid:
     """An instrument with these parameters."""
     id, row = instrument.id, instrument.limiting
-    terms = [term for term in instrument.terms if term.kind != "white"]
+    terms = {f"{id} {term.name.replace('_', ' ')}": term for term in instrument.terms if term.kind != "white"}
     columns, begin = {}, NAVIGATION
-    for term in terms:
-        columns[_name(instrument, term)] = slice(begin, begin + term.size)
+    for name, term in terms.items():
+        columns[name] = slice(begin, begin + term.size)
         begin += term.size
-    sources = [source(_name(instrument, term), None, term.variance(rows), time=_times(term, rows)) for term in terms]
     noise = instrument.noise.variance(rows)
     if instrument.quantum is not None:
         noise = noise + float(rows[instrument.quantum.name]) ** 2 / 12.0
     if instrument.outlier is not None:  # a detected outlier is a measurement that is missing
         noise = noise / max(1.0 - float(rows[instrument.outlier.probability]), 1e-12)
-    windows = np.stack([np.ravel(rows[f"{id}_outage_{end}"]) for end in ("start", "end")], axis=1).astype(float)
     latitude, longitude, height = (float(np.ravel(rows[f"start_{name}"])[0]) for name in ("latitude", "longitude", "height"))
     return Aid(
         id=id,
-        sources=tuple(each for each in sources if each is not None),
+        sources=_sources(terms, rows),
         columns=columns,
         noise=np.maximum(np.sqrt(np.broadcast_to(noise, row.size)), NOISE_FLOOR * instrument.least_sigma.get(row.name, 0.0)),
-        sensitivity=_sensitivity(instrument, terms, rows, height),
+        sensitivity=_sensitivity(instrument, list(terms.values()), rows, height),
         interval=round(float(rows[f"{id}_interval"]) / sample_interval),
-        outages=windows,
+        outages=outages_of(id, rows),
         sample_interval=sample_interval,
         place=(latitude, longitude, height),
     )
-
-
-def _name(instrument: Instrument, term: Term) -> str:
-    return f"{instrument.id} {term.name.replace('_', ' ')}"
-
-
-def _times(term: Term, rows: Mapping[str, Any]) -> Array | None:
-    return None if term.time is None else np.broadcast_to(np.asarray(rows[term.time.name], dtype=float), term.size)
 
 
 def _sensitivity(

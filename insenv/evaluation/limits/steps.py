@@ -25,16 +25,15 @@ class Fixes:
     """A receiver: when it measures, when it delivers, and how well.
 
     interval, latency: inertial samples.  offset: time from an epoch to its sample, s.  lever_arm (3): b, m.
-    position, velocity (3): standard deviations of white noise in n, with the share of outliers as lost fixes; m and m/s,
-    infinite where there is no measurement.  outages (k, 2): begin and end, s.  sample_interval: s.
+    sigma (6): standard deviations of the white noise of position (m), with the share of outliers as lost fixes, and velocity
+    (m/s) in n; infinite where there is no measurement.  outages (k, 2): begin and end, s.  sample_interval: s.
     """
 
     interval: int
     latency: int
     offset: float
     lever_arm: Array
-    position: Array
-    velocity: Array
+    sigma: Array
     outages: Array
     sample_interval: float
 
@@ -68,11 +67,15 @@ def fixes_of(rows: Mapping[str, Any], sample_interval: float) -> Fixes | None:
         latency=round(float(rows["gnss_latency"]) / sample_interval),
         offset=float(rows["gnss_epoch_offset"]),
         lever_arm=np.asarray(rows["antenna_lever_arm_b"], dtype=float),
-        position=position * share,
-        velocity=velocity if has_velocity else np.full(3, np.inf),
-        outages=np.stack([np.ravel(rows["gnss_outage_start"]), np.ravel(rows["gnss_outage_end"])], axis=1).astype(float),
+        sigma=np.concatenate([position * share, velocity if has_velocity else np.full(3, np.inf)]),
+        outages=outages_of("gnss", rows),
         sample_interval=sample_interval,
     )
+
+
+def outages_of(id: str, rows: Mapping[str, Any]) -> Array:
+    """Begin and end (k, 2) of the outage windows of an instrument, s."""
+    return np.stack([np.ravel(rows[f"{id}_outage_{end}"]) for end in ("start", "end")], axis=1).astype(float)
 
 
 STEP_S = 0.1

@@ -1,7 +1,6 @@
 """Aiding instruments in the limit: their equations against differences of independent ones, and closed forms."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -127,11 +126,10 @@ def test_the_equations_of_a_fix_are_the_derivatives_of_what_it_shows():
     """Of an epoch 8 ms before its sample: position and velocity of an antenna whose arm and delay are uncertain."""
     receiver = {"lever_arm_m": [2.0, -1.0, 3.0], "epoch_offset_s": 0.008, "lever_arm_sigma_m": 0.1, "delay_sigma_s": 0.1}
     plant, steps, h = build(load({**CAR, "gnss": {"grade": "rtk", **receiver}})), one_step(4), 1e-6
-    rows, seen = plant.model.parameters.unpack(plant.model.parameters.pack(plant.parameters)), {}
+    rows = plant.model.parameters.unpack(plant.model.parameters.pack(plant.parameters))
     fixes, C_en = fixes_of(rows, plant.sample_interval), np.asarray(geodesy.numeric.C_en(steps.latitude, steps.longitude))[0]
     layout = recursion.Layout(unit_of({}), receiver_of(rows), fixes, None)
-    filter = SimpleNamespace(P=np.zeros((13, 13)), layout=layout, measure=lambda H, variance: seen.update(H=H))
-    recursion.CovarianceFilter._fix(filter, fixes, C_en, recursion._antenna(steps, fixes.lever_arm).at(0))
+    H = recursion.fix_of(layout, fixes, steps, C_en[None])[0][0]
     gravity, rate_b = geodesy.numeric.normal_gravity(np.sin(steps.latitude), steps.height), true_C(steps).T @ steps.rate_n[0]
     acceleration = steps.thrust[0] / 0.1 + [0.0, 0.0, gravity[0]]
 
@@ -142,7 +140,7 @@ def test_the_equations_of_a_fix_are_the_derivatives_of_what_it_shows():
         late = delay * (steps.velocity_n[0] + true_C(steps) @ np.cross(rate_b, receiver["lever_arm_m"]))
         return np.concatenate([C_en.T @ dr + arm_n - 0.008 * moved + late, moved + turning + delay * acceleration])
 
-    for k, column in enumerate(seen["H"].T):
+    for k, column in enumerate(H.T):
         up, down = (shown(*np.split(sign * h * np.eye(13)[k], [3, 6, 9, 12])) for sign in (1, -1))
         np.testing.assert_allclose(column, (up - down) / (2 * h), rtol=1e-5, atol=1e-7)
 
