@@ -16,37 +16,15 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.base.remarks import Doubt, remark
 from insenv.core.tables import Array
+from insenv.sensors.gnss import ARM, DELAY, LEVER_ARM, GnssFixes
 
 BEYOND = 3.0
 """Standard deviations that one error in 370 exceeds if these are true.  An rms of them beyond it contradicts what is stated."""
 COMPONENTS = ("north_m", "east_m", "down_m")
 SHOWN = ("horizontal_m", "down_m")
 KINDS = ("end", "rms", "max", "stated", "ratio")
-
-
-@dataclass(frozen=True)
-class Fixes:
-    """Withheld fixes: time (m,) s of validity, latitude, longitude (m,) rad, height (m,) m, position_sigma (m, 3) m, N E D."""
-
-    time: Array
-    latitude: Array
-    longitude: Array
-    height: Array
-    position_sigma: Array
-
-
-@dataclass(frozen=True)
-class Antenna:
-    """What is stated of the antenna: lever arm (3,) m, b, and its standard deviation; that of the delay of the fixes, s.
-
-    lever_arm_row, delay_row: the outputs in which an estimate of these stands, if an estimator makes one.
-    """
-
-    lever_arm: Array
-    lever_arm_sigma: Any = 0.0
-    delay_sigma: float = 0.0
-    lever_arm_row: str = ""
-    delay_row: str = ""
+_LEVER_ARM, _DELAY = (term.states[0].name for term in (LEVER_ARM, DELAY))
+"""Outputs of an estimator that finds them."""
 
 
 @dataclass(frozen=True)
@@ -127,18 +105,19 @@ def _with_horizontal(values: Array) -> dict[str, Array]:
 
 
 def outages_of(
-    time: Array, outputs: Mapping[str, Array], fixes: Fixes, windows: Array, resumed: Array, antenna: Antenna
+    time: Array, outputs: Mapping[str, Array], fixes: GnssFixes, windows: Array, resumed: Array, stated: Mapping[str, Any]
 ) -> Outages | None:
     """The outages of a navigation with the outputs (n, ...) by row name at the times (n,) s of its records.
 
-    windows (k, 2): begin and end of the outages, s.  resumed (k,): when fixes are used again, s: an error counts only if the
-    records on both sides of it are before that.
+    fixes: those that were withheld.  windows (k, 2): begin and end of the outages, s.  resumed (k,): when fixes are used again,
+    s: an error counts only if the records on both sides of it are before that.  stated: of the receiver, by row of
+    `GNSS_STATED`.
 
     None of an estimate whose records cover none of the fixes.
     """
     valid = fixes.time
-    if antenna.delay_row in outputs:
-        valid = valid - np.interp(valid, time, np.ravel(outputs[antenna.delay_row]))
+    if _DELAY in outputs:
+        valid = valid - np.interp(valid, time, np.ravel(outputs[_DELAY]))
     later = np.searchsorted(time, valid)
     outages = []
     for (begin, end), again in zip(windows, resumed, strict=True):
@@ -146,13 +125,13 @@ def outages_of(
         rows = np.flatnonzero(inside)
         rows = rows[time[later[rows]] < again]
         if len(rows):
-            error, sigma = _differences(time, outputs, fixes, rows, valid[rows], later[rows], antenna)
+            error, sigma = _differences(time, outputs, fixes, rows, valid[rows], later[rows], stated)
             outages.append(Outage(float(begin), float(end), fixes.time[rows], error, sigma))
     return Outages(tuple(outages)) if outages else None
 
 
 def _differences(
-    time: Array, outputs: Mapping[str, Array], fixes: Fixes, rows: Any, valid: Array, later: Any, antenna: Antenna
+    time: Array, outputs: Mapping[str, Array], fixes: GnssFixes, rows: Any, valid: Array, later: Any, stated: Mapping[str, Any]
 ) -> tuple[Array, Array]:
     """Error and standard deviation (k, 3) of the estimated antenna at the fixes `rows`.
 
@@ -184,10 +163,12 @@ def _differences(
     )
     velocity = between(outputs["velocity_n"])
     C_nb = attitude.numeric.to_dcm(attitude_between(outputs["q_nb"][ends[0]], outputs["q_nb"][ends[1]], share))
-    arm_n = np.einsum("kij,kj->ki", C_nb, estimated(antenna.lever_arm_row, antenna.lever_arm, 3))
+    arm_n = np.einsum("kij,kj->ki", C_nb, estimated(_LEVER_ARM, stated[ARM.name], 3))
 
-    arm_sigma = estimated(f"{antenna.lever_arm_row}_estimate_sigma", antenna.lever_arm_sigma, 3)
-    delay_sigma = estimated(f"{antenna.delay_row}_estimate_sigma", antenna.delay_sigma, 1)
+    arm_sigma, delay_sigma = (
+        estimated(f"{term.states[0].name}_estimate_sigma", stated.get(term.stated[0].name, 0.0), term.size)
+        for term in (LEVER_ARM, DELAY)
+    )
     variance = estimated("position_sigma", np.nan, 3) ** 2 + fixes.position_sigma[rows] ** 2
     variance = variance + np.einsum("kij,kj->ki", C_nb**2, arm_sigma**2) + (velocity * delay_sigma) ** 2
     if "attitude_sigma" in outputs:

@@ -10,16 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from insenv.base.errors import InputError
-from insenv.base.remarks import Remark, clock
+from insenv.base.remarks import Remark
 from insenv.core.tables import Array
 from insenv.estimators import ImuDataSheet
-from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.noise import AssumedUnit, assumed_unit, densities_in_motion, in_motion
 from insenv.sensors import registry
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
+from insenv.sensors.gnss import GnssFixes as GnssFixes
 from insenv.sensors.grade_file import grade_of
 from insenv.vehicles.registry import traits_of
 
@@ -78,40 +77,6 @@ class Source:
     rows_read: int
     rows_used: int
     sha256: str
-
-
-@dataclass(frozen=True)
-class GnssFixes:
-    """Fixes of the antenna at their times of validity.
-
-    time (m,) s, on the IMU's clock; latitude, longitude (m,) rad; height (m,) m above the ellipsoid.
-    position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None. NaN: not stated.
-    arrival, age (m,) s: when each fix arrived, and its age then; None: at its time of validity. Raises
-    `InputError` for a standard deviation that no estimator takes: with 0 a fix would be exact.
-    """
-
-    time: Array
-    latitude: Array
-    longitude: Array
-    height: Array
-    position_sigma: Array
-    velocity_n: Array | None = None
-    velocity_sigma: Array | None = None
-    arrival: Array | None = None
-    age: Array | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("position_sigma", "velocity_sigma"):
-            sigma, row = getattr(self, name), FIX_INPUTS[f"gnss_{name}"]
-            if sigma is None:
-                continue
-            bad = np.argwhere((sigma < row.lower) | (sigma > row.upper))
-            if bad.size:
-                at, axis = bad[0]
-                raise InputError(
-                    f"{name} of the fix at {clock(self.time[at], 10)} s, {'NED'[axis]}: {sigma[at, axis]:g} {row.unit}: "
-                    f"allowed is from {row.lower:g} to {row.upper:g} {row.unit} ({len(bad)} such values)"
-                )
 
 
 @dataclass(frozen=True)

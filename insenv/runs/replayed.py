@@ -16,12 +16,11 @@ from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress
 from insenv.core.tables import Array
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
-from insenv.estimators.fusion.gnss import DELAY, LEVER_ARM
 from insenv.estimators.registry import knowing_objects
 from insenv.estimators.settings import Settings, choices_in, setting_rows, settings_of, tuning
 from insenv.evaluation.contradiction import contradiction_notes, sideways_notes
 from insenv.evaluation.errors import ATTITUDE, Result, Track, statistics_from, unit_errors
-from insenv.evaluation.outages import Antenna, Fixes, Outages, outages_of
+from insenv.evaluation.outages import Outages, outages_of
 from insenv.evaluation.specific_force import VelocityChanges, specific_force
 from insenv.logs import RecordedLog, Reference, load
 from insenv.logs.description import EvaluationSection
@@ -38,6 +37,7 @@ from insenv.runs.rest import with_datum
 from insenv.runs.simulated import follower_of, members, result_of
 from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.inputs import RECORDS, chunks, recording_interval
+from insenv.sensors.gnss import ARM
 from insenv.vehicles.registry import traits_of
 
 
@@ -331,11 +331,8 @@ def _outages(ready: Prepared, times: Array, outputs: Mapping[str, Array]) -> Out
     lost = ready.withheld
     if lost is None:
         return None
-    fixes = Fixes(*(getattr(lost.fixes, name) for name in ("time", "latitude", "longitude", "height", "position_sigma")))
-    stated_errors = ready.log.stated_errors
-    arm_sigma, delay_sigma = (stated_errors.get(name, 0.0) for name in ("antenna_lever_arm_sigma", "gnss_delay_sigma"))
-    antenna = Antenna(ready.log.lever_arm_b, arm_sigma, delay_sigma, LEVER_ARM.name, DELAY.name)
-    return outages_of(times, outputs, fixes, lost.windows, lost.resumed, antenna)
+    stated = {**ready.log.stated_errors, ARM.name: ready.log.lever_arm_b}
+    return outages_of(times, outputs, lost.fixes, lost.windows, lost.resumed, stated)
 
 
 def _of_outages(lost: Withheld | None, outages: Outages | None) -> tuple[Remark, ...]:

@@ -16,17 +16,18 @@ geodetic coordinates exactly. The fix is delivered after `gnss_latency`, with it
 increments a counter.
 
 Its errors, timing, figures and grades are declared as those of an instrument (`insenv.sensors.instrument`), and its keys, rows,
-sources and steps follow from them as theirs do.  It is no `Instrument` because its equation is another one: the epoch lies
-between samples and the fix is delivered after a delay that is drawn, so that what is measured is the motion before the
-sample, with accelerations; positions are converted to geodetic coordinates after the errors are added; the fix states
-its own accuracy; and estimators take position and velocity, with or without the latter, as one measurement.
+sources and steps, the states of fusion filters and of the limit follow from them as theirs do.  It is no `Instrument`
+because its equation is another one: the epoch lies between samples and the fix is delivered after a delay that is drawn, so
+that what is measured is the motion before the sample, with accelerations; positions are converted to geodetic coordinates after
+the errors are added; the fix states its own accuracy; and estimators take position and velocity, with or without the latter, as
+one measurement.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -34,12 +35,12 @@ import numpy as np
 
 from insenv.attitude import rotate
 from insenv.base.errors import InputError
-from insenv.base.remarks import declared
+from insenv.base.remarks import clock, declared
 from insenv.base.toml import LeverArm, NotNegative, Number, key
 from insenv.core.compose import Part
 from insenv.core.elementary import TWO_PI, clamp, maximum, normals, select, sin_cos
 from insenv.core.model import Step, Values
-from insenv.core.tables import Row, Table
+from insenv.core.tables import Array, Row, Table
 from insenv.geodesy import bounded_place_rows, geodetic_from_ned_offset
 from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.figures import Figure, Grade, TimedSection, by_name, figures_section, find_grade
@@ -115,6 +116,42 @@ FIX = Table((
     Row("gnss_velocity_sigma", "Standard deviation of velocity that the receiver reports", "m/s", (3,), "n", 1.0, 1e-6, 1e9),
 ))  # fmt: skip
 """A fix: outputs of a plant, and inputs of estimators, which have these bounds."""
+
+
+@dataclass(frozen=True)
+class GnssFixes:
+    """Fixes of the antenna at their times of validity.
+
+    time (m,) s, on the IMU's clock; latitude, longitude (m,) rad; height (m,) m above the ellipsoid.
+    position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None. NaN: not stated.
+    arrival, age (m,) s: when each fix arrived, and its age then; None: at its time of validity. Raises
+    `InputError` for a standard deviation that no estimator takes: with 0 a fix would be exact.
+    """
+
+    time: Array
+    latitude: Array
+    longitude: Array
+    height: Array
+    position_sigma: Array
+    velocity_n: Array | None = None
+    velocity_sigma: Array | None = None
+    arrival: Array | None = None
+    age: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("position_sigma", "velocity_sigma"):
+            sigma, row = getattr(self, name), FIX[f"gnss_{name}"]
+            if sigma is None:
+                continue
+            bad = np.argwhere((sigma < row.lower) | (sigma > row.upper))
+            if bad.size:
+                at, axis = bad[0]
+                raise InputError(
+                    f"{name} of the fix at {clock(self.time[at], 10)} s, {'NED'[axis]}: {sigma[at, axis]:g} {row.unit}: "
+                    f"allowed is from {row.lower:g} to {row.upper:g} {row.unit} ({len(bad)} such values)"
+                )
+
+
 _NAMES = ("latitude", "longitude", "height", "velocity_n")
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from insenv import attitude, geodesy
-from insenv.evaluation.outages import Antenna, Fixes, outages_of
+from insenv.evaluation.outages import outages_of
+from insenv.sensors.gnss import GnssFixes
 
 ARM, DELAY, OFF = np.array([1.0, -2.0, -1.5]), 0.15, np.array([1.0, -2.0, 3.0])
 
@@ -23,8 +24,8 @@ def outages(drift=0.0, resumed=(30.0, 52.0), **more):
     rows = {"position_sigma": [3.0, 3.0, 3.0], "attitude_sigma": [0.4, 0.0, 0.5], **more}
     outputs = circle(time, OFF, drift, 0 * ARM) | {name: np.tile(row, (len(time), 1)) for name, row in rows.items()}
     latitude, longitude, height, *_ = circle(at - (DELAY if "gnss_delay" in more else 0.0), 0.0, 0.0, ARM).values()
-    fixes = Fixes(at, latitude, longitude, height, np.full((60, 3), 4.0))
-    told = Antenna(0 * ARM if "gnss_lever_arm" in more else ARM, 0.0, 0.0, "gnss_lever_arm", "gnss_delay")
+    fixes = GnssFixes(at, latitude, longitude, height, np.full((60, 3), 4.0))
+    told = {"antenna_lever_arm": 0 * ARM if "gnss_lever_arm" in more else ARM}
     return outages_of(time, outputs, fixes, np.array([[20.0, 30.0], [50.0, 52.0]]), np.array(resumed), told)
 
 
