@@ -13,7 +13,7 @@ from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
 from insenv.evaluation.outages import BEYOND, SHOWN, Outages
 from insenv.evaluation.specific_force import SpecificForce
-from insenv.report.document import Block, Line, Sentences, Table
+from insenv.report.document import Block, Line, Sentences, Style, Table
 from insenv.report.run_data import RunData
 
 MARKED = 3.0
@@ -210,8 +210,11 @@ def _of_result(result: Result, place: int, report: RunData) -> Iterator[Block]:
     facts_of = [f"statistics {start}"] if shown else []
     facts_of += [f"{number(result.us_per_sample)} us a sample"] if isfinite(result.us_per_sample) else []
     yield Line(result.estimator, "bold", f"   {', '.join(facts_of)}")
+    remarks = list(_remarks(result))
+    below = [f"Statistics {start}"] if shown and result.from_s > 0 else []
+    below += [text for _, text in remarks]
+    below += [f"{number(result.us_per_sample)} \N{MICRO SIGN}s a sample"] if result.us_per_sample else []
     on_page: dict[str, Any] = {"caption": result.estimator, "group": place}
-    below = [*([] if not shown or result.from_s <= 0 else [f"Statistics {start}"]), *_said(result)]
     errors = on_page | {"below": below, "state": "" if result.health is None else result.health.verdict}
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
     if shown:
@@ -229,13 +232,7 @@ def _of_result(result: Result, place: int, report: RunData) -> Iterator[Block]:
     for rank, (name, figures) in enumerate(published):  # only one further column fits
         listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
         yield Line(f"rms of {name}: {', '.join(listed)}" if rank else f"published: rms of {name}")
-    if result.health is not None:
-        for rank, sentence in enumerate(result.health.lines):
-            yield Line(f"{'  ' if rank else 'health: '}{sentence}", "yellow" if result.health.wrong else "")
-    if result.specific_force is not None:
-        yield Line(force_line(result.specific_force), "yellow" if result.specific_force.contradicted else "")
-    for note in result.notes:
-        yield Line(f"note: {note}")
+    yield from (line for line, _ in remarks)
     if result.outages is not None:
         lost, meaning = outage_rows(result.outages), beyond_line(result.outages)
         rule = len(lost) - 1 if len(lost) > 1 else None
@@ -247,17 +244,17 @@ def _of_result(result: Result, place: int, report: RunData) -> Iterator[Block]:
         yield Table(unit_columns(result), unit_rows(result), **on_page)
 
 
-def _said(result: Result) -> Iterator[str]:
-    """What a page says below the errors of an estimator."""
+def _remarks(result: Result) -> Iterator[tuple[Line, str]]:
+    """What is said below the errors of an estimator, on a terminal and on its page: its health, the specific force, notes."""
     if result.health is not None:
+        style: Style = "yellow" if result.health.wrong else ""
         first, *others = result.health.lines
-        yield from (f"Health: {first}", *others)
+        yield Line(f"health: {first}", style), f"Health: {first}"
+        yield from ((Line(f"  {each}", style), each) for each in others)
     if result.specific_force is not None:
         line = force_line(result.specific_force)
-        yield f"{line[0].upper()}{line[1:]}"
-    yield from result.notes
-    if result.us_per_sample:
-        yield f"{number(result.us_per_sample)} \N{MICRO SIGN}s a sample"
+        yield Line(line, "yellow" if result.specific_force.contradicted else ""), f"{line[0].upper()}{line[1:]}"
+    yield from ((Line(f"note: {note}"), note) for note in result.notes)
 
 
 def estimate_rows(result: Result) -> list[tuple[str, str, str]]:

@@ -153,7 +153,7 @@ def budget_blocks(budget: Budget) -> Iterator[Block]:
         places = [budget.channels.index(name) for name in names if name in budget.channels]
         if places:
             yield Line()
-            yield _group(budget, heading, places)
+            yield budget_table(budget, heading, places)
     yield Line()
     yield Sentences("explained", sentences(budget), "dim")
     yield Sentences("notes", left_out(budget.diverged, budget.runs), "yellow")
@@ -184,25 +184,10 @@ def facts(budget: Budget) -> str:
     return f"{runs_of(budget.runs)} of {budget.duration_s:g} s, {seeds}; {len(budget.sources)} sources of error"
 
 
-@dataclass(frozen=True)
-class BudgetRow:
-    """One line of a table.  values: by channel, of the source alone and of the error without it; None: unknown.
-
-    large: by channel, whether the source has a quarter of the variance.
-    """
-
-    name: str
-    values: tuple[float | None, ...]
-    large: tuple[bool, ...] = ()
-
-    @property
-    def texts(self) -> list[str]:
-        """The values as printed."""
-        return ["" if value is None else number(value) for value in self.values]
-
-
-def budget_rows(budget: Budget, places: list[int]) -> list[BudgetRow]:
-    """The lines for some channels, by their places: the sources by their share, then what they make together."""
+def budget_table(budget: Budget, heading: str, places: list[int]) -> Table:
+    """Some channels, by their places: the sources by their share, in bold with a quarter of the variance, then what they make
+    together."""
+    names = [budget.channels[place] for place in places]
     shares = budget.shares()[:, places]
     alone, without = budget.rms(budget.alone)[:, places], budget.rms(budget.without)[:, places]
     largest = np.nan_to_num(shares[:-1], nan=np.inf).max(axis=1)
@@ -211,36 +196,23 @@ def budget_rows(budget: Budget, places: list[int]) -> list[BudgetRow]:
     if len(small) < 2:
         small = []
     rows = [
-        BudgetRow(budget.sources[k], tuple(np.stack([alone[k], without[k]], 1).ravel().tolist()), tuple(shares[k] >= 0.25))
-        for k in order
-        if k not in small
+        _row(budget.sources[k], alone[k], shares[k] >= 0.25, list(map(number, without[k]))) for k in order if k not in small
     ]
-    if small:
-        rows.append(_together(f"{len(small)} smaller ones", np.sqrt(np.sum(alone[small] ** 2, axis=0))))
-    lines = [("method", budget.none), ("root sum of squares", budget.sum), ("all sources", budget.whole)]
-    lines += [("interaction", budget.interaction)]
-    lines += [] if budget.limit is None else [("limit", budget.limit)]
-    return rows + [_together(name, budget.rms(squares)[places]) for name, squares in lines]
-
-
-def _together(name: str, values: Array) -> BudgetRow:
-    return BudgetRow(name, tuple(each for value in values.tolist() for each in (value, None)))
-
-
-def _group(budget: Budget, heading: str, places: list[int]) -> Table:
-    """One table of `budget_rows`."""
-    names = [budget.channels[place] for place in places]
+    lines = [(f"{len(small)} smaller ones", np.sqrt(np.sum(alone[small] ** 2, axis=0)))] if small else []
+    squares = {"method": budget.none, "root sum of squares": budget.sum, "all sources": budget.whole}
+    squares |= {"interaction": budget.interaction} | ({} if budget.limit is None else {"limit": budget.limit})
+    lines += [(name, budget.rms(each)[places]) for name, each in squares.items()]
     columns = (heading, *(text for name in names for text in (name.rpartition("_")[0], "w/o")))
     heads = ("rms", *(text for name in names for text in (label(name), "w/o")))
-    lines = budget_rows(budget, places)
-    rows: list[Sequence[str | Line]] = []
-    for row in lines:
-        large = row.large or [row.name == "all sources"] * len(places)
-        styles = ["bold" if each else "" for place in large for each in (place, False)]
-        cells = [Line(text, style) for text, style in zip(row.texts, styles, strict=True)]  # type: ignore[arg-type]
-        rows.append((row.name, *cells))
-    rule, caption = [row.name for row in lines].index("method"), heading.partition(",")[0].capitalize()
+    nothing = [""] * len(places)
+    rule, caption = len(rows) + bool(small), heading.partition(",")[0].capitalize()
+    rows += [_row(name, values, [name == "all sources"] * len(places), nothing) for name, values in lines]
     return Table(columns, rows, rule, gap=1, caption=caption, heads=heads)
+
+
+def _row(name: str, values: Array, large: Sequence[bool], beside: Sequence[str]) -> tuple[str | Line, ...]:
+    cells = zip(map(number, values), large, beside, strict=True)
+    return (name, *(cell for text, bold, other in cells for cell in (Line(text, "bold" if bold else ""), other)))
 
 
 def budget_arrays(budget: Budget) -> dict[str, Any]:
