@@ -124,15 +124,19 @@ class Page:
 
 
 def page_of(blocks: Iterable[Block], **parts: Any) -> Page:
-    """The page of what is printed.  parts: of the page; facts, tables, explanations and notes follow those of the blocks."""
-    blocks = list(blocks)
+    """The page of what is printed, which its first line names.
+
+    parts: of the page; facts, tables, explanations and notes follow those of the blocks.
+    """
+    heading, *blocks = blocks
+    named = {"tab": heading.text, "name": heading.text} if isinstance(heading, Line) else {}
     printed: dict[str, list[Any]] = {
         name: [text for block in blocks if isinstance(block, Sentences) and block.place == name for text in block.texts]
         for name in ("facts", "explained", "notes")
     }
     printed["explained"] = [f"{text}." for text in printed["explained"]]
     printed["tables"] = [block for block in blocks if isinstance(block, Table)]
-    return Page(**parts | {name: [*own, *parts.get(name, ())] for name, own in printed.items()})
+    return Page(**named | parts | {name: [*own, *parts.get(name, ())] for name, own in printed.items()})
 
 
 Part = Literal["texts", "npz", "json", "html", "png", "svg", "further"]

@@ -56,7 +56,6 @@ def run_page(report: RunData, further: Mapping[str, Any] | None = None) -> Page:
     return page_of(
         run_blocks(report),
         tab=f"{report.scenario}: {report.title}",
-        name=report.scenario,
         title=report.title,
         facts=facts(report),
         truth=panels.truth_name,

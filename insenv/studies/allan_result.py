@@ -344,7 +344,6 @@ def page(unit: UnitNoise) -> Page:
     shown = page_of(
         blocks(unit),
         tab=f"{unit.log}: Allan deviation",
-        name=unit.log,
         title="Allan deviation: the noise of the unit",
         legend=[{"name": name} for name in LEGEND],
         explained=["Bands: 95 % bounds of an axis."],

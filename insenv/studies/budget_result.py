@@ -243,7 +243,6 @@ def budget_page(budget: Budget) -> Page:
     return page_of(
         budget_blocks(budget),
         tab=f"{budget.scenario}: error budget of {budget.estimator}",
-        name=f"{budget.scenario}: {budget.estimator}",
         title="Error budget: which source of error dominates",
         legend=[{"name": name, "first": group == ALL} for group, name in enumerate(drawn.names("other sources"))],
         sections=sections,

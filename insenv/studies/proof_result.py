@@ -158,7 +158,6 @@ def proof_page(proof: Proof) -> Page:
     """The page: the tables, each error by itself."""
     return page_of(
         proof_blocks(proof),
-        tab="insenv on public logs",
         name="proof",
         title=f"insenv {proof.insenv} on public logs",
         legend=[],

@@ -165,7 +165,6 @@ def tuning_page(tuning: Tuning) -> Page:
     return page_of(
         tuning_blocks(tuning),
         tab=f"{tuning.source}: tuning of {tuning.estimator}",
-        name=f"{tuning.source}: {tuning.estimator}",
         title="Tuning" if tuning.is_better else "Tuning: no significant improvement, keep the present parameters",
         facts=[f"tuned on {tuning.trained_on}", f"evaluated on {tuning.judged_on}", f"{number(tuning.duration_s)} s"],
         legend=[{"name": name} for name in LEGEND],

@@ -291,13 +291,10 @@ def _health_of(shares: Mapping[str, Any], what: str) -> str:
 
 def campaign_page(campaign: Statistics, name: str = "", group: int | None = None) -> Page:
     """The page of a campaign.  name, group: as of `campaign_blocks`."""
-    plan = campaign.plan
     consistency = [Section("Consistency", [nees_panel(campaign)], columns=1)] if campaign.nees is not None else []
     return page_of(
         campaign_blocks(campaign, name, group),
-        tab=f"{plan.name}: {plan.estimator}",
-        name=f"{plan.name}: {plan.estimator}",
-        title=str(plan.scenario.get("title", "")),
+        title=str(campaign.plan.scenario.get("title", "")),
         legend=[{"name": "median of the runs"}],
         explained=[EXPLAINED["limit"]],
         sections=[*course_sections([campaign]), *consistency],
