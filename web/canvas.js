@@ -32,6 +32,34 @@ export function sharpCanvas(attributes, resized = () => {}) {
   };
 }
 
+/** Act on drags over a canvas.
+ * @param {HTMLCanvasElement} canvas
+ * @param {(right: number, up: number) => void} move  px, against a pointer that is down
+ * @param {(factor: number) => void} [zoom]  while two are down, which move apart */
+export function dragged(canvas, move, zoom = () => {}) {
+  /** @type {Map<number, [number, number]>} */
+  const down = new Map();
+  const apart = () => {
+    const [a, b] = [...down.values()];
+    return Math.hypot(a[0] - b[0], a[1] - b[1]);
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    down.set(event.pointerId, [event.offsetX, event.offsetY]);
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const before = down.get(event.pointerId);
+    if (!before) return;
+    const gap = down.size === 2 ? apart() : 0;
+    down.set(event.pointerId, [event.offsetX, event.offsetY]);
+    if (down.size === 2) zoom(apart() / Math.max(1, gap));
+    else move(before[0] - event.offsetX, event.offsetY - before[1]);
+  });
+  for (const name of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(name, (event) => down.delete(/** @type {PointerEvent} */ (event).pointerId));
+  }
+}
+
 /** Begin a path of lines through points.
  * @param {CanvasRenderingContext2D} context
  * @param {...number[][]} lines  x, y of each point */

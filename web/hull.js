@@ -1,7 +1,7 @@
 /** The vehicle in three dimensions, true (solid) and estimated (outlines), over a compass rose and before the horizon: plain canvas,
  * no GPU needed. */
 
-import { quarters, sharpCanvas, stroked, traced } from "./canvas.js";
+import { dragged, quarters, sharpCanvas, stroked, traced } from "./canvas.js";
 import { meshOf } from "./meshes.js";
 import { colour, faint, groupColour } from "./theme.js";
 
@@ -37,19 +37,10 @@ export function hullView(shape) {
   const mesh = meshOf(shape);
   let [azimuth, aside, elevation] = [0, QUARTER, ELEVATION];
   let fresh = true;
-  /** @type {[number, number] | null} */
-  let held = null;
-  canvas.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
-    held = [event.offsetX, event.offsetY];
-    canvas.setPointerCapture(event.pointerId);
+  dragged(canvas, (right, up) => {
+    aside += 0.008 * right;
+    elevation = Math.min(1.5, Math.max(0.05, elevation + 0.006 * up));
   });
-  canvas.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => {
-    if (!held) return;
-    aside -= (event.offsetX - held[0]) * 0.008;
-    elevation = Math.min(1.5, Math.max(0.05, elevation + (event.offsetY - held[1]) * 0.006));
-    held = [event.offsetX, event.offsetY];
-  });
-  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => (held = null));
 
   /** @param {ArrayLike<number>} truth  q_nb
    * @param {{group: number, q: ArrayLike<number>}[]} estimates

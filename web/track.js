@@ -1,6 +1,6 @@
 /** The track seen from above, north up, on a grid of 1, 2 or 5 times a power of ten metres: zoom by wheel, pinch and keys. */
 
-import { sharpCanvas, stroked } from "./canvas.js";
+import { dragged, sharpCanvas, stroked } from "./canvas.js";
 import { button, h, onceAFrame, panelOf, zoomKeys } from "./dom.js";
 import { minus, number, roundDown, tick } from "./numbers.js";
 import { colour, faint, groupColour, onTheme } from "./theme.js";
@@ -81,11 +81,20 @@ export function trackPlot(title, scene, label, moving = false) {
     followed(false);
     draw();
   };
-  pointers(canvas, zoom, move, (x, y) => {
+  const over = (/** @type {number} */ x, /** @type {number} */ y) => {
     const now = view ?? fitted(scene, size, hidden);
     const [east, north] = [now.east + (x - size[0] / 2) / now.scale, now.north - (y - size[1] / 2) / now.scale];
     readout.textContent = Number.isFinite(x) ? `east ${minus(number(east))}  north ${minus(number(north))}` : "";
-  });
+  };
+  canvas.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => over(event.offsetX, event.offsetY));
+  canvas.addEventListener("pointerleave", () => over(NaN, NaN));
+  dragged(canvas, move, zoom);
+  const wheel = (/** @type {WheelEvent} */ event) => {
+    if (!event.ctrlKey && document.activeElement !== canvas) return;
+    event.preventDefault();
+    zoom(Math.exp(-event.deltaY / 400));
+  };
+  canvas.addEventListener("wheel", wheel, { passive: false });
   canvas.addEventListener("dblclick", reset);
   const arrows = {
     ArrowLeft: () => move(-40, 0),
@@ -260,44 +269,4 @@ function grid(context, [width, height], view, x, y) {
   const arrow = [[right - 3.5, top + 5], [right, top], [right + 3.5, top + 5]];
   stroked(context, colour("muted"), 1.5, [[right, top + 14], [right, top]], arrow);
   context.fillText("N", right - 4, top + 27);
-}
-
-/** Wheel with Ctrl, drag and pinch.
- * @param {HTMLCanvasElement} canvas
- * @param {(factor: number) => void} zoom
- * @param {(right: number, up: number) => void} move
- * @param {(x: number, y: number) => void} over  the pointer's place, NaN outside */
-function pointers(canvas, zoom, move, over) {
-  /** @type {Map<number, [number, number]>} */
-  const down = new Map();
-  const apart = () => {
-    const [a, b] = [...down.values()];
-    return Math.hypot(a[0] - b[0], a[1] - b[1]);
-  };
-  canvas.addEventListener(
-    "wheel",
-    (event) => {
-      if (!event.ctrlKey && document.activeElement !== canvas) return;
-      event.preventDefault();
-      zoom(Math.exp(-event.deltaY / 400));
-    },
-    { passive: false },
-  );
-  canvas.addEventListener("pointerdown", (event) => {
-    down.set(event.pointerId, [event.offsetX, event.offsetY]);
-    canvas.setPointerCapture(event.pointerId);
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    over(event.offsetX, event.offsetY);
-    const before = down.get(event.pointerId);
-    if (!before) return;
-    const gap = down.size === 2 ? apart() : 0;
-    down.set(event.pointerId, [event.offsetX, event.offsetY]);
-    if (down.size === 2) zoom(apart() / Math.max(1, gap));
-    else move(before[0] - event.offsetX, event.offsetY - before[1]);
-  });
-  for (const name of ["pointerup", "pointercancel"]) {
-    canvas.addEventListener(name, (event) => down.delete(/** @type {PointerEvent} */ (event).pointerId));
-  }
-  canvas.addEventListener("pointerleave", () => over(NaN, NaN));
 }

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from insenv.base.output import WIDTH
-from insenv.report.document import Block, Grid, Line, Listing
+from insenv.report.document import Block, Grid, Line, Listing, Sentences
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -29,7 +29,7 @@ GAP = 2
 def fitted(console: Console, blocks: Iterable[Block]) -> Iterator[RenderableType]:
     """What a console prints for blocks, top to bottom; as wide as it must be: a terminal breaks the lines itself."""
     width = console.width
-    for block, part in zip(blocks := list(blocks), rendered(blocks), strict=True):
+    for block, part in zip(blocks := list(_lines(blocks)), rendered(blocks), strict=True):
         if isinstance(block, Listing):
             needed = _fixed_width(block) + NARROWEST
         else:
@@ -52,8 +52,13 @@ def as_text(blocks: Iterable[Block]) -> str:
 
 def rendered(blocks: Iterable[Block]) -> Iterator[RenderableType]:
     """What Rich prints for blocks, top to bottom."""
-    for block in blocks:
+    for block in _lines(blocks):
         yield _table(block) if isinstance(block, Grid) else _listing(block) if isinstance(block, Listing) else _text(block)
+
+
+def _lines(blocks: Iterable[Block]) -> Iterator[Line | Grid | Listing]:
+    for block in blocks:
+        yield from block.lines if isinstance(block, Sentences) else [block]
 
 
 def _text(line: Line) -> Text:
@@ -77,7 +82,7 @@ def _table(grid: Grid) -> Table:
     for place, row in enumerate(grid.rows):
         if place == grid.rule:
             table.add_section()
-        table.add_row(*(_text(cell) if isinstance(cell, Line) else cell for cell in row))
+        table.add_row(*(_text(cell) if isinstance(cell, Line) else cell for cell in row[: len(grid.columns)]))
     return table
 
 

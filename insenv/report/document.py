@@ -42,6 +42,49 @@ class Grid:
 
 
 @dataclass(frozen=True)
+class Table(Grid):
+    """A grid that stands on the page too, where its first column names the row.
+
+    caption: on the page.  heads: names of its columns there, where they are others or more than on a terminal, which then
+    leaves out the last cells of each row.  group: entry in the legend.  below: sentences on the page.  state: a word on the
+    health of what the table shows (`insenv.evaluation.nis.VERDICTS`).  wide: no table stands beside it.
+    """
+
+    caption: str = ""
+    heads: Sequence[str] = ()
+    group: int | None = None
+    below: Sequence[str] = ()
+    state: str = ""
+    wide: bool = False
+
+    @property
+    def texts(self) -> list[list[str]]:
+        """The cells by row, without their styles."""
+        return [[cell.text if isinstance(cell, Line) else cell for cell in row] for row in self.rows]
+
+    @property
+    def marked(self) -> list[tuple[int, int]]:
+        """Row and column of the cells in yellow."""
+        cells = [(cell, row, column) for row, line in enumerate(self.rows) for column, cell in enumerate(line)]
+        return [(row, column) for cell, row, column in cells if isinstance(cell, Line) and cell.style == "yellow"]
+
+
+@dataclass(frozen=True)
+class Sentences:
+    """Sentences, each a line of its own.  place: where the page has them.  head: what precedes each on a terminal."""
+
+    place: Literal["facts", "explained", "notes"]
+    texts: Sequence[str]
+    style: Style = ""
+    head: str = ""
+
+    @property
+    def lines(self) -> list[Line]:
+        """As a terminal shows them."""
+        return [Line(f"{self.head}{text}", self.style) for text in self.texts]
+
+
+@dataclass(frozen=True)
 class Listing:
     """A table of texts as wide as the terminal, whose last column wraps.
 
@@ -54,25 +97,7 @@ class Listing:
     head: bool = True
 
 
-Block = Line | Grid | Listing
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of texts on a page; the first column names the row.
-
-    group: entry in the legend.  below: sentences.  warnings: row and column of marked cells.  state: a word on the health of
-    what the table shows (`insenv.evaluation.nis.VERDICTS`).  wide: no table stands beside it.
-    """
-
-    caption: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    group: int | None = None
-    below: Sequence[str] = ()
-    warnings: Sequence[tuple[int, int]] = ()
-    state: str = ""
-    wide: bool = False
+Block = Line | Grid | Listing | Sentences
 
 
 @dataclass(frozen=True)
@@ -96,6 +121,22 @@ class Page:
     truth: str = "truth"
     more: Mapping[str, Any] = field(default_factory=dict)
     further: Mapping[str, Any] = field(default_factory=dict)
+
+
+def page_of(blocks: Iterable[Block], **parts: Any) -> Page:
+    """The page of what is printed, which its first line names.
+
+    parts: of the page; facts, tables, explanations and notes follow those of the blocks.
+    """
+    heading, *blocks = blocks
+    named = {"tab": heading.text, "name": heading.text} if isinstance(heading, Line) else {}
+    printed: dict[str, list[Any]] = {
+        name: [text for block in blocks if isinstance(block, Sentences) and block.place == name for text in block.texts]
+        for name in ("facts", "explained", "notes")
+    }
+    printed["explained"] = [f"{text}." for text in printed["explained"]]
+    printed["tables"] = [block for block in blocks if isinstance(block, Table)]
+    return Page(**named | parts | {name: [*own, *parts.get(name, ())] for name, own in printed.items()})
 
 
 Part = Literal["texts", "npz", "json", "html", "png", "svg", "further"]

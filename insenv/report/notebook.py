@@ -73,7 +73,7 @@ def _table(table: Table) -> str:
     def line(tag: str, cells: Sequence[str]) -> str:
         return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
-    lines = [line("th", table.columns), *(line("td", row) for row in table.rows)]
+    lines = [line("th", table.heads or table.columns), *(line("td", row) for row in table.texts)]
     below = "".join(f"<p>{escape(sentence)}</p>" for sentence in table.below)
     return f"<table><caption>{escape(table.caption)}</caption>{''.join(lines)}</table>{below}"
 

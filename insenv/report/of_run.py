@@ -10,31 +10,15 @@ from typing import Any
 import numpy as np
 
 from insenv import geodesy
-from insenv.base.remarks import LATE_S, clock
+from insenv.base.remarks import LATE_S
 from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
-from insenv.report.document import Page, Table
+from insenv.report.document import Page, page_of
 from insenv.report.page import room, shown_records
 from insenv.report.panels import TRUTH_GROUP, Band, Curve, Panel, Picture, Section, TimePanel, TrackPanel
 from insenv.report.run_data import RunData, has_fixes, without_fixes
-from insenv.report.tables import (
-    ESTIMATE_COLUMNS,
-    OUTAGE_COLUMNS,
-    beyond_line,
-    error_columns,
-    error_label,
-    error_rows,
-    estimate_rows,
-    facts,
-    force_line,
-    number,
-    outage_rows,
-    unit_columns,
-    unit_of,
-    unit_rows,
-    within,
-)
+from insenv.report.tables import error_columns, error_label, facts, run_blocks, unit_of, within
 from insenv.sensors import units
 
 NAMES = {
@@ -50,8 +34,6 @@ EXPLAINED = {
 }
 """What columns of a table of errors mean."""
 AXES = ("forward", "right", "down")
-MARKED = 3.0
-"""Ratio of an rms error to its yardstick from which a cell is marked."""
 BIASES = (
     ("Gyro bias", "gyro_bias", "deg/h", float(units.rad_s_to_deg_h(1.0))),
     ("Accelerometer bias", "accel_bias", "\N{MICRO SIGN}g", float(units.m_s2_to_ug(1.0))),
@@ -71,16 +53,15 @@ def run_page(report: RunData, further: Mapping[str, Any] | None = None) -> Page:
     thinned = [f"The page shows {len(keep)} of {records} records; the .npz file holds all."] if len(keep) < records else []
     counted, from_start = since_start(_thinned(report, keep))
     panels = RunPanels(counted, without_fixes(since_start(report)[0].results))
-    return Page(
+    return page_of(
+        run_blocks(report),
         tab=f"{report.scenario}: {report.title}",
-        name=report.scenario,
         title=report.title,
         facts=facts(report),
         truth=panels.truth_name,
         legend=[{"name": r.estimator} for r in report.results],
-        tables=[one for place, result in enumerate(report.results) for one in _tables(result, place, report)],
         explained=_explained(report),
-        notes=[*report.notes, *thinned, *from_start],
+        notes=[*thinned, *from_start],
         sections=[*panels.errors(), *panels.motion(), panels.biases()],
         further=further,
     )
@@ -117,41 +98,6 @@ def _arrays(result: Result) -> int:
     """The number of arrays that an estimator adds to a page."""
     rows = [name for _, row, *_ in BIASES for name in (row, f"{row}_estimate_sigma") if name in result.outputs]
     return len(result.errors) + len(result.sigma) + 3 * len(rows) + 11
-
-
-def _tables(result: Result, place: int, report: RunData) -> Iterator[Table]:
-    """The tables of one estimator: its errors and, of a calibration, those of the unit."""
-    below = []
-    if result.health is not None:
-        first, *others = result.health.lines
-        below = [f"Health: {first}", *others]
-    if result.specific_force is not None:
-        line = force_line(result.specific_force)
-        below.append(f"{line[0].upper()}{line[1:]}")
-    below += [*result.notes, *([f"{number(result.us_per_sample)} \N{MICRO SIGN}s a sample"] if result.us_per_sample else [])]
-    state = "" if result.health is None else result.health.verdict
-    if result.errors:
-        rows = error_rows(result)
-        shown = [name for name in CHANNELS if name in result.errors]
-        published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
-        cells = [
-            (text, *map(number, values.values()), *(number(rms.get(channel)) for _, rms in published))
-            for channel, (text, values) in zip(shown, rows, strict=True)
-        ]
-        columns = error_columns(result)
-        ratio = columns[-1]
-        above = [(k, len(values)) for k, (_, values) in enumerate(rows) if (values.get(ratio) or 0.0) > MARKED and "/" in ratio]
-        below = [*([] if result.from_s <= 0 else [f"Statistics from {clock(result.from_s)} s on"]), *below]
-        headed = (*columns, *(f"rms of {name}" for name, _ in published))
-        yield Table(result.estimator, headed, cells, place, below, above, state)
-    else:
-        yield Table(result.estimator, ESTIMATE_COLUMNS, estimate_rows(result), place, below, state=state)
-    if result.outages is not None:
-        yield Table(
-            result.estimator, OUTAGE_COLUMNS, outage_rows(result.outages), place, [beyond_line(result.outages)], wide=True
-        )
-    if result.unit:
-        yield Table(result.estimator, unit_columns(result), unit_rows(result), place)
 
 
 def _explained(report: RunData) -> list[str]:

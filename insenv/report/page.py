@@ -13,7 +13,6 @@ import gzip
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -207,7 +206,16 @@ def page_json(page: Page) -> dict[str, Any]:
 
 
 def _table(table: Table) -> dict[str, Any]:
-    return {**asdict(table), "columns": list(table.columns), "rows": [list(row) for row in table.rows]}
+    return {
+        "caption": table.caption,
+        "columns": list(table.heads or table.columns),
+        "rows": table.texts,
+        "group": table.group,
+        "below": list(table.below),
+        "warnings": table.marked,
+        "state": table.state,
+        "wide": table.wide,
+    }
 
 
 def _panel(panel: Panel, pool: Pool) -> dict[str, Any]:

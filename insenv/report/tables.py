@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from math import isfinite
+from typing import Any
 
 from insenv.base.remarks import clock
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
@@ -12,9 +13,11 @@ from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
 from insenv.evaluation.outages import BEYOND, SHOWN, Outages
 from insenv.evaluation.specific_force import SpecificForce
-from insenv.report.document import Block, Grid, Line
+from insenv.report.document import Block, Line, Sentences, Style, Table
 from insenv.report.run_data import RunData
 
+MARKED = 3.0
+"""Ratio of an rms error to its yardstick from which a cell is marked."""
 SEEDS = 10
 """Largest number of seeds that are printed; the files hold all."""
 UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
@@ -50,16 +53,16 @@ def number(value: float | None) -> str:
 
 
 def run_blocks(report: RunData) -> Iterator[Block]:
-    """The printed lines and tables of a run, top to bottom: heading, one table per estimator, notes.
+    """The printed lines and tables of a run, top to bottom: heading, one table per estimator, notes; its page has the tables.
 
     No line is longer than `WIDTH`, unless a single word is.
     """
     named = report.title and report.title != report.scenario
     yield Line(report.scenario, "bold", f": {report.title}" if named else "")
     yield Line(", ".join(facts(report)))
-    for result in report.results:
+    for place, result in enumerate(report.results):
         yield Line()
-        yield from _of_result(result, report)
+        yield from _of_result(result, place, report)
     yield Line()
     if any(result.errors for result in report.results):
         shown = {name for result in report.results if result.errors for name in error_columns(result)}
@@ -69,14 +72,18 @@ def run_blocks(report: RunData) -> Iterator[Block]:
             yield Line("; ".join(explained), "dim")
         if "limit" in shown:
             yield Line(within(1), "dim")
-    for note in report.notes:
-        yield Line(f"note: {note}")
+    yield Sentences("notes", report.notes, head="note: ")
 
 
 def facts(report: RunData) -> list[str]:
     """Seed (of a simulation), duration and number of samples."""
     seed = [] if report.seed is None else [f"seed {report.seed}"]
     return [*seed, f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
+
+
+def ratio_cell(ratio: float | None) -> Line:
+    """A ratio of an error to its yardstick, in yellow above `MARKED`."""
+    return Line(number(ratio), "yellow" if ratio is not None and ratio > MARKED else "")
 
 
 def runs_of(count: int) -> str:
@@ -87,6 +94,16 @@ def runs_of(count: int) -> str:
 def seed_list(seeds: Sequence[int]) -> str:
     """Seeds by number, the first `SEEDS` of them."""
     return f"seed {', '.join(map(str, seeds[:SEEDS]))}{', ...' if len(seeds) > SEEDS else ''}"
+
+
+def seeds_of(first: int, last: int) -> str:
+    """Consecutive seeds in words."""
+    return f"seeds {first} to {last}" if last > first else f"seed {first}"
+
+
+def left_out(seeds: Sequence[int], runs: int, what: str = "diverged and are left out") -> list[str]:
+    """The sentence on some of `runs` runs, by their seeds; none without any."""
+    return [f"{len(seeds)} of {runs} runs {what}: {seed_list(seeds)}"] if seeds else []
 
 
 def within(runs: int) -> str:
@@ -185,43 +202,59 @@ def force_line(force: SpecificForce) -> str:
     return f"specific force against GNSS velocity: {number(force.estimate)} m/s2 rms{reference}"
 
 
-def _of_result(result: Result, report: RunData) -> Iterator[Block]:
+def _of_result(result: Result, place: int, report: RunData) -> Iterator[Block]:
+    """The tables of one estimator: its errors, those in outages and, of a calibration, those of the unit."""
     shown = [name for name in CHANNELS if name in result.errors]
     start = "over the whole run" if result.from_s <= 0 else f"from {clock(result.from_s)} s on"
     # no time is known of an estimate that came from outside
     facts_of = [f"statistics {start}"] if shown else []
     facts_of += [f"{number(result.us_per_sample)} us a sample"] if isfinite(result.us_per_sample) else []
     yield Line(result.estimator, "bold", f"   {', '.join(facts_of)}")
+    remarks = list(_remarks(result))
+    below = [f"Statistics {start}"] if shown and result.from_s > 0 else []
+    below += [text for _, text in remarks]
+    below += [f"{number(result.us_per_sample)} \N{MICRO SIGN}s a sample"] if result.us_per_sample else []
+    on_page: dict[str, Any] = {"caption": result.estimator, "group": place}
+    errors = on_page | {"below": below, "state": "" if result.health is None else result.health.verdict}
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
     if shown:
         columns = error_columns(result)
         rows: list[Sequence[str | Line]] = []
         for channel, (text, values) in zip(shown, error_rows(result), strict=True):
             cells = {column: Line(number(value), "bold" if column == "rms" else "") for column, value in values.items()}
-            if columns[-1].startswith("rms/") and (values[columns[-1]] or 0.0) > 3:
-                cells[columns[-1]] = Line(cells[columns[-1]].text, "yellow")
-            rows.append((text, *cells.values(), *(number(figures.get(channel)) for _, figures in published[:1])))
-        yield Grid((*columns, *["published"][: len(published)]), rows)
+            if columns[-1].startswith("rms/"):
+                cells[columns[-1]] = ratio_cell(values[columns[-1]])
+            rows.append((text, *cells.values(), *(number(figures.get(channel)) for _, figures in published)))
+        heads = (*columns, *(f"rms of {name}" for name, _ in published))
+        yield Table((*columns, *["published"][: len(published)]), rows, heads=heads, **errors)
     else:
-        yield Grid(ESTIMATE_COLUMNS, estimate_rows(result))
-    for place, (name, figures) in enumerate(published):  # only one further column fits
+        yield Table(ESTIMATE_COLUMNS, estimate_rows(result), **errors)
+    for rank, (name, figures) in enumerate(published):  # only one further column fits
         listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
-        yield Line(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
-    if result.health is not None:
-        for place, sentence in enumerate(result.health.lines):
-            yield Line(f"{'  ' if place else 'health: '}{sentence}", "yellow" if result.health.wrong else "")
-    if result.specific_force is not None:
-        yield Line(force_line(result.specific_force), "yellow" if result.specific_force.contradicted else "")
-    for note in result.notes:
-        yield Line(f"note: {note}")
+        yield Line(f"rms of {name}: {', '.join(listed)}" if rank else f"published: rms of {name}")
+    yield from (line for line, _ in remarks)
     if result.outages is not None:
-        lost = outage_rows(result.outages)
+        lost, meaning = outage_rows(result.outages), beyond_line(result.outages)
+        rule = len(lost) - 1 if len(lost) > 1 else None
         yield Line()
-        yield Grid(OUTAGE_COLUMNS, lost, rule=len(lost) - 1 if len(lost) > 1 else None, least=5, gap=1)
-        yield Line(beyond_line(result.outages), "dim")
+        yield Table(OUTAGE_COLUMNS, lost, rule, least=5, gap=1, below=[meaning], wide=True, **on_page)
+        yield Line(meaning, "dim")
     if result.unit:
         yield Line()
-        yield Grid(unit_columns(result), unit_rows(result))
+        yield Table(unit_columns(result), unit_rows(result), **on_page)
+
+
+def _remarks(result: Result) -> Iterator[tuple[Line, str]]:
+    """What is said below the errors of an estimator, on a terminal and on its page: its health, the specific force, notes."""
+    if result.health is not None:
+        style: Style = "yellow" if result.health.wrong else ""
+        first, *others = result.health.lines
+        yield Line(f"health: {first}", style), f"Health: {first}"
+        yield from ((Line(f"  {each}", style), each) for each in others)
+    if result.specific_force is not None:
+        line = force_line(result.specific_force)
+        yield Line(line, "yellow" if result.specific_force.contradicted else ""), f"{line[0].upper()}{line[1:]}"
+    yield from ((Line(f"note: {note}"), note) for note in result.notes)
 
 
 def estimate_rows(result: Result) -> list[tuple[str, str, str]]:

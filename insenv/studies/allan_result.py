@@ -16,7 +16,7 @@ from insenv.base.errors import InputError
 from insenv.base.output import as_path, atomic, check_output_file, finite
 from insenv.base.remarks import Remark, as_json, clock
 from insenv.report import panels
-from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.document import Block, Document, Line, Page, Sentences, Table, page_of
 from insenv.report.notebook import Shown
 from insenv.report.panels import Section
 from insenv.sensors import units
@@ -247,32 +247,21 @@ def document(unit: UnitNoise, grade_file: str | None = None) -> Document:
 
 
 def blocks(unit: UnitNoise) -> Iterator[Block]:
-    """The printed lines and tables, top to bottom."""
-    yield Line(unit.log, "bold")
-    yield Line(_facts(unit.part))
-    for columns, cells in _tables(unit):
-        yield Line()
-        yield Grid(columns, cells, gap=1)
-    yield Line()
-    for sentence in _explained((*unit.axes, *unit.triads)):
-        yield Line(sentence, "dim")
-    for warning in unit.warnings:
-        yield Line(f"warning: {warning}", "yellow")
-
-
-def _facts(part: Part) -> str:
-    """Duration, start and rate of what was measured."""
-    return f"{part.end_s - part.begin_s:.6g} s {_of(part)} from {clock(part.begin_s)} s on, {1.0 / part.interval:.6g} Hz"
-
-
-def _tables(unit: UnitNoise) -> Iterator[tuple[Sequence[str], list[tuple[str, ...]]]]:
-    """Columns and cells of gyros and of accelerometers, axis by axis and all together."""
-    rows = (*unit.axes, *unit.triads)
+    """The printed lines and tables, top to bottom: gyros and accelerometers, axis by axis and all together."""
+    part, rows = unit.part, (*unit.axes, *unit.triads)
+    facts = f"{part.end_s - part.begin_s:.6g} s {_of(part)} from {clock(part.begin_s)} s on, {1.0 / part.interval:.6g} Hz"
     columns = 4 if any(noise.floor() for noise in rows) else 3
+    yield Line(unit.log, "bold")
+    yield Sentences("facts", [facts])
     for kind, head in _HEADS.items():
         shown = [noise for noise in rows if noise.kind == kind]
         names = [noise.name if " " in noise.name else f"{noise.name}, all" for noise in shown]
-        yield head[:columns], [(name, *_cells(noise))[:columns] for name, noise in zip(names, shown, strict=True)]
+        cells = [(name, *_cells(noise))[:columns] for name, noise in zip(names, shown, strict=True)]
+        yield Line()
+        yield Table(head[:columns], cells, gap=1, caption=_PLURAL[kind].capitalize(), wide=True)
+    yield Line()
+    yield Sentences("explained", list(_explained(rows)), "dim")
+    yield Sentences("notes", unit.warnings, "yellow", "warning: ")
 
 
 def _of(part: Part) -> str:
@@ -352,29 +341,20 @@ LEGEND = ("x", "y", "z", "", "", "", "fit, three axes")
 def page(unit: UnitNoise) -> Page:
     """The page of a unit: its tables, and the Allan deviations with their bounds and the fit at the measured times."""
     sections = [Section("Allan deviation", [_fitted(unit, triad) for triad in unit.triads], columns=2)]
-    return Page(
+    shown = page_of(
+        blocks(unit),
         tab=f"{unit.log}: Allan deviation",
-        name=unit.log,
         title="Allan deviation: the noise of the unit",
-        facts=[_facts(unit.part)],
         legend=[{"name": name} for name in LEGEND],
-        tables=[
-            Table(
-                _PLURAL[columns[0]].capitalize(),
-                list(map(_on_page, columns)),
-                [[*map(_on_page, row)] for row in cells],
-                wide=True,
-            )
-            for columns, cells in _tables(unit)
-        ],
-        explained=[
-            *(f"{_on_page(each)}." for each in _explained((*unit.axes, *unit.triads))),
-            "Bands: 95 % bounds of an axis.",
-        ],
-        notes=unit.warnings,
+        explained=["Bands: 95 % bounds of an axis."],
         sections=sections,
         more={"axis": {"name": "Averaging time", "unit": "s", "log": True}},
     )
+    tables = [
+        replace(table, columns=list(map(_on_page, table.columns)), rows=[list(map(_on_page, row)) for row in table.texts])
+        for table in shown.tables
+    ]
+    return replace(shown, tables=tables, explained=list(map(_on_page, shown.explained)))
 
 
 def _on_page(cell: str) -> str:

@@ -14,11 +14,11 @@ from insenv.base.remarks import Remark, as_json
 from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
-from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.document import Block, Document, Line, Page, Sentences, Table, page_of
 from insenv.report.notebook import Shown, data_frame
 from insenv.report.of_run import NAMES
 from insenv.report.panels import OPAQUE, TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
-from insenv.report.tables import label, number, runs_of, seed_list, since, unit_of
+from insenv.report.tables import label, left_out, number, runs_of, seeds_of, since, unit_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -148,19 +148,16 @@ SHOWN = 10
 def budget_blocks(budget: Budget) -> Iterator[Block]:
     """The printed lines and tables, top to bottom."""
     yield Line(f"{budget.scenario}: {budget.estimator}", "bold")
-    yield Line(facts(budget))
+    yield Sentences("facts", [facts(budget)])
     for heading, names in GROUPS:
         places = [budget.channels.index(name) for name in names if name in budget.channels]
         if places:
             yield Line()
-            yield _group(budget, heading, places)
+            yield budget_table(budget, heading, places)
     yield Line()
-    for sentence in sentences(budget):
-        yield Line(sentence, "dim")
-    if diverged := left_out(budget):
-        yield Line(diverged, "yellow")
-    for note in budget.notes:
-        yield Line(f"note: {note}")
+    yield Sentences("explained", sentences(budget), "dim")
+    yield Sentences("notes", left_out(budget.diverged, budget.runs), "yellow")
+    yield Sentences("notes", budget.notes, head="note: ")
 
 
 def sentences(budget: Budget) -> tuple[str, ...]:
@@ -181,39 +178,16 @@ def ranked(budget: Budget) -> tuple[list[int], list[int]]:
     return order[:SHOWN], order[SHOWN:]
 
 
-def left_out(budget: Budget) -> str:
-    """The sentence on runs that diverged; empty if none did."""
-    if not budget.diverged:
-        return ""
-    return f"{len(budget.diverged)} of {budget.runs} runs diverged and are left out: {seed_list(budget.diverged)}"
-
-
 def facts(budget: Budget) -> str:
     """Runs, duration, seeds and sources in one line."""
-    first, last = budget.first_seed, budget.first_seed + budget.runs - 1
-    seeds = f"seeds {first} to {last}" if budget.runs > 1 else f"seed {first}"
+    seeds = seeds_of(budget.first_seed, budget.first_seed + budget.runs - 1)
     return f"{runs_of(budget.runs)} of {budget.duration_s:g} s, {seeds}; {len(budget.sources)} sources of error"
 
 
-@dataclass(frozen=True)
-class BudgetRow:
-    """One line of a table.  values: by channel, of the source alone and of the error without it; None: unknown.
-
-    large: by channel, whether the source has a quarter of the variance.
-    """
-
-    name: str
-    values: tuple[float | None, ...]
-    large: tuple[bool, ...] = ()
-
-    @property
-    def texts(self) -> list[str]:
-        """The values as printed."""
-        return ["" if value is None else number(value) for value in self.values]
-
-
-def budget_rows(budget: Budget, places: list[int]) -> list[BudgetRow]:
-    """The lines for some channels, by their places: the sources by their share, then what they make together."""
+def budget_table(budget: Budget, heading: str, places: list[int]) -> Table:
+    """Some channels, by their places: the sources by their share, in bold with a quarter of the variance, then what they make
+    together."""
+    names = [budget.channels[place] for place in places]
     shares = budget.shares()[:, places]
     alone, without = budget.rms(budget.alone)[:, places], budget.rms(budget.without)[:, places]
     largest = np.nan_to_num(shares[:-1], nan=np.inf).max(axis=1)
@@ -222,33 +196,23 @@ def budget_rows(budget: Budget, places: list[int]) -> list[BudgetRow]:
     if len(small) < 2:
         small = []
     rows = [
-        BudgetRow(budget.sources[k], tuple(np.stack([alone[k], without[k]], 1).ravel().tolist()), tuple(shares[k] >= 0.25))
-        for k in order
-        if k not in small
+        _row(budget.sources[k], alone[k], shares[k] >= 0.25, list(map(number, without[k]))) for k in order if k not in small
     ]
-    if small:
-        rows.append(_together(f"{len(small)} smaller ones", np.sqrt(np.sum(alone[small] ** 2, axis=0))))
-    lines = [("method", budget.none), ("root sum of squares", budget.sum), ("all sources", budget.whole)]
-    lines += [("interaction", budget.interaction)]
-    lines += [] if budget.limit is None else [("limit", budget.limit)]
-    return rows + [_together(name, budget.rms(squares)[places]) for name, squares in lines]
+    lines = [(f"{len(small)} smaller ones", np.sqrt(np.sum(alone[small] ** 2, axis=0)))] if small else []
+    squares = {"method": budget.none, "root sum of squares": budget.sum, "all sources": budget.whole}
+    squares |= {"interaction": budget.interaction} | ({} if budget.limit is None else {"limit": budget.limit})
+    lines += [(name, budget.rms(each)[places]) for name, each in squares.items()]
+    columns = (heading, *(text for name in names for text in (name.rpartition("_")[0], "w/o")))
+    heads = ("rms", *(text for name in names for text in (label(name), "w/o")))
+    nothing = [""] * len(places)
+    rule, caption = len(rows) + bool(small), heading.partition(",")[0].capitalize()
+    rows += [_row(name, values, [name == "all sources"] * len(places), nothing) for name, values in lines]
+    return Table(columns, rows, rule, gap=1, caption=caption, heads=heads)
 
 
-def _together(name: str, values: Array) -> BudgetRow:
-    return BudgetRow(name, tuple(each for value in values.tolist() for each in (value, None)))
-
-
-def _group(budget: Budget, heading: str, places: list[int]) -> Grid:
-    """One table of `budget_rows`."""
-    columns = [text for place in places for text in (budget.channels[place].rpartition("_")[0], "w/o")]
-    lines = budget_rows(budget, places)
-    rows: list[Sequence[str | Line]] = []
-    for row in lines:
-        large = row.large or [row.name == "all sources"] * len(places)
-        styles = ["bold" if each else "" for place in large for each in (place, False)]
-        cells = [Line(text, style) for text, style in zip(row.texts, styles, strict=True)]  # type: ignore[arg-type]
-        rows.append((row.name, *cells))
-    return Grid((heading, *columns), rows, rule=[row.name for row in lines].index("method"), gap=1)
+def _row(name: str, values: Array, large: Sequence[bool], beside: Sequence[str]) -> tuple[str | Line, ...]:
+    cells = zip(map(number, values), large, beside, strict=True)
+    return (name, *(cell for text, bold, other in cells for cell in (Line(text, "bold" if bold else ""), other)))
 
 
 def budget_arrays(budget: Budget) -> dict[str, Any]:
@@ -276,15 +240,11 @@ def budget_page(budget: Budget) -> Page:
         channels = [name for name in names if name in budget.channels]
         sections.append(Section(f"{heading}: root of the sum of squares", [drawn.stack(name) for name in channels]))
         sections.append(Section(f"{heading}: shares in the variance", [drawn.shares(name) for name in channels]))
-    return Page(
+    return page_of(
+        budget_blocks(budget),
         tab=f"{budget.scenario}: error budget of {budget.estimator}",
-        name=f"{budget.scenario}: {budget.estimator}",
         title="Error budget: which source of error dominates",
-        facts=[facts(budget)],
         legend=[{"name": name, "first": group == ALL} for group, name in enumerate(drawn.names("other sources"))],
-        tables=[_table(budget, title, names) for title, names in GROUPS if any(name in budget.channels for name in names)],
-        explained=[f"{sentence}." for sentence in sentences(budget)],
-        notes=[*filter(None, [left_out(budget)]), *budget.notes],
         sections=sections,
     )
 
@@ -303,13 +263,6 @@ def budget_picture(budget: Budget) -> Picture:
         return Picture(title, grid, drawn.names("others"), (9.5, 8.4), heads=heads, ratios=(1.4, 1))
     grid = [[drawn.stack(name) for name in names[row : row + 3]] for row in range(0, len(names), 3)]
     return Picture(title, grid, drawn.names("others"), (11.0, 1.8 + 2.3 * len(grid)))
-
-
-def _table(budget: Budget, title: str, names: tuple[str, ...]) -> Table:
-    places = [budget.channels.index(name) for name in names if name in budget.channels]
-    columns = ["rms", *(text for place in places for text in (label(budget.channels[place]), "w/o"))]
-    rows = [(row.name, *row.texts) for row in budget_rows(budget, places)]
-    return Table(title.partition(",")[0].capitalize(), columns, rows)
 
 
 class _Panels:

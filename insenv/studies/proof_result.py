@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION
-from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.document import Block, Document, Line, Page, Sentences, Table, page_of
 from insenv.report.notebook import Shown
 from insenv.report.tables import label as channel_label
 
@@ -140,38 +140,30 @@ def proof_blocks(proof: Proof) -> Iterator[Block]:
     """The tables, those of logs developed on first, what they mean, where the logs are from, and which are not there."""
     yield Line("insenv on public logs", "bold")
     for used, logs in _by_use(proof).items():
-        for heading, columns, rows in _tables(logs):
+        for table in _tables(used, logs):
             yield Line()
-            yield Line(f"{used}, {heading}", "bold")
-            yield Grid(("", *columns), [(label, *cells) for label, cells in rows], least=5, gap=1)
+            yield Line(table.caption, "bold")
+            yield table
     if any(log.runs for log in proof.logs):
         yield Line()
         yield from (Line(sentence, "dim") for sentence in EXPLAINED)
         yield Line()
-        yield from map(Line, summary(proof))
+        yield Sentences("facts", summary(proof))
     yield Line()
-    yield from map(Line, origins(proof))
-    yield from (Line(f"note: {sentence}") for sentence in _notes(proof))
+    yield Sentences("notes", origins(proof))
+    yield Sentences("notes", _notes(proof), head="note: ")
 
 
 def proof_page(proof: Proof) -> Page:
     """The page: the tables, each error by itself."""
-    tables = [
-        Table(f"{used}, {heading}", ["", *names], [(label, *cells) for label, cells in rows], wide=True)
-        for used, logs in _by_use(proof).items()
-        for heading, names, rows in _tables(logs)
-    ]
-    tables += [_log_table(log) for log in proof.logs if log.runs]
-    return Page(
-        tab="insenv on public logs",
+    return page_of(
+        proof_blocks(proof),
         name="proof",
         title=f"insenv {proof.insenv} on public logs",
-        facts=summary(proof),
         legend=[],
-        tables=tables,
+        tables=[_log_table(log) for log in proof.logs if log.runs],
         sections=[],
         explained=[f"{sentence}." for sentence in EXPLAINED],
-        notes=[*origins(proof), *_notes(proof)],
     )
 
 
@@ -209,19 +201,15 @@ def _by_use(proof: Proof) -> dict[str, list[LogProof]]:
     return {used: logs for used in USES if (logs := [log for log in proof.logs if log.used == used])}
 
 
-Row = tuple[str, tuple[str, ...]]
-"""Label and cells."""
-
-
-def _tables(logs: Sequence[LogProof]) -> Iterator[tuple[str, Sequence[str], list[Row]]]:
-    """Heading, columns, and rows: against references, and where fixes are withheld; the name of a log precedes its runs."""
+def _tables(used: str, logs: Sequence[LogProof]) -> Iterator[Table]:
+    """Against references, and where fixes are withheld; the name of a log precedes its runs."""
     for heading, columns, cells in (("against references", AGAINST, _against), ("fixes withheld", LACKING, _lacking)):
-        rows: list[Row] = []
+        rows: list[tuple[str, ...]] = []
         for log in logs:
-            runs = [(f"  {run.estimator}", shown) for run in log.runs if (shown := cells(run))]
-            rows += [(log.name, ("",) * len(columns)), *runs] if runs else []
+            runs = [(f"  {run.estimator}", *shown) for run in log.runs if (shown := cells(run))]
+            rows += [(log.name, *[""] * len(columns)), *runs] if runs else []
         if rows:
-            yield heading, columns, rows
+            yield Table(("", *columns), rows, least=5, gap=1, caption=f"{used}, {heading}", wide=True)
 
 
 def _against(run: Judged) -> tuple[str, ...]:
@@ -272,7 +260,7 @@ def _log_table(log: LogProof) -> Table:
         "force: what the attitude leaves of the changes of the receiver's velocity"
         + ("" if of_reference is None else f"; that of the reference leaves {_known(of_reference)}"),
     ]
-    return Table(log.name, columns, rows, below=below, wide=True)
+    return Table(columns, rows, caption=log.name, below=below, wide=True)
 
 
 def _details(each: Compared | None) -> tuple[str, str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from insenv.base.remarks import Remark, as_json
 from insenv.core.tables import Array
-from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.document import Block, Document, Line, Page, Sentences, Table, page_of
 from insenv.report.notebook import Shown
 from insenv.report.panels import TRUTH_GROUP, Curve, IntervalsPanel, Picture, Section, TimePanel
 from insenv.report.tables import label, number
@@ -116,36 +116,27 @@ def tuning_blocks(tuning: Tuning) -> Iterator[Block]:
     yield Line(f"{tuning.source}: {tuning.estimator}", "bold")
     yield Line(f"tuned on {tuning.trained_on}, evaluated on {tuning.judged_on}")
     yield Line()
-    yield Grid(PARAMETER_COLUMNS, parameter_rows(tuning))
-    yield Line()
-    if tuning.channels:
-        rows: list[Sequence[str | Line]] = []
-        for channel, (name, before, after, ratio, *others) in zip(tuning.channels, channel_rows(tuning), strict=True):
-            real = channel.ratio.low > 1.0 or channel.ratio.high < 1.0
-            rows.append((name, before, after, Line(ratio, "bold" if real else ""), *others))
-        yield Grid(CHANNEL_COLUMNS, rows)
-    for sentence in sentences(tuning):
-        yield Line(sentence)
-    if not tuning.is_better:
-        yield Line("not significantly better on held-out data: keep the present tuning", "yellow")
-    for note in tuning.notes:
-        yield Line(f"note: {note}")
-
-
-def parameter_rows(tuning: Tuning) -> list[tuple[str, ...]]:
-    """By parameter: key, value before and after, factor."""
-    return [
+    parameters = [
         (one.key, _shown(one.setting(1.0)), _shown(one.setting(float(factor))), number(float(factor)))
         for one, factor in zip(tuning.parameters, tuning.factors, strict=True)
     ]
+    yield Table(PARAMETER_COLUMNS, parameters, caption="Parameters")
+    yield Line()
+    if tuning.channels:
+        yield Table(CHANNEL_COLUMNS, list(map(_channel_row, tuning.channels)), caption=f"Errors on {tuning.judged_on}")
+    yield Sentences("explained", sentences(tuning))
+    if not tuning.is_better:
+        yield Line("not significantly better on held-out data: keep the present tuning", "yellow")
+    yield Sentences("notes", tuning.notes, head="note: ")
 
 
-def channel_rows(tuning: Tuning) -> list[tuple[str, ...]]:
-    """By channel: label, rms before and after, their ratio with its interval, limit."""
-    return [
-        (label(one.name), *map(number, (one.before, one.after, one.ratio.value, one.ratio.low, one.ratio.high, one.limit)))
-        for one in tuning.channels
-    ]
+def _channel_row(channel: Channel) -> tuple[str | Line, ...]:
+    """The cells of `CHANNEL_COLUMNS`."""
+    before, after, ratio, *others = map(
+        number, (channel.before, channel.after, channel.ratio.value, channel.ratio.low, channel.ratio.high, channel.limit)
+    )
+    real = channel.ratio.low > 1.0 or channel.ratio.high < 1.0
+    return label(channel.name), before, after, Line(ratio, "bold" if real else ""), *others
 
 
 def sentences(tuning: Tuning) -> tuple[str, ...]:
@@ -171,17 +162,12 @@ LEGEND = ("best of a population", "median of a population")
 def tuning_page(tuning: Tuning) -> Page:
     """The page of a tuning."""
     changes = change_panels(tuning)
-    tables = [Table("Parameters", PARAMETER_COLUMNS, parameter_rows(tuning))]
-    tables += [Table(f"Errors on {tuning.judged_on}", CHANNEL_COLUMNS, channel_rows(tuning))] if tuning.channels else []
-    return Page(
+    return page_of(
+        tuning_blocks(tuning),
         tab=f"{tuning.source}: tuning of {tuning.estimator}",
-        name=f"{tuning.source}: {tuning.estimator}",
         title="Tuning" if tuning.is_better else "Tuning: no significant improvement, keep the present parameters",
         facts=[f"tuned on {tuning.trained_on}", f"evaluated on {tuning.judged_on}", f"{number(tuning.duration_s)} s"],
         legend=[{"name": name} for name in LEGEND],
-        tables=tables,
-        explained=[f"{sentence}." for sentence in sentences(tuning)],
-        notes=tuning.notes,
         sections=[
             Section("Before and after", changes, columns=2),
             Section("The search", [history_panel(tuning)], columns=1),

@@ -24,9 +24,9 @@ from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
 from insenv.estimators.registry import knowing_objects
 from insenv.estimators.settings import Settings, setting_rows
 from insenv.evaluation.errors import CHANNELS
-from insenv.report.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES
+from insenv.report.of_run import AXES, BIASES, EXPLAINED, NAMES
 from insenv.report.page import assembled, check_size, compressed
-from insenv.report.tables import label, unit_of, within
+from insenv.report.tables import MARKED, label, unit_of, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import start_normals, start_sigmas, stated_start_errors
 from insenv.scenario.description import scenario_class

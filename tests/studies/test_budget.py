@@ -20,7 +20,7 @@ from insenv.scenario import build, load
 from insenv.sensors import IMU, registry
 from insenv.studies import budget as budget_module
 from insenv.studies.budget import packed, sensors_of, switch_off, switchable
-from insenv.studies.budget_result import budget_page, budget_rows
+from insenv.studies.budget_result import budget_page, budget_table
 
 PERFECT = {"grade": "perfect", "gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0}
 TRUE_START = {"draw_errors": False, **dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), 0.0)}
@@ -197,4 +197,4 @@ def test_the_page_stacks_what_the_budget_holds(small):
     row = next(row for row in table["rows"] if row[0] == "all sources")
     assert row[1::2] == [number(value) for value in small.rms(small.whole)]
     rising = replace(small, alone=np.ones_like(small.alone) * np.arange(1.0, 1.0 + len(small.sources))[:, None, None] ** 4)
-    assert [row.name for row in budget_rows(rising, [0, 2])[:2]] == [*small.sources[:-3:-1]]  # the largest first
+    assert [row[0] for row in budget_table(rising, "", [0, 2]).rows[:2]] == [*small.sources[:-3:-1]]  # the largest first

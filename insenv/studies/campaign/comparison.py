@@ -20,17 +20,10 @@ import numpy as np
 from insenv.base.remarks import Remark, as_json, declared
 from insenv.core.tables import Array
 from insenv.report import Document, FilesWritten, OutputFolder, Shown, write_document
-from insenv.report.document import Block, Grid, Line, Page, Table
+from insenv.report.document import Block, Line, Page, Sentences, Table, page_of
 from insenv.report.panels import IntervalsPanel, Section
 from insenv.report.tables import label, number, since
-from insenv.studies.campaign.presentation import (
-    campaign_blocks,
-    campaign_page_facts,
-    campaign_page_notes,
-    campaign_page_tables,
-    course_sections,
-    explained,
-)
+from insenv.studies.campaign.presentation import campaign_blocks, campaign_page, course_sections
 from insenv.studies.campaign.statistics import Estimate, jackknifed
 from insenv.studies.campaign.summary import Summary
 
@@ -168,29 +161,28 @@ def comparison_blocks(comparison: Comparison) -> Iterator[Block]:
     for summary in comparison.summaries.values():
         yield from campaign_blocks(summary)
         yield Line()
+    yield from pair_blocks(comparison)
+
+
+def pair_blocks(comparison: Comparison) -> Iterator[Block]:
+    """The paired differences."""
     for id, pairs in comparison.pairs.items():
-        yield Line(f"{id} compared with {comparison.first}, run by run", "bold")
-        rows: list[Sequence[str | Line]] = []
-        for pair, (name, ratio, *others) in zip(pairs.values(), pair_rows(pairs), strict=True):
-            rows.append((name, Line(ratio, "bold" if pair.is_real else ""), *others))
-        yield Grid(PAIR_COLUMNS, rows)
+        caption = f"{id} compared with {comparison.first}, run by run"
+        rows: list[Sequence[str | Line]] = [
+            (
+                label(name),
+                Line(number(pair.ratio.value), "bold" if pair.is_real else ""),
+                *map(number, (pair.ratio.low, pair.ratio.high, pair.difference.value)),
+                f"{100 * pair.smaller / pair.runs:.0f} %" if pair.runs else "-",
+            )
+            for name, pair in pairs.items()
+        ]
+        yield Line(caption, "bold")
+        yield Table(PAIR_COLUMNS, rows, caption=caption, group=list(comparison.summaries).index(id))
         yield Line()
     yield Line(f"{PAIR_MEANINGS[0]}; bold: not 1", "dim")
     yield Line(PAIR_MEANINGS[1], "dim")
-    for note in comparison.notes:
-        yield Line(f"note: {note}")
-
-
-def pair_rows(pairs: Mapping[str, Paired]) -> list[tuple[str, ...]]:
-    """By channel: the texts of `PAIR_COLUMNS`."""
-    return [
-        (
-            label(name),
-            *map(number, (pair.ratio.value, pair.ratio.low, pair.ratio.high, pair.difference.value)),
-            f"{100 * pair.smaller / pair.runs:.0f} %" if pair.runs else "-",
-        )
-        for name, pair in pairs.items()
-    ]
+    yield Sentences("notes", comparison.notes, head="note: ")
 
 
 def write_comparison(comparison: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
@@ -209,12 +201,7 @@ def comparison_page(comparison: Comparison) -> Page:
     """The page of a comparison."""
     ids, campaigns = list(comparison.summaries), list(comparison.summaries.values())
     plan, name = campaigns[0].plan, f"{campaigns[0].plan.name}: {' and '.join(ids)}"
-    tables = [
-        Table(f"{id} compared with {comparison.first}, run by run", PAIR_COLUMNS, pair_rows(pairs), ids.index(id))
-        for id, pairs in comparison.pairs.items()
-    ]
-    for place, (id, one) in enumerate(comparison.summaries.items()):
-        tables += campaign_page_tables(one, id, place)
+    pages = [campaign_page(one, id, place) for place, (id, one) in enumerate(comparison.summaries.items())]
     ratios = [
         IntervalsPanel(
             f"{id}: rms over that of {comparison.first}, 95 %",
@@ -222,18 +209,16 @@ def comparison_page(comparison: Comparison) -> Page:
         )
         for id, pairs in comparison.pairs.items()
     ]
-    return Page(
+    return page_of(
+        pair_blocks(comparison),
         tab=name,
         name=name,
         title=str(plan.scenario.get("title", "")),
-        facts=campaign_page_facts(campaigns[0]),
+        facts=pages[0].facts,
         legend=[{"name": f"{id}, median of the runs"} for id in ids],
-        tables=tables,
-        explained=list(dict.fromkeys([*(f"{m}." for m in PAIR_MEANINGS), *(t for one in campaigns for t in explained(one))])),
-        notes=[
-            *comparison.notes,
-            *(f"{id}: {note}" for id, one in comparison.summaries.items() for note in campaign_page_notes(one)),
-        ],
+        tables=[table for page in pages for table in page.tables],
+        explained=[*(f"{each}." for each in PAIR_MEANINGS), *dict.fromkeys(text for page in pages for text in page.explained)],
+        notes=[f"{id}: {note}" for id, page in zip(ids, pages, strict=True) for note in page.notes],
         sections=[Section("The difference", ratios, columns=2), *course_sections(campaigns)],
         more={"shares": True},
     )

@@ -18,11 +18,11 @@ from insenv.core.tables import Array
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import CONTRADICTED, UNTESTED, VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
-from insenv.report.document import Block, Document, Grid, Line, Page, Table
+from insenv.report.document import Block, Document, Line, Page, Sentences, Table, page_of
 from insenv.report.notebook import data_frame
-from insenv.report.of_run import EXPLAINED, GROUPS, MARKED, NAMES, angles_picture
+from insenv.report.of_run import EXPLAINED, GROUPS, NAMES, angles_picture
 from insenv.report.panels import TRUTH_GROUP, Curve, Picture, Range, Section, TimePanel
-from insenv.report.tables import error_label, label, number, runs_of, seed_list, since, unit_of, within
+from insenv.report.tables import error_label, label, left_out, number, ratio_cell, runs_of, seeds_of, since, unit_of, within
 from insenv.scenario.variation import Variation
 from insenv.studies.campaign.sensitivity import Sensitivity
 from insenv.studies.campaign.statistics import Statistics
@@ -91,48 +91,40 @@ def _texts(values: NDArray[Any]) -> list[Any]:
 NAME = "campaign"
 
 
-def campaign_blocks(campaign: Statistics) -> Iterator[Block]:
-    """The printed lines and tables, top to bottom."""
-    plan = campaign.plan
+def campaign_blocks(campaign: Statistics, name: str = "", group: int | None = None) -> Iterator[Block]:
+    """The printed lines and tables, top to bottom.  name, group: of the estimator, if the page has several."""
+    plan, of = campaign.plan, f": {name}" if name else ""
     yield Line(f"{plan.name}: {plan.estimator}", "bold")
-    yield Line(campaign_facts(campaign))
-    for variation in plan.variations:
-        yield Line(f"{variation.key} drawn {drawn(variation)}")
+    yield Sentences("facts", [campaign_facts(campaign), *(f"{one.key} drawn {drawn(one)}" for one in plan.variations)])
     yield Line()
-    rows: list[Sequence[str | Line]] = []
-    for text, (mean, rms, limit, ratio, stated) in campaign_rows(campaign):
-        far = Line(number(ratio), "yellow" if ratio is not None and ratio > MARKED else "")
-        rows.append((text, number(mean), Line(number(rms), "bold"), number(limit), far, number(stated)))
-    yield Grid(CAMPAIGN_COLUMNS, rows)
+    rows = [
+        (text, number(mean), Line(number(rms), "bold"), number(limit), ratio_cell(ratio), number(stated))
+        for text, (mean, rms, limit, ratio, stated) in campaign_rows(campaign)
+    ]
+    start = [] if campaign.from_s <= 0 else [f"Statistics from {campaign.from_s:g} s on"]
+    consistency, horizontal = list(consistency_lines(campaign)), list(horizontal_lines(campaign))
+    yield Table(CAMPAIGN_COLUMNS, rows, caption=f"Errors over the runs{of}", group=group, below=[*start, *consistency])
     yield Line()
-    yield Grid(("at the end", *level_columns(campaign)), end_rows(campaign))
-    for sentence in horizontal_lines(campaign):
+    levels = [f"{level:g} %" for level in campaign.percentile_levels]
+    ends = [(label(name), *map(number, row["percentiles"].values())) for name, row in campaign.figures().items()]
+    caption = f"Percentiles of the errors at the end{of}"
+    yield Table(("at the end", *levels), ends, caption=caption, heads=("error", *levels), group=group, below=horizontal)
+    for sentence in horizontal:
         yield Line()
         yield Line(sentence)
     yield Line()
+    meaning = sensitivity_meaning(campaign)
     for columns, cells in sensitivity_tables(campaign):
-        yield Grid(columns, cells, least=5, gap=1)
+        caption = f"Sensitivity of {', '.join(columns[1::2])}{of}"
+        yield Table(columns, cells, least=5, gap=1, caption=caption, group=group, below=[meaning], wide=True)
     if campaign.sensitivity:
-        yield Line(sensitivity_meaning(campaign), "dim")
-        yield Line()
-    for meaning in meanings(campaign):
         yield Line(meaning, "dim")
-    for sentence in consistency_lines(campaign):
-        yield Line(sentence)
-    for sentence in failed_lines(campaign):
-        yield Line(sentence, "yellow")
-    for note in campaign.notes:
-        yield Line(f"note: {note}")
-
-
-def level_columns(campaign: Statistics) -> list[str]:
-    """Names of the columns of percentiles."""
-    return [f"{level:g} %" for level in campaign.percentile_levels]
-
-
-def end_rows(campaign: Statistics) -> list[tuple[str, ...]]:
-    """By error, its label and its percentiles at the end."""
-    return [(label(name), *map(number, row["percentiles"].values())) for name, row in campaign.figures().items()]
+        yield Line()
+    yield Sentences("explained", list(meanings(campaign)), "dim")
+    yield from map(Line, consistency)
+    yield Sentences("notes", left_out(campaign.diverged, plan.runs), "yellow")
+    yield Sentences("notes", left_out(campaign.far, plan.runs, "ended 10 times worse than the median"), "yellow")
+    yield Sentences("notes", campaign.notes, head="note: ")
 
 
 def horizontal_lines(campaign: Statistics) -> Iterator[str]:
@@ -183,16 +175,6 @@ def meanings(campaign: Statistics) -> Iterator[str]:
         yield within(count)
 
 
-def failed_lines(campaign: Statistics) -> Iterator[str]:
-    """The runs that diverged, and those that ended far off, by their seeds."""
-    for seeds_of, what in (
-        (campaign.diverged, "diverged and are left out"),
-        (campaign.far, "ended 10 times worse than the median"),
-    ):
-        if seeds_of:
-            yield f"{len(seeds_of)} of {campaign.plan.runs} runs {what}: {seed_list(seeds_of)}"
-
-
 def consistency_lines(campaign: Statistics) -> Iterator[str]:
     """NEES with its bounds, and the health of the runs, if there are any."""
     if (nees := campaign.as_json()["nees"]) is not None:
@@ -217,8 +199,7 @@ def drawn(variation: Variation) -> str:
 def campaign_facts(campaign: Statistics) -> str:
     """Runs, duration, seeds and samples in one line."""
     plan = campaign.plan
-    last = plan.seed_of(plan.runs - 1)
-    seeds = f"seeds {plan.first_seed} to {last}" if last > plan.first_seed else f"seed {plan.first_seed}"
+    seeds = seeds_of(plan.first_seed, plan.seed_of(plan.runs - 1))
     return f"{runs_of(plan.runs)} of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
 
 
@@ -308,19 +289,14 @@ def _health_of(shares: Mapping[str, Any], what: str) -> str:
 # The page and the figure of a campaign: its tables, and the courses of its errors.
 
 
-def campaign_page(campaign: Statistics) -> Page:
-    """The page of a campaign."""
-    plan = campaign.plan
+def campaign_page(campaign: Statistics, name: str = "", group: int | None = None) -> Page:
+    """The page of a campaign.  name, group: as of `campaign_blocks`."""
     consistency = [Section("Consistency", [nees_panel(campaign)], columns=1)] if campaign.nees is not None else []
-    return Page(
-        tab=f"{plan.name}: {plan.estimator}",
-        name=f"{plan.name}: {plan.estimator}",
-        title=str(plan.scenario.get("title", "")),
-        facts=campaign_page_facts(campaign),
+    return page_of(
+        campaign_blocks(campaign, name, group),
+        title=str(campaign.plan.scenario.get("title", "")),
         legend=[{"name": "median of the runs"}],
-        tables=campaign_page_tables(campaign),
-        explained=explained(campaign),
-        notes=campaign_page_notes(campaign),
+        explained=[EXPLAINED["limit"]],
         sections=[*course_sections([campaign]), *consistency],
         more={"shares": True},
     )
@@ -339,40 +315,6 @@ def campaign_picture(campaign: Statistics) -> Picture:
         return angles_picture(title, names, [*filter(None, groups[0]), *consistency], campaign.from_s, columns=3)
     rows = [*groups, *([one, None, None] for one in consistency)]
     return Picture(title, rows, names, (11.0, 1.4 + 2.2 * len(rows)), columns=3)
-
-
-def campaign_page_facts(campaign: Statistics) -> list[str]:
-    """Runs, seeds and varied keys."""
-    return [campaign_facts(campaign), *(f"{one.key} drawn {drawn(one)}" for one in campaign.plan.variations)]
-
-
-def campaign_page_tables(campaign: Statistics, name: str = "", group: int | None = None) -> list[Table]:
-    """The tables that are printed.  name, group: of the estimator, if the page has several."""
-    rows, ratio = campaign_rows(campaign), CAMPAIGN_COLUMNS.index("rms/limit")
-    above = [(k, ratio) for k, (_, values) in enumerate(rows) if (values[ratio - 1] or 0.0) > MARKED]
-    start = [] if campaign.from_s <= 0 else [f"Statistics from {campaign.from_s:g} s on"]
-    of = f": {name}" if name else ""
-    cells = [(text, *map(number, values)) for text, values in rows]
-    below = [*start, *consistency_lines(campaign)]
-    levels, meaning = ("error", *level_columns(campaign)), [sensitivity_meaning(campaign)]
-    return [
-        Table(f"Errors over the runs{of}", CAMPAIGN_COLUMNS, cells, group, below, above),
-        Table(f"Percentiles of the errors at the end{of}", levels, end_rows(campaign), group, list(horizontal_lines(campaign))),
-        *(
-            Table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group, meaning, wide=True)
-            for columns, cells in sensitivity_tables(campaign)
-        ),
-    ]
-
-
-def explained(campaign: Statistics) -> list[str]:
-    """What the columns of the tables mean."""
-    return [*(f"{meaning}." for meaning in meanings(campaign)), EXPLAINED["limit"]]
-
-
-def campaign_page_notes(campaign: Statistics) -> list[str]:
-    """The runs that failed, and what must be said of the campaign."""
-    return [*failed_lines(campaign), *campaign.notes]
 
 
 def course_sections(campaigns: Sequence[Statistics]) -> list[Section]:

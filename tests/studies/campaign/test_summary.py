@@ -135,7 +135,7 @@ def test_what_runs_say_of_their_end_is_counted(tmp_path):
     assert 0 < len(unknown) < 4
     seeds = ", ".join(map(str, unknown))
     said = f"in {len(unknown)} of 4 runs (seed {seeds}): the heading is unknown at the end: turns"
-    assert said in " ".join(found.notes) and said in " ".join(presentation.campaign_page_notes(found))
+    assert said in " ".join(found.notes) and said in " ".join(presentation.campaign_page(found).notes)
     (share,) = found.as_json()["of_runs"]
     assert (share["code"], share["share"], share["seeds"]) == ("heading-unknown", len(unknown) / 4, unknown)
     assert presentation.run_columns(found)["remarks"].tolist() == [
