@@ -182,6 +182,13 @@ def test_options_that_change_results_are_refused_at_compile_time(tmp_path):
     assert "-ffast-math changes the results" in Filter(toy(), tmp_path, "-ffast-math").compiled.stderr
 
 
+@pytest.mark.parametrize(("method", "refused"), [(0, False), (1, False), (2, True), (16, False), (64, False), (-1, True)])
+def test_double_is_evaluated_as_itself(tmp_path, method, refused):
+    """C11, 5.2.4.2.2, and ISO/IEC TS 18661-3: GCC says 16 of processors that have arithmetic of half precision."""
+    made = Filter(toy(), tmp_path, "-U__FLT_EVAL_METHOD__", f"-D__FLT_EVAL_METHOD__={method}")
+    assert ("double is evaluated with more digits" in made.compiled.stderr) == refused
+
+
 def test_a_random_model_and_a_row_that_is_a_keyword_are_refused():
     none = Table((Row("seed2", "one"),))
     random = Model(

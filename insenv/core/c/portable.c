@@ -20,7 +20,9 @@
 #if defined(__FAST_MATH__)
 #error "-ffast-math changes the results: leave it out"
 #endif
-#if defined(FLT_EVAL_METHOD) && (FLT_EVAL_METHOD != 0) && (FLT_EVAL_METHOD != 1)
+/* 0 and 1: double as itself.  ISO/IEC TS 18661-3 adds 16 and 32, of which it is the same, and 64, float as double. */
+#if defined(FLT_EVAL_METHOD) && (FLT_EVAL_METHOD != 0) && (FLT_EVAL_METHOD != 1) && (FLT_EVAL_METHOD != 16) \
+    && (FLT_EVAL_METHOD != 32) && (FLT_EVAL_METHOD != 64)
 #error "double is evaluated with more digits: choose arithmetic in double (on x86: -msse2 -mfpmath=sse)"
 #endif
 #if (DBL_MANT_DIG != 53) || (DBL_MAX_EXP != 1024)
