@@ -169,10 +169,12 @@ _LEADOR = _grade(
     gyro_instability_deg_h=0.027,
     gyro_instability_time_s=14400.0,
     gyro_scale_factor_sigma_ppm=300.0,
+    gyro_scale_factor_time_s=14400.0,
     accel_vrw_m_s_sqrt_h=0.03,
     accel_instability_ug=float(m_s2_to_ug(15e-5)),
     accel_instability_time_s=14400.0,
     accel_scale_factor_sigma_ppm=300.0,
+    accel_scale_factor_time_s=14400.0,
 )
 _N380 = _grade(
     "n380",

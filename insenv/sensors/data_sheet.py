@@ -24,7 +24,8 @@ class ImuDataSheet:
     angle_random_walk rad/s^0.5, velocity_random_walk m/s^1.5; gyro_bias_sigma rad/s, accel_bias_sigma m/s^2; correlation
     times s.  These biases contain what gravity makes of the g-sensitivity, and of the scale factor and the misalignment of the
     accelerometers.  bare_*: the same without, for a filter that estimates those; 0: not stated.
-    *_scale_sigma, *_misalignment_sigma: 1; gyro_g_sensitivity_sigma rad s/m; 0: none, or not stated.
+    *_scale_sigma, *_misalignment_sigma: 1; gyro_g_sensitivity_sigma rad s/m; 0: none, or not stated.  *_scale_time: correlation
+    time of both, s; 0: constant.
     standing_*: the white noises at rest, where vibration makes those in motion larger; 0: as those.
     """
 
@@ -43,6 +44,8 @@ class ImuDataSheet:
     gyro_misalignment_sigma: float = 0.0
     accel_misalignment_sigma: float = 0.0
     gyro_g_sensitivity_sigma: float = 0.0
+    gyro_scale_time: float = 0.0
+    accel_scale_time: float = 0.0
     standing_angle_random_walk: float = 0.0
     standing_velocity_random_walk: float = 0.0
 
@@ -105,6 +108,7 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
             notes[f"{prefix}{triad}_bias_sigma"] = sigma
             notes[f"{prefix}{triad}_correlation_time"] = 2 * square / np.maximum(driving, 2 * square / CONSTANT)
         notes[f"{triad}_scale_sigma"], notes[f"{triad}_misalignment_sigma"] = scale, coupled
+        notes[f"{triad}_scale_time"] = largest(f"{triad}_scale_factor_time")[0]
     notes["gyro_g_sensitivity_sigma"] = largest("gyro_g_sensitivity")[0]
     notes |= {f"standing_{white}": np.zeros(count) for white in ("angle_random_walk", "velocity_random_walk")}
     return notes

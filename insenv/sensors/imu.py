@@ -11,7 +11,8 @@ S scale factor, k its change per kelvin (a diagonal), T temperature, T_0 that of
 error, G g-sensitivity (gyros only), w standard normal.  The remainder below one count is carried to the next sample.
 Only w and the loss are drawn on every sample.  The bias is the sum of the turn-on bias, a first-order Gauss-Markov
 process, a random walk, flicker noise and a thermal part; the step "drift" advances these by `drift_interval` with their
-exact discretisation, and the bias varies linearly between these points.
+exact discretisation, and the bias varies linearly between these points.  What of S and M is drawn is constant, or a
+first-order Gauss-Markov process that the same step advances.
 
 It is no `Instrument`: it measures on every sample and drives the estimators instead of aiding them, and its errors add up
 over a sample, of two triads in one set of axes, with temperature, range, quantization and lost samples.  Rows, figures, keys
@@ -43,7 +44,7 @@ from insenv.sensors.grades import FIGURES, WAYS, WHITE
 from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
 
 SAMPLE_UNIFORMS = 7
-DRIFT_UNIFORMS = 12 + 6 * FLICKER_PARTS
+DRIFT_UNIFORMS = 12 + 6 * FLICKER_PARTS + 18
 START_UNIFORMS = 34
 
 
@@ -52,7 +53,7 @@ def imu_part() -> Part:
 
     Reads the parameter ``sample_interval`` (s) and the state rows ``true_delta_angle`` (3, rad, b) and
     ``true_delta_velocity`` (3, m/s, b), the exact increments that the preceding part computes in the step "sample".
-    Steps: "sample" (7 uniforms), "drift" (when ``drift_due``, 42 uniforms); the start uses 34 uniforms.
+    Steps: "sample" (7 uniforms), "drift" (when ``drift_due``, 60 uniforms); the start uses 34 uniforms.
     """
     return Part(
         parameters=IMU_PARAMETERS,
@@ -82,17 +83,14 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
         "imu_temperature_target": p.imu_temperature_final,
         "C_bs": C_bs,
         "gyro_g_matrix": p.gyro_g_sensitivity @ C_bs.T,
+        "C_sb_true": C_error.T @ C_bs.T,
     }
     for triad, drawn in ((GYRO, n[0:15]), (ACCEL, n[15:30])):
         bias = _of(p, triad, "bias") + _of(p, triad, "bias_sigma") * drawn[0:3]
         instability = _of(p, triad, "instability_sigma") * drawn[3:6]
-        scale = _of(p, triad, "scale_factor") + _of(p, triad, "scale_factor_sigma") * drawn[6:9]
-        coupling = _of(p, triad, "misalignment") + _of(p, triad, "misalignment_sigma") * drawn[9:15]
-        matrix = ca.vertcat(
-            ca.horzcat(1.0 + scale[0], coupling[0], coupling[1]),
-            ca.horzcat(coupling[2], 1.0 + scale[1], coupling[3]),
-            ca.horzcat(coupling[4], coupling[5], 1.0 + scale[2]),
-        )
+        scale, coupling = _of(p, triad, "scale_factor_sigma") * drawn[6:9], _of(p, triad, "misalignment_sigma") * drawn[9:15]
+        matrix = _matrix(1.0 + (_of(p, triad, "scale_factor") + scale), _of(p, triad, "misalignment") + coupling)
+        state[f"{triad.name}_drawn_matrix"] = _matrix(scale, coupling)
         state[f"{triad.name}_bias_turn_on"] = bias
         state[f"{triad.name}_instability"] = instability
         thermal = warm * _of(p, triad, "temperature_slope")
@@ -100,6 +98,15 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
         state[f"{triad.name}_bias_true"] = C_bs @ (bias + instability + thermal)
         state[f"{triad.name}_error_matrix"] = matrix @ C_error.T @ C_bs.T
     return state
+
+
+def _matrix(diagonal: Any, coupling: Any) -> Any:
+    """The matrix (3x3) with this diagonal (3) and the couplings xy, xz, yx, yz, zx, zy."""
+    return ca.vertcat(
+        ca.horzcat(diagonal[0], coupling[0], coupling[1]),
+        ca.horzcat(coupling[2], diagonal[1], coupling[3]),
+        ca.horzcat(coupling[4], coupling[5], diagonal[2]),
+    )
 
 
 def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
@@ -160,7 +167,8 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     (Gelb 1974, chapter 3); random walk b <- b + K sqrt(h) w; flicker noise as Gauss-Markov processes
     (`insenv.sensors.imu_tables`); temperature T <- T_end + r h + (T - T_end) exp(-h/T_w), T_end <- T_end + r h.
 
-    The flicker noise is drawn at the first update, at the end of the first sample, and is in the bias at once.
+    The flicker noise is drawn at the first update, at the end of the first sample, and is in the bias at once.  Scale factor
+    and misalignment are Gauss-Markov processes, too, where they have a correlation time; each change is in force at once.
     """
     n = normals(r)
     count = ca.floor(p.drift_interval / p.sample_interval + 0.5)
@@ -175,9 +183,10 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         "imu_temperature_target": target,
         "imu_temperature_step": (temperature - x.imu_temperature) / count,
     }
-    for triad, drawn, flicker in (
-        (GYRO, n[0:6], n[12 : 12 + 3 * FLICKER_PARTS]),
-        (ACCEL, n[6:12], n[12 + 3 * FLICKER_PARTS :]),
+    flickers, matrices = 12 + 3 * FLICKER_PARTS, 12 + 6 * FLICKER_PARTS
+    for triad, drawn, flicker, of_matrix in (
+        (GYRO, n[0:6], n[12:flickers], n[matrices : matrices + 9]),
+        (ACCEL, n[6:12], n[flickers:matrices], n[matrices + 9 :]),
     ):
         decay = exp(-h / _of(p, triad, "instability_time"))
         drive = _of(p, triad, "instability_sigma") * ca.sqrt((1.0 - decay) * (1.0 + decay))
@@ -196,7 +205,20 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         state[f"{triad.name}_bias_true"] = bias_true
         state[f"{triad.name}_bias_step_s"] = (reached - bias_s) / count
         state[f"{triad.name}_bias_step_b"] = (x.C_bs @ reached - bias_true) / count
+        matrix = _drifted_matrix(p, x, triad, h, of_matrix)
+        state[f"{triad.name}_drawn_matrix"] = matrix
+        change = matrix - _of(x, triad, "drawn_matrix")
+        state[f"{triad.name}_error_matrix"] = _of(x, triad, "error_matrix") + change @ x.C_sb_true
     return state
+
+
+def _drifted_matrix(p: Values, x: Values, triad: Triad, h: Any, normals: Any) -> Any:
+    """The drawn parts of scale factor and misalignment (3x3) h seconds later; unchanged without a correlation time."""
+    time = _of(p, triad, "scale_factor_time")
+    decay = select(time > 0.0, exp(-h / select(time > 0.0, time, 1.0)), 1.0)
+    drive = ca.sqrt((1.0 - decay) * (1.0 + decay))
+    sigma = _matrix(_of(p, triad, "scale_factor_sigma"), _of(p, triad, "misalignment_sigma"))
+    return decay * _of(x, triad, "drawn_matrix") + drive * sigma * _matrix(normals[0:3], normals[3:9])
 
 
 _DETERMINISTIC = "Error of the {} increment without noise and quantization"

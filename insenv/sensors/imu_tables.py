@@ -83,6 +83,14 @@ class Triad:
             row("scale_factor_sigma", f"scale factor error, {drawn}", "1", lower=0.0),
             row("misalignment", f"misalignment, fixed part, {pairs}", "rad", (6,)),
             row("misalignment_sigma", f"misalignment, {drawn}, {pairs}", "rad", (6,), lower=0.0),
+            row(
+                "scale_factor_time",
+                "scale factor and misalignment, correlation time of the drawn parts; 0: constant",
+                "s",
+                (),
+                lower=0.0,
+                upper=HUGE,
+            ),
             row("temperature_slope", "bias per kelvin from the reference temperature", f"{unit}/K"),
             row("scale_factor_slope", "scale factor error per kelvin from the reference temperature", "1/K"),
             row("quantum", "increment of one count, 0 for none", self.increment, (), lower=0.0),
@@ -105,6 +113,7 @@ class Triad:
             row("walk", "bias random walk at the next drift update", unit),
             row("flicker_parts", "flicker noise at the next drift update, its processes", unit, (3, FLICKER_PARTS)),
             row("error_matrix", matrix, "1", (3, 3), start=identity),
+            row("drawn_matrix", "drawn parts of scale factor and misalignment at the next drift update", "1", (3, 3)),
             row("residual", "part of a count carried to the next sample", self.increment),
         )
 
@@ -173,6 +182,7 @@ IMU_STATE = Table((
     *ACCEL.state(),
     Row("gyro_g_matrix", "Gyro bias per specific force in body axes", "(rad/s)/(m/s^2)", (3, 3), "s"),
     Row("C_bs", "Nominal mounting: transforms sensor to body components", "1", (3, 3), "b"),
+    Row("C_sb_true", "Actual mounting: transforms body to sensor components", "1", (3, 3), "s"),
     Row("imu_temperature", "Sensor temperature", "K", **_KELVIN),
     Row("imu_temperature_target", "Sensor temperature after warming up, with the ramp", "K", **_KELVIN),
     Row("imu_temperature_step", "Sensor temperature, change per sample until the next drift update", "K"),

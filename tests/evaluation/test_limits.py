@@ -197,6 +197,16 @@ def test_every_source_alone_adds_what_its_integral_is(row):
         assert (np.radians(found) if channel == "heading_deg" else found) == pytest.approx(size * growth, rel=0.01)
 
 
+@pytest.mark.parametrize(("row", "growth"), [("gyro_scale_factor_sigma", remembered(MEMORY_S)), ("gyro_scale_factor", FREE_S)])
+def test_of_a_scale_factor_with_a_correlation_time_the_drawn_part_drifts(row, growth):
+    rows, blocks = free_at_rest()
+    own = {**rows, "gyro_scale_factor_time": MEMORY_S, row: np.full(3, 1e-3)}
+    nothing = Prior(np.full(3, 1e-12), np.full(3, 1e-12), np.full(3, 1e-9))
+    times, sigmas = zip(*recursion(iter(blocks), Layout(unit_of(own), (), None, None), nothing), strict=True)
+    found = limit_of(np.concatenate(times), np.concatenate(sigmas)).sigma["heading_deg"][-1]
+    assert np.radians(found) == pytest.approx(1e-3 * TURN * growth, rel=0.01)
+
+
 def sampled(motion, count, dt):
     """Outputs of a plant that moves along a motion: its `count` samples."""
     t = dt * np.arange(1, count + 1)

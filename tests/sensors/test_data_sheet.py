@@ -22,8 +22,9 @@ def test_fixed_parts_and_the_effects_of_gravity():
     notes = knowledge("ship-swaying", grade="leador").sensors  # moored: the scale factor acts on the vertical only
     assert notes.gyro_bias_sigma == pytest.approx(0.027 * DEG / 3600) and notes.gyro_correlation_time == pytest.approx(4 * 3600)
     assert notes.accel_bias_sigma == pytest.approx(15e-5)
+    assert (notes.gyro_scale_time, notes.accel_scale_time) == (4 * 3600, 4 * 3600)
     notes = knowledge("ship-swaying", grade="perfect").sensors
-    proportional = ("_scale_sigma", "_misalignment_sigma", "_sensitivity_sigma")  # a perfect unit has none
+    proportional = ("_scale_sigma", "_misalignment_sigma", "_sensitivity_sigma", "_scale_time")  # a perfect unit has none
     own = {name: value for name, value in vars(notes).items() if not name.startswith("standing_")}
     assert all(value > 0.0 for name, value in own.items() if not name.endswith(proportional))
 

@@ -49,6 +49,24 @@ def test_gauss_markov_bias_has_its_variance_and_correlation() -> None:
     assert np.allclose(bias[: len(between) * every], between.reshape(-1, 3), rtol=0, atol=1e-12 * sigma * every * 10)
 
 
+def test_gauss_markov_scale_factor_and_misalignment_have_their_variance_and_correlation() -> None:
+    """About the fixed parts, in the axes of the sensor; each sample is measured with what the one before it left."""
+    n, every, time, C_bs = 20000, 5, 4.0, Rotation.from_rotvec([0.3, -1.2, 2.0])
+    x, y, z, w = C_bs.as_quat()
+    rows = {"sample_interval": 0.2, "q_bs": (w, x, y, z), "seed": 7, "accel_scale_factor_sigma": 3e-4}
+    rows |= {"gyro_scale_factor": 1e-3, "gyro_scale_factor_sigma": 2e-4, "gyro_misalignment_sigma": 1e-4}
+    true = np.array([0.01, -0.02, 0.03])
+    out = simulate(n, {**rows, "gyro_scale_factor_time": time}, {"true_delta_angle": true})
+    matrix = out["gyro_error_matrix"] @ C_bs.as_matrix()
+    knots = matrix[::every]
+    assert_gauss_markov(np.diagonal(knots, axis1=1, axis2=2) - 1.001, 2e-4, time, 1.0)
+    assert_gauss_markov(knots[:, ~np.eye(3, dtype=bool)], 1e-4, time, 1.0)
+    measured = (out["gyro_error_matrix"][:-1] @ true) @ C_bs.as_matrix().T
+    assert np.allclose(out["delta_angle"][1:], measured, rtol=0, atol=1e-16)
+    still = out["accel_error_matrix"] @ C_bs.as_matrix()
+    assert (still == still[0]).all() and np.ptp(np.diagonal(still[0])) > 1e-5
+
+
 def test_rate_random_walk_has_its_density() -> None:
     n, dt, density = 20000, 0.1, 1e-6
     rows = {"sample_interval": dt, "accel_rate_random_walk": density, "drift_interval": 4.0, "seed": 6}

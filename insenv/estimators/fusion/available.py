@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 
 from insenv.base.errors import InputError, nearest
@@ -81,6 +81,15 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
     named = "".join(f", {state.name}" for state in every if state.name not in ALWAYS)
     made = f"{count} states: navigation, biases{named}; aids: {', '.join(aid.id for aid in used)}"
     return _composed(id, title or made, every, used)
+
+
+def drifting(filter: Composition, names: Collection[str]) -> Composition:
+    """The same filter with a correlation time of these of its states (`error_state.DRIFTING`)."""
+    times = {known: error_state.DRIFTING[known.name] for known in error_state.STATES if known.name in names}
+    if not times.keys() & set(filter.states):
+        return filter
+    states = tuple(times.get(state, state) for state in filter.states)
+    return _composed(filter.id, filter.title, states, filter.aids, filter.covariance_held)
 
 
 _composed = lru_cache(maxsize=64)(Composition)

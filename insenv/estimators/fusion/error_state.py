@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -157,3 +157,22 @@ STATES = (
     _fixed("accel_misalignment", "accelerometer misalignment: couplings xy, xz, yx, yz, zx, zy", "1", 6,
            lambda value, angle, velocity, dt: (angle, velocity - coupled(value, velocity))),
 )  # fmt: skip
+
+
+def _drifting(state: ErrorState, time: Row) -> ErrorState:
+    """The same error with a correlation time."""
+    return replace(state, time=time.name, rows=state.rows + Table((time,)))
+
+
+_TIMES = {
+    triad: Row(f"{triad}_scale_time", f"Correlation time of scale factor and misalignment of the {what}", "s", (),
+               start=1e9, lower=1e-3, upper=LARGEST)
+    for triad, what in (("gyro", "gyros"), ("accel", "accelerometers"))
+}  # fmt: skip
+DRIFTING = {
+    state.name: _drifting(state, time)
+    for triad, time in _TIMES.items()
+    for state in STATES
+    if state.name in (f"{triad}_scale", f"{triad}_misalignment")
+}
+"""By name, the states whose errors are first-order Gauss-Markov processes where the unit has a correlation time of them."""

@@ -84,10 +84,17 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
         ]
         sources.append(source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
         sources.append(source("thermal scale factor", triad, row(f"{name}_scale_factor_slope", 3) ** 2))
-        matrix = np.zeros(9)
-        matrix[[0, 4, 8]] = row(f"{name}_scale_factor", 3) ** 2 + row(f"{name}_scale_factor_sigma", 3) ** 2
-        matrix[list(_OFF_DIAGONAL)] = row(f"{name}_misalignment", 6) ** 2 + row(f"{name}_misalignment_sigma", 6) ** 2
-        sources.append(source("matrix", triad, matrix))
+        time = float(rows.get(f"{name}_scale_factor_time", 0.0))
+        if time > 0.0:
+            drawn = _matrix(row(f"{name}_scale_factor_sigma", 3) ** 2, row(f"{name}_misalignment_sigma", 6) ** 2)
+            sources.append(
+                source("matrix", triad, _matrix(row(f"{name}_scale_factor", 3) ** 2, row(f"{name}_misalignment", 6) ** 2))
+            )
+            sources.append(source("drifting matrix", triad, drawn, time=np.full(9, max(time, shortest))))
+        else:
+            of_scale = row(f"{name}_scale_factor", 3) ** 2 + row(f"{name}_scale_factor_sigma", 3) ** 2
+            of_axes = row(f"{name}_misalignment", 6) ** 2 + row(f"{name}_misalignment_sigma", 6) ** 2
+            sources.append(source("matrix", triad, _matrix(of_scale, of_axes)))
     sources.append(source("g-sensitivity", 0, row("gyro_g_sensitivity", 9) ** 2))
     sources.append(source("gravity", None, row("gravity_disturbance_n", 3) ** 2))
     sources.append(source("mounting", 2, row("mounting_error", 3) ** 2 + row("mounting_error_sigma", 3) ** 2))
@@ -103,6 +110,13 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
         C_bs=attitude.numeric.to_dcm(q_bs / np.linalg.norm(q_bs)),
         temperatures=tuple(float(rows.get(f"imu_temperature_{name}", value)) for name, value in usual.items()),
     )
+
+
+def _matrix(diagonal: Array, coupling: Array) -> Array:
+    """A 3x3 matrix by rows (9,) with this diagonal (3,) and the couplings xy, xz, yx, yz, zx, zy."""
+    matrix = np.zeros(9)
+    matrix[[0, 4, 8]], matrix[list(_OFF_DIAGONAL)] = diagonal, coupling
+    return matrix
 
 
 def receiver_of(rows: Mapping[str, Any]) -> tuple[Source, ...]:
@@ -160,7 +174,7 @@ def _columns(source: Source, unit: Unit, steps: Steps, increments: Array, force:
         columns = steps.C_ns * _warmth(unit, steps)
     elif source.name == "thermal scale factor":
         columns = increments.reshape(-1, 3, 9)[:, :, [0, 4, 8]] * _warmth(unit, steps)
-    elif source.name == "matrix":
+    elif source.name in ("matrix", "drifting matrix"):
         columns = increments.reshape(-1, 3, 9)
     elif source.name == "g-sensitivity":
         columns = force.reshape(-1, 3, 9)
