@@ -17,6 +17,7 @@ from insenv.core.tables import Row
 from insenv.estimators import lssvm
 from insenv.estimators.contract import Estimator, ImuDataSheet, Knowledge
 from insenv.estimators.fusion import ErrorState, available
+from insenv.estimators.fusion.error_state import DRIFTING
 from insenv.estimators.settings import keys_by_row
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.evaluation.limits import ratio
@@ -54,7 +55,8 @@ _KNOWN = Knowledge(0.5, 0.5, 10.0, 0.01)
 _OTHERWISE = Knowledge(
     -0.6, 0.7, 20.0, 0.02, np.full(3, 1.5), 0.11, 0.12, 0.13, np.full(3, 2.5), np.full(3, 0.7), 0.021, 0.22, np.full(3, 1e-6),
     np.full(3, 1e-3), 1e-6, 0.5, 1e-4, 1e-4, ImuDataSheet(1e-7, 2e-4, 2e-7, 2e-3, 7200.0, 7200.0),
-    {"fix_wander_sigma": np.full(3, 0.5), "fix_wander_time": 61.0, "antenna_lever_arm": np.full(3, 1.0)},
+    {"fix_wander_sigma": np.full(3, 0.5), "fix_wander_time": 61.0, "fix_common_sigma": np.full(3, 0.6),
+     "antenna_lever_arm": np.full(3, 1.0)},
 )  # fmt: skip
 
 
@@ -87,6 +89,8 @@ def states(markdown: Markdown) -> str:
 
 def _course(state: ErrorState) -> str:
     """How it changes."""
+    if state.name in DRIFTING:
+        return f"constant, or `{DRIFTING[state.name].time}`"
     return f"`{state.time}`" if state.time else "constant" if state.process is None else state.process.called
 
 
@@ -142,7 +146,7 @@ def _source(name: str) -> str:
     """Where a row that has no fixed default comes from."""
     if name == "block_samples":
         return "sample rate"
-    if name.startswith("fix_wander"):
+    if name.startswith(("fix_wander", "fix_common")):
         return "receiver"
     return "start" if name in _START else "data sheet"
 

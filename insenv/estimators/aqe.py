@@ -344,12 +344,12 @@ def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     P = symmetric.full(x.covariance, N)
     tilt = 2 * C_nw @ Y(x.q_wb).T
 
-    def sigma(matrix: Any, part: slice) -> Any:
-        return ca.sqrt(ca.diag(matrix @ P[part, part] @ matrix.T))
+    def sigma(matrix: Any, part: slice, common: Any = 0.0) -> Any:
+        return ca.sqrt(ca.diag(matrix @ P[part, part] @ matrix.T) + common)
 
     return {
         **strapdown.navigation_outputs(x),
-        "position_sigma": sigma(C_nw, POSITION),
+        "position_sigma": sigma(C_nw, POSITION, p.fix_common_sigma**2),
         "velocity_sigma": sigma(C_nw, VELOCITY),
         "attitude_sigma": sigma(tilt, DQ),
         **rows.values_of(x, (rows.BIASES + rows.FIX_REPORTED).names),

@@ -311,14 +311,15 @@ def aid_misfit(id: str, aid: AidHealth, causes: str) -> dict[str, Any] | None:
 
 
 def models_slow_errors(parameters: Mapping[str, Any]) -> bool:
-    """Whether a filter with these parameters (by row name) models slow errors of the fixes."""
-    return bool(np.any(parameters.get("fix_wander_sigma", 0.0)))
+    """Whether a filter with these parameters (by row name) models or states slow errors of the fixes."""
+    return any(np.any(parameters.get(name, 0.0)) for name in ("fix_wander_sigma", "fix_common_sigma"))
 
 
 def counts_fixes_less(parameters: Mapping[str, Any], outputs: Iterable[str]) -> bool:
     """Whether a filter with these parameters and outputs (by row name) models slow errors of the fixes without estimating them.
     Its records count that a fix came."""
-    return models_slow_errors(parameters) and "fix_count" in outputs and "gnss_wander" not in outputs
+    stated = bool(np.any(parameters.get("fix_wander_sigma", 0.0)))
+    return stated and "fix_count" in outputs and "gnss_wander" not in outputs
 
 
 LARGER = 1.2

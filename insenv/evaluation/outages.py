@@ -16,12 +16,14 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.base.remarks import Doubt, remark
 from insenv.core.tables import Array
-from insenv.sensors.gnss import ARM, DELAY, LEVER_ARM, GnssFixes
+from insenv.sensors.gnss import ARM, COMMON, DELAY, LEVER_ARM, GnssFixes
 
 BEYOND = 3.0
 """Standard deviations that one error in 370 exceeds if these are true.  An rms of them beyond it contradicts what is stated."""
 COMPONENTS = ("north_m", "east_m", "down_m")
 SHOWN = ("horizontal_m", "down_m")
+LEAST_OWN = 0.1
+"""Part of the variance of a fix that it has in common with no other, at least."""
 KINDS = ("end", "rms", "max", "stated", "ratio")
 _LEVER_ARM, _DELAY = (term.states[0].name for term in (LEVER_ARM, DELAY))
 """Outputs of an estimator that finds them."""
@@ -169,7 +171,8 @@ def _differences(
         estimated(f"{term.states[0].name}_estimate_sigma", stated.get(term.stated[0].name, 0.0), term.size)
         for term in (LEVER_ARM, DELAY)
     )
-    variance = estimated("position_sigma", np.nan, 3) ** 2 + fixes.position_sigma[rows] ** 2
+    of_fix, common = fixes.position_sigma[rows] ** 2, np.square(stated.get(COMMON.name, 0.0))  # not in the difference
+    variance = estimated("position_sigma", np.nan, 3) ** 2 - common + np.maximum(of_fix - common, LEAST_OWN * of_fix)
     variance = variance + np.einsum("kij,kj->ki", C_nb**2, arm_sigma**2) + (velocity * delay_sigma) ** 2
     if "attitude_sigma" in outputs:
         north, east, down = (between(outputs["attitude_sigma"]) ** 2).T

@@ -246,8 +246,11 @@ class GnssSection(PositionSection, MeasurementSection):
         ge=0,
         le=3600,
     )
-    wander_sigma_m: PerAxis = key(
-        (0.0, 0.0, 0.0), "part of position_sigma that changes slowly, 1 sigma, N, E, D", "m", row="fix_wander_sigma"
+    wander_sigma_m: PerAxis | None = key(
+        None,
+        "part of position_sigma that changes slowly, 1 sigma, N, E, D; if absent the stated sigma has 0.95 of its median",
+        "m",
+        row="fix_wander_sigma",
     )
     wander_time_s: Positive = key(60.0, "correlation time of that part", "s", row="fix_wander_time", le=1e9)
 

@@ -13,7 +13,7 @@ from pydantic import model_validator
 
 from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared
-from insenv.base.toml import Number, Vector3, key, validated
+from insenv.base.toml import NotNegative, Number, Vector3, key, validated
 from insenv.core.tables import Array
 from insenv.logs.build import LEFT_OUT, overlaps, place_of, recorded_log, span_of
 from insenv.logs.columns import before, window_words
@@ -98,6 +98,9 @@ class FlightDescription(AnyLog):
         0.0, "added to the fixes' stamps, as time_offset_s of other logs; negative where they are late", "s", ge=-5, le=5
     )
     position_sigma_m: Sigma3 | None = key(None, "standard deviations N, E, D of the fixes, instead of those in the log", "m")
+    gnss_wander_sigma_m: NotNegative | None = key(
+        None, "the part of them that changes slowly, as wander_sigma_m of other logs", "m"
+    )
     velocity_sigma_mps: Sigma3 | None = key(None, "standard deviations N, E, D of their velocities, likewise", "m/s")
     undulation_m: Number | None = key(
         None, "height of the geoid above the ellipsoid, where the log has heights above mean sea level", "m"
@@ -364,6 +367,7 @@ def _as_log_description(
             "position_unit": "rad",
             "position_sigma": [f"{fixes.name}.sigma_{axis}" for axis in "ned"],
             "lever_arm_m": arm.tolist(),
+            "wander_sigma_m": description.gnss_wander_sigma_m,
         }
     return validated(description_class(), data, label).model_copy(update={"initial": description.initial})
 

@@ -247,7 +247,7 @@ WHOLE = 1.001
 
 def _check_wander(section: GnssSection, position_sigma: Array | None) -> None:
     """Raise `InputError` for a slow part of an error (m, 3) that is larger than the whole."""
-    if position_sigma is None:
+    if position_sigma is None or section.wander_sigma_m is None:
         return
     usual = np.median(position_sigma, axis=0)
     wander = np.broadcast_to(section.wander_sigma_m, 3)

@@ -78,7 +78,8 @@ class Follower:
         return self.named()
 
     @property
-    def _parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, Any]:
+        """Its parameters by row name."""
         return self.estimator.model.parameters.unpack(self.runner.p)
 
     def health(self, outputs: Mapping[str, Array]) -> Health | None:
@@ -87,14 +88,14 @@ class Follower:
 
     def settled(self, duration_s: float) -> bool:
         """Whether `duration_s` of data are enough for the estimator."""
-        return not self.estimator.too_short(self._parameters, duration_s)
+        return not self.estimator.too_short(self.parameters, duration_s)
 
     def notes(self, time: Array, duration_s: float, health: Health | None, outputs: Mapping[str, Array]) -> tuple[Remark, ...]:
         """Remarks on the estimate after `duration_s` of data, on its health and on what `named` returned.
 
         time (records,): of these outputs, s since the start.
         """
-        parameters, estimator = self._parameters, self.estimator
+        parameters, estimator = self.parameters, self.estimator
         of_fixes = no_fix(health) if estimator.reports_fixes else ()
         of_health = health.notes(models_slow_errors(parameters), estimator.causes) if health else ()
         return (

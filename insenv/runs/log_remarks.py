@@ -17,6 +17,7 @@ from insenv.estimators.parts.rows import aid_health, reported_aids
 from insenv.logs import RecordedLog
 from insenv.logs.rest import LEAST_REST, REST_WINDOW_S, STEADY_S, rest_of, rest_rows, rest_until, shows_travel
 from insenv.runs.follower import Follower
+from insenv.sensors.gnss import COMMON
 from insenv.vehicles import registry as vehicles
 
 LATITUDE_SIGMAS = 8.0
@@ -132,6 +133,17 @@ def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dic
     if not count[-1]:
         return {"used": "zero velocity is all that would hold this velocity, and was never used", "kinds": kinds}
     return {"used": f"zero velocity is all that holds this velocity, and was last used at {clock(last, 4)} s", "kinds": kinds}
+
+
+@remark(
+    "fixes-common-error",
+    "nothing says how much of the error of the fixes changes slowly: the stated sigma of the position contains {sigma} m "
+    "(N, E, D) that they may have in common; wander_sigma_m in [gnss] (gnss_wander_sigma_m for a flight log) says how much",
+)
+def common_error(log: RecordedLog) -> dict[str, Any] | None:
+    """The fixes are taken to have a part of their errors in common, because nothing states their slow error."""
+    common = log.stated_errors.get(COMMON.name)
+    return None if common is None else {"sigma": ", ".join(f"{each:.2g}" for each in common)}
 
 
 LATE_SIGMAS, LATE_S = 5.0, 0.02

@@ -30,14 +30,14 @@ from insenv.logs.reference import at_imu, body_rate
 from insenv.logs.rest import REST_WINDOW_S, travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
-from insenv.runs.log_remarks import fixes_delayed, latitude_at_rest, noise_in_motion, standstill_missed, unseen
+from insenv.runs.log_remarks import common_error, fixes_delayed, latitude_at_rest, noise_in_motion, standstill_missed, unseen
 from insenv.runs.reference_check import reference_notes
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, rounding, start_time
 from insenv.runs.rest import with_datum
 from insenv.runs.simulated import follower_of, members, result_of
 from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.inputs import RECORDS, chunks, recording_interval
-from insenv.sensors.gnss import ARM
+from insenv.sensors.gnss import ARM, COMMON
 from insenv.vehicles.registry import traits_of
 
 
@@ -114,6 +114,8 @@ def replay(
         notes.append(log.assumed.remark)
     if any(_takes_sensors(e, parameter_rows[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
+    if any("fix_common_sigma" in e.model.parameters and "fix_common_sigma" not in parameter_rows[e.id] for e in chosen):
+        notes += common_error(log)
     notes += of_reference
     if log.gaps.count:
         notes.append(_BRIDGED.filled(count=log.gaps.count, samples=log.gaps.samples))
@@ -326,12 +328,13 @@ def _evaluated(estimator: Estimator, evaluation: EvaluationSection, begin_s: flo
     return from_s if evaluation.from_s is None else evaluation.from_s, to_s
 
 
-def _outages(ready: Prepared, times: Array, outputs: Mapping[str, Array]) -> Outages | None:
+def _outages(ready: Prepared, follower: Follower, times: Array, outputs: Mapping[str, Array]) -> Outages | None:
     """The errors where fixes were withheld; None without outages."""
     lost = ready.withheld
     if lost is None:
         return None
-    stated = {**ready.log.stated_errors, ARM.name: ready.log.lever_arm_b}
+    common = {COMMON.name: follower.parameters.get(COMMON.name, 0.0)}
+    stated = {**ready.log.stated_errors, ARM.name: ready.log.lever_arm_b, **common}
     return outages_of(times, outputs, lost.fixes, lost.windows, lost.resumed, stated)
 
 
@@ -359,7 +362,7 @@ def _result(
     # parameters that describe the whole unit are not compared with its data sheet
     understated = estimator.understated(begun.knowledge, rows=rows) if _takes_sensors(estimator, rows) else ()
     outages, evaluated_s = (
-        _outages(ready, times, outputs),
+        _outages(ready, follower, times, outputs),
         _evaluated(estimator, log.description.evaluation, ready.begin_s, times),
     )
     force = None

@@ -91,7 +91,8 @@ class Smoother:
             outputs = smoother_outputs(self.smoothing, *self.error_states())
             better = self._better_start(outputs)
         self.apart = 0.0 if better is None else _angle(better[0])
-        return outputs
+        common = self.forward.model.parameters.unpack(self.forward.p).get("fix_common_sigma", 0.0)
+        return {**outputs, "position_sigma": np.hypot(outputs["position_sigma"], common)}
 
     def _better_start(self, outputs: Mapping[str, Array]) -> tuple[Array, Array] | None:
         """What `told_start` gives, where that is far from the start; the pass back has just ended there."""

@@ -204,7 +204,11 @@ def gnss_part(instant: Instant) -> Part:
     )
 
 
-GNSS_STATED = Table((ARM, *(row for term in (LEVER_ARM, DELAY, WANDER) for row in term.stated)))
+COMMON = Row(
+    "fix_common_sigma", "Error that the fixes have in common: part of the stated position sigma alone", "m", (3,), "n", lower=0,
+    upper=1e6,
+)  # fmt: skip
+GNSS_STATED = Table((ARM, *(row for term in (LEVER_ARM, DELAY, WANDER) for row in term.stated), COMMON))
 """What is stated of a receiver to an estimator: the lever arm, and errors."""
 
 

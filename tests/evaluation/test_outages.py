@@ -19,13 +19,13 @@ def circle(t, off, drift, arm):
     return {**dict(place), "velocity_n": 10.0 * np.stack([c, s, zero], axis=1) + drift, "q_nb": q_nb}
 
 
-def outages(drift=0.0, resumed=(30.0, 52.0), **more):
+def outages(drift=0.0, resumed=(30.0, 52.0), common=0.0, **more):
     time, at = np.arange(0.25, 60.0, 0.25), np.arange(0.0, 60.0) + 0.1
     rows = {"position_sigma": [3.0, 3.0, 3.0], "attitude_sigma": [0.4, 0.0, 0.5], **more}
     outputs = circle(time, OFF, drift, 0 * ARM) | {name: np.tile(row, (len(time), 1)) for name, row in rows.items()}
     latitude, longitude, height, *_ = circle(at - (DELAY if "gnss_delay" in more else 0.0), 0.0, 0.0, ARM).values()
     fixes = GnssFixes(at, latitude, longitude, height, np.full((60, 3), 4.0))
-    told = {"antenna_lever_arm": 0 * ARM if "gnss_lever_arm" in more else ARM}
+    told = {"antenna_lever_arm": 0 * ARM if "gnss_lever_arm" in more else ARM, "fix_common_sigma": common}
     return outages_of(time, outputs, fixes, np.array([[20.0, 30.0], [50.0, 52.0]]), np.array(resumed), told)
 
 
@@ -50,3 +50,11 @@ def test_errors_are_those_of_the_estimated_antenna_at_the_time_of_the_fix_and_a_
     assert found.summary()["end"]["down_m"] == pytest.approx(np.sqrt(np.mean(ends**2)), rel=1e-4)
     assert ["the errors at the ends of the outages are 13.7 times" in note for note in found.too_sure()] == [True]
     assert found.beyond == 5 + 4 + 6 + 6  # north, east and down in the first outage, all in the second
+
+
+def test_an_error_in_common_with_the_fixes_is_not_between_them_and_the_estimate():
+    """Of 5 m of the estimate and 4 m of a fix 2 m are the same error: 5^2 - 2^2 and 4^2 - 2^2; a tenth at least is its own."""
+    stated = [5.0, 5.0, 5.0]
+    for common, own in ((2.0, 12.0), (3.9, 1.6)):
+        apart, alone = (outages(position_sigma=stated, common=c).each[0].sigma[-1] ** 2 for c in (common, 0.0))
+        assert apart - alone == pytest.approx(np.full(3, own - 16.0 - common**2))

@@ -45,7 +45,7 @@ def written_log(
     columns = {"imu": log_tables.imu_columns(log), "gnss": log_tables.gnss_columns(fixes)}
     sections: dict[str, dict[str, Any]] = {
         "imu": {**log_tables.IMU, "grade": grade, "noise_in_motion": False},
-        "gnss": {**log_tables.gnss_keys(fixes), "lever_arm_m": LEVER_ARM_M, "time_offset_s": 0.0},
+        "gnss": {**log_tables.gnss_keys(fixes), "lever_arm_m": LEVER_ARM_M, "time_offset_s": 0.0, "wander_sigma_m": 0.0},
     }
     for each in log.instruments:
         wrong = {"odometer": (odometer, 0.0), "barometer": (1.0, barometer)}[each.id]

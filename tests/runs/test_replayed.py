@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from places import ROOT
 from simulated_log import simulated_log
+from written_logs import written_log
 
-from insenv import attitude, replay
+from insenv import attitude, replay, tune
 from insenv.base.errors import InsenvError
 from insenv.logs import load as load_log
 from insenv.logs.outages import withheld
@@ -35,6 +36,34 @@ def test_the_real_log_is_at_least_as_good_as_kf_gins_in_position():
     # the heading is found without the reference
     assert abs(result.errors["heading_deg"][0]) < 6.0
     assert np.abs(result.errors["heading_deg"][(result.time > 220) & (result.time < 600)]).max() < 1.0
+
+
+def test_a_position_states_no_less_than_what_its_fixes_may_have_in_common(tmp_path):
+    """Where the description does not say how much of their error is slow; estimates are the same to the bit."""
+    path = written_log(tmp_path, duration_s=40.0, scale_of_sigma=20.0)
+    white, ids = load_log(path), ["loosely-coupled", "smoother", "fusion"]
+    path.write_text(path.read_text("utf-8").replace("wander_sigma_m = 0.0\n", ""), encoding="utf-8")
+    silent = load_log(path)
+    common = 0.95 * np.median(silent.gnss.position_sigma, axis=0)
+    reports = [replay(log, ids, outages="+20:+30") for log in (white, silent)]
+    assert [[note for note in report.notes if note.code == "fixes-common-error"] != [] for report in reports] == [False, True]
+    for each, stated in zip(*(report.results for report in reports), strict=True):
+        for name, values in each.outputs.items():
+            if name != "position_sigma":
+                np.testing.assert_array_equal(values, stated.outputs[name])
+        expected = np.hypot(each.outputs["position_sigma"], common)
+        np.testing.assert_allclose(stated.outputs["position_sigma"], expected, rtol=1e-14)
+        assert not any(note.code == "fixes-slow-errors" for note in stated.notes)
+        before, after = (result.outages.each[0].sigma for result in (each, stated))
+        assert np.all(after < before)  # a withheld fix has that error, too
+
+
+def test_a_tuning_compares_fixes_with_what_the_filter_itself_predicts(tmp_path):
+    path = written_log(tmp_path, duration_s=80.0)
+    stated = tune(path, "loosely-coupled", keys=["arw_deg_sqrt_h"], evaluations=2)
+    path.write_text(path.read_text("utf-8").replace("wander_sigma_m = 0.0\n", ""), encoding="utf-8")
+    silent = tune(path, "loosely-coupled", keys=["arw_deg_sqrt_h"], evaluations=2)
+    assert silent.settings() == stated.settings() and (silent.before, silent.after) == (stated.before, stated.after)
 
 
 @cache

@@ -351,12 +351,14 @@ class Composition:
         shown, P_shown = self._shown(x, P)
         C_nw = strapdown.C_nw(shown.q_ew)
 
-        def sigma(part: slice, more: Any = 0.0) -> Any:
-            return ca.sqrt(ca.diag(C_nw @ (P_shown[part, part] + more) @ C_nw.T))
+        def sigma(part: slice, more: Any = 0.0, common: Any = 0.0) -> Any:
+            return ca.sqrt(ca.diag(C_nw @ (P_shown[part, part] + more) @ C_nw.T) + common)
+
+        common = p.fix_common_sigma**2 if "fix_common_sigma" in self.parameters else 0.0
 
         values = {
             **strapdown.navigation_outputs(shown),
-            "position_sigma": sigma(POSITION),
+            "position_sigma": sigma(POSITION, common=common),
             "velocity_sigma": sigma(VELOCITY, arc.moment(x.covariance)),
             "attitude_sigma": sigma(TILT) if self.turning is None else azimuth.stated(sigma(TILT)),
         }

@@ -15,7 +15,7 @@ import casadi as ca
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
 from insenv.geodesy import bounded_place_rows, place_rows
-from insenv.sensors.gnss import ARM, FIX, WANDER
+from insenv.sensors.gnss import ARM, COMMON, FIX, WANDER
 
 _TURN = 2 * math.pi
 _LARGEST = 1e12
@@ -159,7 +159,7 @@ def reported_aids(outputs: Iterable[str]) -> tuple[str, ...]:
 
 # GNSS/INS filters: `aqe-ekf`, `aqe-sukf`, and in part those of `fusion`
 
-FIX_WANDER = Table(WANDER.stated)
+FIX_WANDER = Table((*WANDER.stated, COMMON))
 MOTION_ERRORS = Table((
     Row("rotation_error", "Gyro scale factor and misalignment: tilt per radian of rotation", "1", lower=0, upper=1.0),
     Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
