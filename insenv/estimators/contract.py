@@ -7,6 +7,7 @@ answers.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -72,6 +73,13 @@ class Knowledge:
         if self.instruments:
             check_rows(self.instruments, sensor_registry.stated_rows())
 
+    def __getattr__(self, name: str) -> Any:
+        """The former fields of a receiver, which are rows of `instruments`."""
+        if name not in _FORMER:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        warnings.warn(f"Knowledge.{name} is now Knowledge.instruments[{name!r}]", FutureWarning, stacklevel=2)
+        return self.instruments.get(name, GNSS_STATED.unpack(GNSS_STATED.start_vector())[name])
+
     @cached_property
     def rows(self) -> dict[str, Any]:
         """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``; stated errors."""
@@ -92,6 +100,7 @@ class Knowledge:
         return name if name in _VALUES else ""
 
 
+_FORMER = (ARM.name, "fix_wander_sigma", "fix_wander_time")
 _SHEET = frozenset(each.name for each in fields(ImuDataSheet))
 _VALUES = tuple(each.name for each in fields(Knowledge) if each.name not in ("sensors", "instruments"))
 

@@ -11,10 +11,10 @@ import insenv
 from insenv import attitude, geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
-from insenv.estimators import get, registered
+from insenv.estimators import Knowledge, get, registered
 from insenv.estimators.parts import quaternion_error
 from insenv.reproduce.unit_limits import bias_tilts
-from insenv.scenario import load
+from insenv.scenario import build, load
 from insenv.scenario.inputs import input_rows
 
 NEAR = {  # scenario, duration (s), largest sigma of roll and pitch and of heading at its end, in units of the smallest possible
@@ -181,3 +181,14 @@ def test_a_day_keeps_the_covariance_positive_definite(id):
     moved = runner.outputs()
     assert abs(moved["latitude"] - LATITUDE) * geodesy.A < 5.0
     assert np.abs(moved["velocity_n"]).max() < 0.1
+
+
+def test_the_former_fields_of_a_receiver_are_read_with_a_warning():
+    known = build(load("car-odometer")).knowledge
+    for name in ("antenna_lever_arm", "fix_wander_sigma", "fix_wander_time"):
+        with pytest.warns(FutureWarning, match=rf"is now Knowledge.instruments\['{name}'\]"):
+            assert np.array_equal(getattr(known, name), known.instruments[name])
+    with pytest.warns(FutureWarning):
+        assert Knowledge(0.1, 0.2, 3.0, 0.01).fix_wander_time == 60.0
+    with pytest.raises(AttributeError, match="no attribute 'lever_arm'"):
+        _ = known.lever_arm
