@@ -1,8 +1,10 @@
-"""Heading errors of estimates and of a log's reference, minute by minute, as the velocities of the receiver show them.
+"""Heading errors of estimates and of a log's reference, minute by minute, as the velocities of the receiver show them; and
+velocities of both while the vehicle stands.
 
     python tools/reference_errors.py [LOG ...] [--data FOLDER]
 
-LOG: names of `insenv prove`; without one, those developed on that have a reference attitude and fixes with velocities.
+LOG: names of `insenv prove`; without one, those developed on that have a reference attitude and fixes with velocities, and the
+n380 drives.
 
 Over two seconds the specific force that an attitude turns into n differs from the receiver's change of velocity by the bias of
 the accelerometers, the delay of the velocities, and the errors of the attitude: a heading error turns the horizontal
@@ -21,6 +23,7 @@ from insenv import attitude, replay
 from insenv.core.tables import Array
 from insenv.evaluation.outages import attitude_between
 from insenv.logs import RecordedLog
+from insenv.logs.rest import rest_rows
 from insenv.studies.proof import public_logs
 
 SPAN = 2
@@ -62,27 +65,40 @@ def heading_errors(log: RecordedLog, time: Array, q_nb: Array, from_s: float) ->
     return np.degrees(found[part]), np.degrees(np.sqrt(variance[part]))
 
 
+def velocity_at_rest(log: RecordedLog, time: Array, velocity_n: Array, from_s: float) -> Array:
+    """Rms (3,) m/s of velocities (n, 3) at times (n,) s where the inertial samples show a rest, which makes them errors."""
+    rest = log.imu_time[rest_rows(log)]
+    rest = rest[(rest > max(from_s, time[0])) & (rest < time[-1])]
+    return (
+        np.sqrt([np.mean(np.interp(rest, time, column) ** 2) for column in velocity_n.T]) if len(rest) else np.full(3, np.nan)
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("logs", nargs="*")
     parser.add_argument("--data", type=Path, default=Path())
     options = parser.parse_args()
     known = public_logs()
-    for name in options.logs or [name for name in known if known[name].used == "developed on" and name.startswith("umn")]:
+    developed_on = [name for name in known if known[name].used == "developed on" and name.startswith("umn")]
+    for name in options.logs or [*developed_on, *(name for name in known if name.startswith("n380"))]:
         log = known[name].load(options.data)
         reference = log.reference
         assert reference is not None
         q_nb = attitude.numeric.from_euler(reference.roll, reference.pitch, reference.heading)
-        tracks = {"reference": (reference.time, q_nb)}
+        tracks = {"reference": (reference.time, q_nb, reference.velocity_n)}
         for estimator in ("fusion", "fusion-smoother"):
             result = replay(log, estimator).results[0]
-            tracks[estimator] = (result.time, result.outputs["q_nb"])
-        for track, (time, q_nb) in tracks.items():
+            tracks[estimator] = (result.time, result.outputs["q_nb"], result.outputs["velocity_n"])
+        for track, (time, q_nb, velocity_n) in tracks.items():
             errors, sigmas = heading_errors(log, time, q_nb, result.from_s)
             weights = 1.0 / sigmas**2
             rms, sigma = (np.sqrt((each**2 * weights).sum() / weights.sum()) for each in (errors, sigmas))
             by_minute = " ".join(f"{each:.1f}" for each in errors)
             print(f"{name:15} {track:15} rms {rms:.2f} +- {sigma:.2f} deg, by minute: {by_minute}", flush=True)
+            if velocity_n is not None:
+                north, east, down = velocity_at_rest(log, time, velocity_n, result.from_s)
+                print(f"{'':31} at rest: north {north:.3f}, east {east:.3f}, down {down:.3f} m/s", flush=True)
 
 
 if __name__ == "__main__":
