@@ -90,12 +90,13 @@ def _reported(section: KnowledgeSection) -> Array:
 def knowledge_of(known: Mapping[str, Any], same: Knowledge | None = None) -> Knowledge:
     """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored.
 
-    same: of the scenario, whose other fields are those of all episodes: errors of the instruments.
+    same: of the scenario, whose other fields are those of all episodes: errors of the instruments, and what else the data sheet
+    of the unit says.
     """
     values: dict[str, Any] = {
         name: np.array(value) if np.ndim(value) else float(value) for name, value in fields_known(known).items()
     }
-    values["sensors"] = ImuDataSheet(**{name: values.pop(name) for name in _SHEET})
+    values["sensors"] = replace(same.sensors if same else ImuDataSheet(), **{name: values.pop(name) for name in _SHEET})
     values["instruments"] = {**(same.instruments if same else {}), ARM.name: values.pop(ARM.name)}
     return Knowledge(**values) if same is None else replace(same, **values)
 

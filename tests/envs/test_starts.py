@@ -152,3 +152,14 @@ def test_the_limit_of_a_random_unit_is_that_of_the_unit():
     for row, limit in zip(env.unwrapped.snapshot().parameters[:, : plant.parameters.size], info["limit"], strict=True):
         assert np.array_equal(limit, episode_limit(task, plant, scenario, row, 10.0))
     assert len(np.unique(info["limit"][:, 2])) == 4
+
+
+def test_no_value_of_the_data_sheet_is_lost_on_the_way_to_the_filter():
+    """Nor those that no observation has, as the correlation times of scale factors."""
+    plant = build(load("car-survey"), seed=1)
+    same, rows = plant.knowledge, {}
+    for row in KNOWN:
+        name = row.name.removeprefix("known_")
+        value = getattr(same.sensors, name, None)
+        rows[row.name] = row.flat_start().reshape(row.shape) if value is None else np.array(value)
+    assert knowledge_of(rows, same).sensors == same.sensors
