@@ -45,6 +45,7 @@ class Aid:
     gate: name of the parameter row of its innovation gate, in standard deviations.
     correlated: ``(p, x, since) -> (m)``: variance to add because a part of the error is that of the measurement `since` seconds
         before.  None: white.
+    widened: ``(p, x) -> ()``: factor on all stated standard deviations, 1 where what the aid assumes holds.  None: 1.
     max_rejections: measurements refused in a row before the gate opens: a filter that refuses one after the other is wrong
         itself.
     restarts: whether measurements that are refused and agree with each other start position and velocity anew, before that
@@ -80,6 +81,7 @@ class Aid:
     age: Callable[[Any], Any] | None = None
     gate: str = ""
     correlated: Callable[[Any, Any, Any], Any] | None = None
+    widened: Callable[[Any, Any], Any] | None = None
     max_rejections: int = 10
     restarts: bool = False
     iterated: bool = False

@@ -352,7 +352,10 @@ class Composition:
         C_nw = strapdown.C_nw(shown.q_ew)
 
         def sigma(part: slice, more: Any = 0.0, common: Any = 0.0) -> Any:
-            return ca.sqrt(ca.diag(C_nw @ (P_shown[part, part] + more) @ C_nw.T) + common)
+            stated = ca.sqrt(ca.diag(C_nw @ (P_shown[part, part] + more) @ C_nw.T) + common)
+            for aid in self.aids:
+                stated = stated if aid.widened is None else aid.widened(p, x) * stated
+            return stated
 
         common = p.fix_common_sigma**2 if "fix_common_sigma" in self.parameters else 0.0
 

@@ -21,8 +21,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from insenv.base.remarks import declared
-from insenv.core.elementary import exp, minimum, select, sin_cos
+from insenv.base.remarks import Doubt, declared
+from insenv.core.elementary import exp, maximum, minimum, select, sin_cos
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.fusion.aid import Aid, waited
@@ -97,11 +97,10 @@ STATES = (SWAY, CENTRE)
 
 
 # How much it sways, as the filter estimates it: a sea that is larger than `sway_sigma` where the oscillators are slow makes the
-# stated sigmas too small.
+# errors larger by as much.
 
 LARGE = 1.3
-"""Root mean square of an oscillator over its standard deviation from which a note says so: errors beyond three stated standard
-deviations are then more than 1 % (`tools/moored.py slow`)."""
+"""Root mean square of an oscillator over its standard deviation from which a note says so."""
 SLOW = 15.0
 """s: of periods above which that matters."""
 POWER = Table((
@@ -119,10 +118,24 @@ def _remembered(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {"sway_rms": ca.vertcat(*mean)}
 
 
+def _widened(p: Any, x: Any) -> Any:
+    """By how much a slow horizontal sway is larger than assumed, 1 at least.
+
+    The filter is linear: of errors that the sway drives, the standard deviation grows with it.
+    """
+    factor: Any = 1.0
+    for axis in range(2):
+        for k in range(COUNT):
+            ratio = select(p.sway_period[k] > SLOW, x.sway_rms[COUNT * axis + k] / maximum(p.sway_sigma[k], 1e-9), 0.0)
+            factor = maximum(factor, ratio)
+    return factor
+
+
 _LARGE_SWAY = declared(
     "sway-large",
-    "the vehicle sways slowly with {ratio} times the amplitude that the filter assumes: in the first ten minutes its sigmas "
-    "are too small; set sway_sigma_m (for the oscillators of {periods} s)",
+    "the vehicle sways slowly with {ratio} times the amplitude that the filter assumes: its sigmas are widened by that, but "
+    "too small before it has seen some periods; set sway_sigma_m (for the oscillators of {periods} s)",
+    Doubt,
 )
 
 
@@ -165,6 +178,7 @@ AID = Aid(
     state=POWER,
     outputs=tuple(POWER.names),
     steps={"sway": Step(_remembered, when="moored_due")},
+    widened=_widened,
     parameters=Table((
         sigma_row("moored_sigma", "What sway and centre leave of the displacement", "m", start=0.003),
         Row("moored_interval", "Time between uses of it", "s", start=0.5, lower=0.0, upper=3600.0),

@@ -87,6 +87,7 @@ def test_a_slow_sway_beyond_what_is_assumed_is_said(amplitude_m, period_s, said)
     scenario = changed("ship-slow-surge", vehicle={"sway": sway}, rate_hz=10.0)
     (result,) = insenv.run(scenario, "fusion", seed=4, duration_s=150.0).results
     assert any("the vehicle sways slowly with" in note and "45, 22" in note for note in result.notes) == said
+    assert (result.health.verdict == "contradicted") == said == ("sway-large" in result.doubts)
     of_axis = np.sum(np.reshape(result.outputs["sway_rms"][-1], (3, moored.COUNT)), axis=1)  # the assumed north is any one
     assert [np.hypot(*of_axis[:2]), of_axis[2]] == pytest.approx([amplitude_m / np.sqrt(2), 2.0 / np.sqrt(2)], rel=0.3)
 
@@ -109,3 +110,18 @@ def test_what_a_mooring_does_not_go_with_is_said():
     (result,) = insenv.run(changed("ship-slow-surge", imu={"grade": "tactical"}, rate_hz=20.0), "fusion", duration_s=30).results
     assert any("not applicable for heading" in note or "heading is good to" in note for note in result.notes)
     assert any("the heading is not found to 1 deg" in note for note in result.notes)
+
+
+def test_all_stated_sigmas_grow_with_a_slow_horizontal_sway_that_is_larger_than_assumed():
+    sigma = np.array([0.09, 0.3, 0.3, 0.3, 0.3])
+    p = Values(sway_period=ca.SX(PERIODS), sway_sigma=ca.SX(sigma))
+    for oscillator, size, factor in ((1, 0.6, 2.0), (5, 0.18, 2.0), (1, 0.2, 1.0), (3, 9.0, 1.0), (11, 9.0, 1.0)):
+        rms = np.zeros(3 * moored.COUNT)
+        rms[oscillator] = size  # of north, east, down; the periods of the last two of each are below 15 s
+        assert number(moored.AID.widened(p, Values(sway_rms=ca.SX(rms)))) == pytest.approx(factor)
+    slow = changed("ship-slow-surge", rate_hz=10.0)
+    as_is, larger = (
+        insenv.run(slow, "fusion", seed=4, duration_s=60.0, settings={"fusion": {"sway_sigma_m": (sigma / k).tolist()}})
+        for k in (1.0, 20.0)
+    )
+    assert as_is.results[0].doubts == () and larger.results[0].doubts == ("sway-large",)
