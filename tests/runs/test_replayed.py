@@ -25,6 +25,8 @@ def test_the_real_log_is_at_least_as_good_as_kf_gins_in_position():
     assert log.rate_hz == pytest.approx(100.0, abs=0.01) and log.duration_s == pytest.approx(691.4, abs=0.1)
     assert (log.gaps.count, log.gaps.samples) == (1, 1) and log.notes == ()
     assert log.gaps.intervals[0][0] == pytest.approx(38.188, abs=1e-3)
+    common = log.stated_errors["fix_common_sigma"]  # of a receiver that states six times as much in the first minute
+    assert common == pytest.approx([0.484, 0.450, 0.991], abs=1e-3)
     with mock.patch.dict(os.environ, INSENV_BACKEND="native"):
         result = replay(log, ["loosely-coupled"]).results[0]
     rms = result.statistics()["rms"]
