@@ -22,8 +22,6 @@ BEYOND = 3.0
 """Standard deviations that one error in 370 exceeds if these are true.  An rms of them beyond it contradicts what is stated."""
 COMPONENTS = ("north_m", "east_m", "down_m")
 SHOWN = ("horizontal_m", "down_m")
-LEAST_OWN = 0.1
-"""Part of the variance of a fix that it has in common with no other, at least."""
 KINDS = ("end", "rms", "max", "stated", "ratio")
 _LEVER_ARM, _DELAY = (term.states[0].name for term in (LEVER_ARM, DELAY))
 """Outputs of an estimator that finds them."""
@@ -171,8 +169,8 @@ def _differences(
         estimated(f"{term.states[0].name}_estimate_sigma", stated.get(term.stated[0].name, 0.0), term.size)
         for term in (LEVER_ARM, DELAY)
     )
-    of_fix, common = fixes.position_sigma[rows] ** 2, np.square(stated.get(COMMON.name, 0.0))  # not in the difference
-    variance = estimated("position_sigma", np.nan, 3) ** 2 - common + np.maximum(of_fix - common, LEAST_OWN * of_fix)
+    shared = np.square(stated.get(COMMON.name, 0.0))  # in both sigmas, once in the difference at most
+    variance = estimated("position_sigma", np.nan, 3) ** 2 - shared + fixes.position_sigma[rows] ** 2
     variance = variance + np.einsum("kij,kj->ki", C_nb**2, arm_sigma**2) + (velocity * delay_sigma) ** 2
     if "attitude_sigma" in outputs:
         north, east, down = (between(outputs["attitude_sigma"]) ** 2).T

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.base.remarks import Remark
 from insenv.core.tables import Array
 from insenv.logs import instruments
@@ -71,6 +72,23 @@ def _assumed_delay(log: RecordedLog) -> dict[str, Any]:
     if log.gnss is None or (section is not None and section.delay_sigma_s is not None):
         return {}
     return {"gnss_delay_sigma": LATE} if log.sensors(in_place=True).gyro_bias_sigma >= LOW_COST else {}
+
+
+WHOLE = 1.001
+"""Ratio of a part to the whole that rounding explains."""
+
+
+def check_wander(key: str, stated: Any, position_sigma: Array | None) -> None:
+    """Raise `InputError` for a slow part of an error (m, 3), stated under `key`, that is larger than the whole (fixes, 3)."""
+    if position_sigma is None or stated is None:
+        return
+    usual, wander = np.median(position_sigma, axis=0), np.broadcast_to(stated, 3)
+    for axis, name in enumerate(("north", "east", "down")):
+        if wander[axis] > WHOLE * usual[axis]:
+            raise InputError(
+                f"{key} = {wander[axis]:g} m {name}: allowed is up to position_sigma, {usual[axis]:.3g} m, the "
+                "whole error of a fix: with a white part w, position_sigma is sqrt(wander_sigma_m^2 + w^2)"
+            )
 
 
 SLOW_SHARE = 0.95

@@ -15,7 +15,7 @@ from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared
 from insenv.base.toml import NotNegative, Number, Vector3, key, validated
 from insenv.core.tables import Array
-from insenv.logs.build import LEFT_OUT, overlaps, place_of, recorded_log, span_of
+from insenv.logs.build import LEFT_OUT, check_wander, overlaps, place_of, recorded_log, span_of
 from insenv.logs.columns import before, window_words
 from insenv.logs.description import AnyLog, Grade, LogDescription, Sigma3
 from insenv.logs.files import read_bytes
@@ -75,6 +75,10 @@ _LONGEST = declared(
 _NO_RESTART = declared("restart-missing", "{what}: {name} lacks a restart of the clock that the inertial unit has: not used")
 
 
+SLOW = ("fix_wander_sigma", "fix_common_sigma")
+"""Parameter rows of estimators that gnss_wander_sigma_m goes before."""
+
+
 class FlightDescription(AnyLog):
     """A flight log and additional information about it."""
 
@@ -99,7 +103,7 @@ class FlightDescription(AnyLog):
     )
     position_sigma_m: Sigma3 | None = key(None, "standard deviations N, E, D of the fixes, instead of those in the log", "m")
     gnss_wander_sigma_m: NotNegative | None = key(
-        None, "the part of them that changes slowly, as wander_sigma_m of other logs", "m"
+        None, "the part of them that changes slowly, with a correlation time of 60 s", "m"
     )
     velocity_sigma_mps: Sigma3 | None = key(None, "standard deviations N, E, D of their velocities, likewise", "m/s")
     undulation_m: Number | None = key(
@@ -154,6 +158,8 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
     description = _placed(flight, description, gnss, notes)
     unit = None if description.grade else unit_rows(flight.parameters)
     tuned = settings(flight.parameters)
+    if description.gnss_wander_sigma_m is not None:  # goes before what the log says that its estimators were told
+        tuned = {id: {name: row for name, row in rows.items() if name not in SLOW} for id, rows in tuned.items()}
     if unit is not None:
         notes.append(_SIMULATED_UNIT)
     if tuned:
@@ -258,6 +264,7 @@ def _gnss(fixes: FixSeries, description: FlightDescription, undulation: float | 
             notes.append(_SEA_LEVEL.filled(name=fixes.name))
         height = height + (undulation or 0.0)
     position_sigma = _sigma(fixes.position_sigma, fixes, description.position_sigma_m, POSITION_SIGMA, "position", notes)
+    check_wander("gnss_wander_sigma_m", description.gnss_wander_sigma_m, position_sigma)
     velocity_sigma = None
     if fixes.velocity_n is None:
         notes.append(_NO_VELOCITY.filled(name=fixes.name))

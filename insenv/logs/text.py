@@ -18,7 +18,7 @@ from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import instruments
 from insenv.logs.assemble import LogReader, checked_position, ned_velocity
-from insenv.logs.build import LEFT_OUT, overlaps, recorded_log, span_of
+from insenv.logs.build import LEFT_OUT, check_wander, overlaps, recorded_log, span_of
 from insenv.logs.declared_units import check_units
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription
 from insenv.logs.files import Faults
@@ -236,27 +236,9 @@ def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
     motion = faults.attempt(lambda: _motion(section, table))
     delivery = faults.attempt(lambda: reader.validity(section, table, time, FIX_INPUTS["gnss_age"].upper))
     faults.check()
-    _check_wander(section, position_sigma)
+    check_wander("gnss.wander_sigma_m", section.wander_sigma_m, position_sigma)
     assert place is not None and position_sigma is not None and motion is not None and delivery is not None
     return GnssFixes(delivery[0], place[0], wrap(place[1]), height, position_sigma, *motion, *delivery[1:])
-
-
-WHOLE = 1.001
-"""Ratio of a part to the whole that rounding explains."""
-
-
-def _check_wander(section: GnssSection, position_sigma: Array | None) -> None:
-    """Raise `InputError` for a slow part of an error (m, 3) that is larger than the whole."""
-    if position_sigma is None or section.wander_sigma_m is None:
-        return
-    usual = np.median(position_sigma, axis=0)
-    wander = np.broadcast_to(section.wander_sigma_m, 3)
-    for axis, name in enumerate(("north", "east", "down")):
-        if wander[axis] > WHOLE * usual[axis]:
-            raise InputError(
-                f"gnss.wander_sigma_m = {wander[axis]:g} m {name}: allowed is up to position_sigma, {usual[axis]:.3g} m, the "
-                "whole error of a fix: with a white part w, position_sigma is sqrt(wander_sigma_m^2 + w^2)"
-            )
 
 
 def _motion(section: GnssSection, table: TextTable) -> tuple[Array | None, Array | None]:

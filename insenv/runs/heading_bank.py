@@ -155,7 +155,8 @@ def heading_of(
             raise InputError(
                 "heading at the start: no instrument measures it, and the vehicle does not move, or no heading fits its fixes "
                 "within the grade of the unit and their sigmas; give [initial] heading_deg, or heading_sigma_deg = 180 for an "
-                "estimator of large misalignment (aqe-sukf), or use --start reference"
+                "estimator that finds it (aqe-sukf in motion, fusion in place with gyros that find north), or use --start "
+                "reference"
             )
         return _shown(answer, shown)
     heading = stated["heading"]

@@ -137,8 +137,8 @@ def standstill_missed(log: RecordedLog, follower: Follower, times: Array) -> dic
 
 @remark(
     "fixes-common-error",
-    "nothing says how much of the error of the fixes changes slowly: the stated sigma of the position contains {sigma} m "
-    "(N, E, D) that they may have in common; wander_sigma_m in [gnss] (gnss_wander_sigma_m for a flight log) says how much",
+    "nothing says which part of the error of the fixes changes slowly: the stated sigma of the position contains {sigma} m "
+    "(N, E, D), an error that all fixes may share; wander_sigma_m in [gnss] (gnss_wander_sigma_m for a flight log) states it",
 )
 def common_error(log: RecordedLog) -> dict[str, Any] | None:
     """The fixes are taken to have a part of their errors in common, because nothing states their slow error."""

@@ -228,7 +228,9 @@ def prepared(
             refused.append(_REFUSED.filled(id=family.id, why=f"it {why.removeprefix(name)}" if why.startswith(name) else why))
     if not taken:
         raise InputError("\n".join(refused))
-    parameter_rows = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for _, e, _ in taken}
+    parameter_rows = {
+        e.id: _whole_unit(e, _slow_error_once({**e.tuned(tunings), **chosen_settings[e.id]})) for _, e, _ in taken
+    }
     asked, chosen, starts = (list(part) for part in zip(*taken, strict=True))
     notes = (*differing, *refused)
     return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, parameter_rows, notes, whole, lost)
@@ -280,6 +282,11 @@ def _whole_unit(estimator: Estimator, rows: dict[str, Any]) -> dict[str, Any]:
     if _takes_sensors(estimator, rows):
         return rows
     return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **rows}
+
+
+def _slow_error_once(rows: dict[str, Any]) -> dict[str, Any]:
+    """Parameters that state the slow error of the fixes: beside it the fixes have none in common, unless it is stated too."""
+    return {COMMON.name: np.zeros(3), **rows} if "fix_wander_sigma" in rows else rows
 
 
 def _moved_to_imu(track: Track, log: RecordedLog, outputs: Mapping[str, Array]) -> Track:

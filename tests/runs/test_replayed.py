@@ -57,7 +57,7 @@ def test_a_position_states_no_less_than_what_its_fixes_may_have_in_common(tmp_pa
         np.testing.assert_allclose(stated.outputs["position_sigma"], expected, rtol=1e-14)
         assert not any(note.code == "fixes-slow-errors" for note in stated.notes)
         before, after = (result.outages.each[0].sigma for result in (each, stated))
-        assert np.all(after < before)  # a withheld fix has that error, too
+        np.testing.assert_allclose(after, before, rtol=1e-6)  # a withheld fix has that error, too: it counts once
 
 
 def test_a_tuning_compares_fixes_with_what_the_filter_itself_predicts(tmp_path):
