@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from insenv.base.errors import InputError
 from insenv.core.tables import Row, Table
 from insenv.sensors import units
 from insenv.sensors.figures import Figure
@@ -68,6 +69,10 @@ def _omitted(figure: Figure) -> float:
     return float(UNITS[figure.unit].convert.back(row.start)) if row.lower > 0.0 else 0.0
 
 
+LEAST_TIME_S = 10.0
+"""Shortest correlation time of scale factors: they are advanced every second."""
+
+
 class _ImuGrade:
     name: str
     title: str
@@ -88,7 +93,15 @@ class _ImuGrade:
         return self.sources.get(figure, self.sources.get("", ""))
 
     def parameters(self) -> dict[str, Any]:
-        """Values in SI by name of the sensor's parameter row, for `Table.pack`."""
+        """Values in SI by name of the sensor's parameter row, for `Table.pack`.
+
+        Raises `InputError` for scale factors that drift faster than they are advanced.
+        """
+        for name in (f"{triad}_scale_factor_time_s" for triad in ("gyro", "accel")):
+            if 0.0 < (time := float(getattr(self, name))) < LEAST_TIME_S:
+                raise InputError(
+                    f"{name} = {time:g} s: allowed is 0, for scale factors that are constant, or from {LEAST_TIME_S:g} s"
+                )
         rows: dict[str, Any] = {}
         for name, figure in FIGURES.items():
             value = figure.to_si(getattr(self, name))
