@@ -80,6 +80,20 @@ def test_the_plain_log_is_described_as_its_own_description_says(tmp_path, writte
     assert made.keys["vehicle_kind"] == "car" and tomllib.loads(made.text)["imu"] == made.keys["imu"]
 
 
+@pytest.mark.parametrize("names", [("breite", "laenge", "hoehe"), ("lat_deg", "lon_deg", "hoehe")])
+def test_names_in_words_that_are_not_known_say_no_less_than_none(tmp_path, names):
+    samples, fixes = as_csv(tmp_path)
+    header, rows = fixes.read_text("utf-8").split("\n", 1)
+    for old, new in zip(("lat_deg", "lon_deg", "height_m"), names, strict=True):
+        header = header.replace(old, new)
+    (tmp_path / "fixes.csv").write_text(f"{header}\n{rows}", encoding="utf-8")
+    made = describe([samples, tmp_path / "fixes.csv"], folder=tmp_path)
+    assert tuple(made.keys["gnss"][name] for name in ("latitude", "longitude", "height")) == names
+    assert made.keys["gnss"]["position_unit"] == "deg" and made.keys["imu"]["axes"] == "RFU"
+    (found,) = (each for each in made.findings if each.key == "gnss.height")
+    assert found.confidence == "assumed"
+
+
 @pytest.mark.slow
 def test_a_flight_log_gets_what_it_does_not_say(tmp_path):
     """A ROS bag of the plain log, whose axes are known: kind of vehicle and delay, in the form of flight logs."""

@@ -129,6 +129,15 @@ def _interval(table: LogTable, column: int) -> float:
     return max(float(np.median(np.diff(seconds[new + 1]))) if len(new) > 1 else 1.0, 1e-3)
 
 
+def _says_nothing(table: LogTable, column: int) -> bool:
+    """Whether the name of a column says nothing of a quantity: it has none, or one in words that are not known here."""
+    if table.numbered(column):
+        return True
+    known = (_LATITUDE, _LONGITUDE, _HEIGHT, _RATE, _SIGMA, _SPEED_SIGMA, _UP, _DOWN, *_COMPONENT.values())
+    of_triads = {each for triad in named_triads(table, ()) for each in triad}
+    return column not in of_triads and not any(each.search(table.spoken(column)) for each in known)
+
+
 def positions(table: LogTable) -> list[tuple[int, int, str]]:
     """What may be latitude and longitude: their columns and unit, those that names state first."""
     columns = [c for c in range(table.values.shape[1]) if c != table.time and not _SIGMA.search(table.spoken(c))]
@@ -136,7 +145,7 @@ def positions(table: LogTable) -> list[tuple[int, int, str]]:
     longitude = [c for c in columns if _LONGITUDE.search(table.spoken(c))]
     pairs = [(a, b) for a in latitude for b in longitude if a != b]
     if not pairs:
-        angles = [c for c in columns if table.numbered(c) and angle_units(table, c)]
+        angles = [c for c in columns if _says_nothing(table, c) and angle_units(table, c)]
         pairs = [(a, b) for a in angles for b in angles if abs(a - b) == 1]
     candidates = []
     for a, b in pairs:
@@ -211,7 +220,7 @@ def _height(table: LogTable, columns: Sequence[int], beside: int) -> int:
         for c in columns
         if _HEIGHT.search(table.spoken(c)) and not _SIGMA.search(table.spoken(c)) and not _RATE.search(table.spoken(c))
     ]
-    heights = heights or [c for c in (beside,) if c in columns and table.numbered(c)]
+    heights = heights or [c for c in (beside,) if c in columns and _says_nothing(table, c)]
     if not heights:
         raise UnclearError(f"{table.file}: no column is the height; a description needs one (docs/logs.md)")
     return next((c for c in heights if _ELLIPSOID.search(table.spoken(c))), heights[0])
@@ -220,7 +229,7 @@ def _height(table: LogTable, columns: Sequence[int], beside: int) -> int:
 def _height_findings(table: LogTable, column: int, usual: float) -> tuple[Finding, ...]:
     """On the column of the height, which is `usual` (m), and on what it is above."""
     said = f"column {table.label(column)}, {usual:.5g} m in the median"
-    finding = Finding("gnss.height", table.refs[column], said, "assumed" if table.numbered(column) else "named")
+    finding = Finding("gnss.height", table.refs[column], said, "assumed" if _says_nothing(table, column) else "named")
     if _ELLIPSOID.search(table.spoken(column)):
         return (finding,)
     above = "its name says above the sea" if _SEA.search(table.spoken(column)) else "above the ellipsoid or the sea"
