@@ -25,8 +25,8 @@ def simulated_log(
     time, gnss = np.cumsum(log.dt), log.gnss
     if gnss is not None:  # stamped with their time of validity
         gnss = replace(gnss, time=time[np.searchsorted(log.imu_time, gnss.arrival)] - gnss.age, arrival=None, age=None)
+    description = LogDescription.model_validate({"title": "simulated", "imu": {**IMU, "grade": grade}, **sections})
     return replace(
-        log, imu_time=time, temperature=None, gnss=gnss, reference=replace(log.reference, time=time),
-        description=LogDescription.model_validate({"title": "simulated", "imu": {**IMU, "grade": grade}, **sections}),
-        unit=None, settings={}, instruments=(), stated_errors={},
+        log, imu_time=time, temperature=None, gnss=gnss, reference=replace(log.reference, time=time), description=description,
+        unit=None, settings={}, instruments=(), stated_errors=description.gnss.stated_errors() if description.gnss else {},
     )  # fmt: skip
