@@ -170,7 +170,8 @@ def _differences(
         for term in (LEVER_ARM, DELAY)
     )
     shared = np.square(stated.get(COMMON.name, 0.0))  # in both sigmas, once in the difference at most
-    variance = estimated("position_sigma", np.nan, 3) ** 2 - shared + fixes.position_sigma[rows] ** 2
+    own = np.maximum(estimated("position_sigma", np.nan, 3) ** 2 - shared, 0.0)
+    variance = own + fixes.position_sigma[rows] ** 2
     variance = variance + np.einsum("kij,kj->ki", C_nb**2, arm_sigma**2) + (velocity * delay_sigma) ** 2
     if "attitude_sigma" in outputs:
         north, east, down = (between(outputs["attitude_sigma"]) ** 2).T

@@ -114,7 +114,7 @@ def replay(
         notes.append(log.assumed.remark)
     if any(_takes_sensors(e, parameter_rows[e.id]) and (e.navigates or e.motion == "moving") for e in chosen):
         notes += noise_in_motion(log)
-    if any("fix_common_sigma" in e.model.parameters and "fix_common_sigma" not in parameter_rows[e.id] for e in chosen):
+    if any(COMMON.name in e.model.parameters and COMMON.name not in parameter_rows[e.id] for e in chosen):
         notes += common_error(log)
     notes += of_reference
     if log.gaps.count:

@@ -30,6 +30,7 @@ from insenv.runs.follower import Follower, diverged
 from insenv.runs.second_pass import LARGEST, NOT_REACHED, PASSES, astray, told_start
 from insenv.runs.smoothing_record import Record, Samples
 from insenv.scenario.inputs import input_rows
+from insenv.sensors.gnss import COMMON
 
 BLOCK = 2000  # samples filtered at a time: 7 MB
 
@@ -91,7 +92,7 @@ class Smoother:
             outputs = smoother_outputs(self.smoothing, *self.error_states())
             better = self._better_start(outputs)
         self.apart = 0.0 if better is None else _angle(better[0])
-        common = self.forward.model.parameters.unpack(self.forward.p).get("fix_common_sigma", 0.0)
+        common = self.forward.model.parameters.unpack(self.forward.p).get(COMMON.name, 0.0)
         return {**outputs, "position_sigma": np.hypot(outputs["position_sigma"], common)}
 
     def _better_start(self, outputs: Mapping[str, Array]) -> tuple[Array, Array] | None:

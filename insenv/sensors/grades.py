@@ -20,6 +20,12 @@ from insenv.sensors.units import UNITS
 
 Numbers = float | tuple[float, float, float]
 
+LEAST_TIME_S = 10.0
+"""Shortest correlation time of scale factors: they are advanced every second."""
+DRAWN_FOR = (
+    f"{{}} scale factor and misalignment, correlation time of the drawn parts; 0: constant, otherwise from {LEAST_TIME_S:g} s"
+)
+
 FIGURES: Mapping[str, Figure] = {
     "gyro_bias_deg_h": Figure("gyro_bias", "deg/h", vector=True),
     "gyro_bias_sigma_deg_h": Figure("gyro_bias_sigma", "deg/h"),
@@ -30,7 +36,7 @@ FIGURES: Mapping[str, Figure] = {
     "gyro_rrw_deg_h_sqrt_h": Figure("gyro_rate_random_walk", "deg/h/sqrt(h)"),
     "gyro_flicker_deg_h": Figure("gyro_flicker", "deg/h"),
     "gyro_scale_factor_sigma_ppm": Figure("gyro_scale_factor_sigma", "ppm"),
-    "gyro_scale_factor_time_s": Figure("gyro_scale_factor_time", "s"),
+    "gyro_scale_factor_time_s": Figure("gyro_scale_factor_time", "s", meaning=DRAWN_FOR.format("Gyro")),
     "gyro_misalignment_sigma_urad": Figure("gyro_misalignment_sigma", "urad"),
     "gyro_g_sensitivity_deg_h_g": Figure("gyro_g_sensitivity", "deg/h/g"),
     "gyro_temperature_slope_deg_h_k": Figure("gyro_temperature_slope", "deg/h/K"),
@@ -49,7 +55,7 @@ FIGURES: Mapping[str, Figure] = {
     "accel_rrw_ug_sqrt_h": Figure("accel_rate_random_walk", "ug/sqrt(h)"),
     "accel_flicker_ug": Figure("accel_flicker", "ug"),
     "accel_scale_factor_sigma_ppm": Figure("accel_scale_factor_sigma", "ppm"),
-    "accel_scale_factor_time_s": Figure("accel_scale_factor_time", "s"),
+    "accel_scale_factor_time_s": Figure("accel_scale_factor_time", "s", meaning=DRAWN_FOR.format("Accelerometer")),
     "accel_misalignment_sigma_urad": Figure("accel_misalignment_sigma", "urad"),
     "accel_temperature_slope_ug_k": Figure("accel_temperature_slope", "ug/K"),
     "accel_scale_factor_slope_ppm_k": Figure("accel_scale_factor_slope", "ppm/K"),
@@ -67,10 +73,6 @@ def _omitted(figure: Figure) -> float:
     """Value of a figure that a grade omits: no error, and the start value of a time or a range."""
     row = IMU_PARAMETERS[figure.row]
     return float(UNITS[figure.unit].convert.back(row.start)) if row.lower > 0.0 else 0.0
-
-
-LEAST_TIME_S = 10.0
-"""Shortest correlation time of scale factors: they are advanced every second."""
 
 
 class _ImuGrade:

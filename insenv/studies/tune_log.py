@@ -31,6 +31,7 @@ from insenv.evaluation.nis import NOTABLE
 from insenv.logs import RecordedLog
 from insenv.runs.replayed import Prepared, prepared, replay
 from insenv.scenario.inputs import input_rows
+from insenv.sensors.gnss import COMMON
 from insenv.studies.campaign.running import cores
 from insenv.studies.campaign.statistics import Estimate, student
 from insenv.studies.tune_result import Channel, Tuning
@@ -43,8 +44,8 @@ UNSETTLED = 0.1
 LEAST_FIXES = 40
 BLOCKS = 10
 """Blocks of the second half whose means are taken as independent."""
-SLOW, COMMON = "fix_wander_sigma", "fix_common_sigma"
-"""Sigmas of the slow part of the error of a fix, and of that in common with others, which innovations do not show."""
+SLOW = "fix_wander_sigma"
+"""Sigma of the slow part of the error of a fix, which innovations do not show."""
 NEEDED = ("innovation", "position_sigma", "velocity_sigma")
 
 
@@ -67,8 +68,8 @@ class Fixes:
         table, outputs = estimator.model.parameters, estimator.model.outputs
         start = self.ready.starts[0].knowledge
         rows = np.tile(table.pack(estimator.parameters(start, rows=self.ready.parameter_rows[estimator.id])), (n, 1))
-        if COMMON in table:  # what fixes have in common with the estimate is not between them
-            rows[:, table.slice(COMMON)] = 0.0
+        if COMMON.name in table:  # what fixes have in common with the estimate is not between them
+            rows[:, table.slice(COMMON.name)] = 0.0
         for k, parameter in enumerate(self.parameters):
             for row, each in enumerate(factors):
                 rows[row, table.slice(parameter.row.name)] = parameter.value(each[k])

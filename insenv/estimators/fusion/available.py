@@ -83,7 +83,7 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
     return _composed(id, title or made, every, used)
 
 
-def drifting(filter: Composition, names: Collection[str]) -> Composition:
+def with_correlation_times(filter: Composition, names: Collection[str]) -> Composition:
     """The same filter with a correlation time of these of its states (`error_state.DRIFTING`)."""
     times = {known: error_state.DRIFTING[known.name] for known in error_state.STATES if known.name in names}
     if not times.keys() & set(filter.states):

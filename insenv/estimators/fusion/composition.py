@@ -8,6 +8,7 @@ increment enters them through the derivative of that correction, summed up in w 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -351,11 +352,10 @@ class Composition:
         shown, P_shown = self._shown(x, P)
         C_nw = strapdown.C_nw(shown.q_ew)
 
+        widened = math.prod(aid.widened(p, x) for aid in self.aids if aid.widened is not None)
+
         def sigma(part: slice, more: Any = 0.0, common: Any = 0.0) -> Any:
-            stated = ca.sqrt(ca.diag(C_nw @ (P_shown[part, part] + more) @ C_nw.T) + common)
-            for aid in self.aids:
-                stated = stated if aid.widened is None else aid.widened(p, x) * stated
-            return stated
+            return widened * ca.sqrt(ca.diag(C_nw @ (P_shown[part, part] + more) @ C_nw.T) + common)
 
         common = p.fix_common_sigma**2 if "fix_common_sigma" in self.parameters else 0.0
 

@@ -18,7 +18,7 @@ from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import azimuth, history, moored, unknown_start
 from insenv.estimators.fusion.aid import Aid
-from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, drifting, states_by_aid
+from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, states_by_aid, with_correlation_times
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import DRIFTING, ErrorState
 from insenv.estimators.fusion.gnss import WANDER
@@ -193,7 +193,7 @@ def _check_mooring(filter: Composition, smoother: bool) -> None:
 
 def _suited(make: Callable[..., Estimator], filter: Composition, known: Knowledge, drive: Drive) -> Estimator:
     """The estimator that `make` makes of a filter for a drive, with the correlation times of its unit."""
-    filter = drifting(filter, [name for name, state in DRIFTING.items() if _is_stated(known.rows, state.time)])
+    filter = with_correlation_times(filter, [name for name, state in DRIFTING.items() if _is_stated(known.rows, state.time)])
     way = unknown_start.way_of(filter, known, drive)
     made = make(filter, _uncounted(filter, known, drive), way)
     if IN_PLACE in [aid.id for aid in filter.aids] and not drive.traits.turns_in_place:
@@ -377,7 +377,7 @@ def _family(make: Callable[..., Estimator], smoother: bool) -> Estimator:
     general = make(composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle"))
 
     def settable() -> Table:
-        return drifting(composition(ID, all_states(), all_aids()), DRIFTING).parameters
+        return with_correlation_times(composition(ID, all_states(), all_aids()), DRIFTING).parameters
 
     def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
         filter = _composed(known, drive, choices, smoother)
