@@ -41,6 +41,11 @@ class Readings:
     arrival: Array | None = None
     age: Array | None = None
 
+    def at(self, which: np.ndarray) -> Readings:
+        """Those of the measurements that `which` (m,), booleans, selects."""
+        arrival, age = (None if each is None else each[which] for each in (self.arrival, self.age))
+        return replace(self, time=self.time[which], values=self.values[which], arrival=arrival, age=age)
+
     def columns(self) -> dict[str, Array]:
         """The values by row, (m, ...)."""
         table, columns, begin = registry.instruments()[self.id].measurement, {}, 0

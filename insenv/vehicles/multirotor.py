@@ -50,7 +50,6 @@ MULTIROTOR_TRAITS = VehicleTraits(
     mavlink_type=2,  # MAV_TYPE_QUADROTOR
     shape="multirotor",
     floats=True,
-    hovers=True,
     sticks=(
         StickCommand("forward", "FORWARD", "Forward speed", ("x",), 5.0, 50.0, "m/s"),
         StickCommand("right", "RIGHT", "Speed to the right", ("y",), 5.0, 50.0, "m/s"),

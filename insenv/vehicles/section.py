@@ -78,7 +78,6 @@ class VehicleTraits:
     actions: how an agent steers it; None: no agent does.
     floats: whether it never stands still, so that no estimator looks for rest.
     parks: whether it stands still where it stays in place.
-    hovers: whether its turns and accelerations are too small to show a scale factor or a misalignment.
     wheels: whether it rolls without moving sideways.
     turns_in_place: whether it turns the unit about a fixed point, as a turntable does.
     shape: how a page draws it: "car", "ship", "aircraft" or "multirotor"; empty: as a plain body.
@@ -90,7 +89,6 @@ class VehicleTraits:
     actions: Actions | None = None
     floats: bool = False
     parks: bool = False
-    hovers: bool = False
     wheels: bool = False
     turns_in_place: bool = False
     shape: str = ""

@@ -39,3 +39,11 @@ def test_samples_get_the_last_reading_of_their_time_in_si_and_body_axes(fitted):
         assert np.flatnonzero(columns[f"{id}_new"]).tolist() == [26, 49], id
         np.testing.assert_allclose(columns[f"{id}_age"][[26, 49]], [0.005, 0.0], atol=1e-9, err_msg=id)
     assert "heading_baseline_n" not in columns
+
+
+def test_a_log_whose_magnetometer_is_silent_has_none_and_says_so(fitted):
+    lines = [f"{time},0,0,0" for time in (10.53, 11.0, 12.5)]
+    fitted.write("magnetometer.csv", "\n".join(["t,v0,v1,v2", *lines]) + "\n")
+    log = fitted.load()
+    assert "magnetometer" not in [each.id for each in log.instruments]
+    assert "3 of 3 readings of the magnetic field are exactly 0" in " ".join(log.notes)

@@ -98,16 +98,14 @@ def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
         "gyro": COHERENT_ANGLE / max(sheet.angle_random_walk * sqrt(MINUTE), 1e-12),
         "accel": COHERENT_SPEED / max(sheet.velocity_random_walk * sqrt(MINUTE), 1e-12),
     }
-    names: list[str] = []
-    for triad, effect in manoeuvre.items():
-        if drive.in_place or drive.traits.hovers:  # no manoeuvre shows them
-            continue
-        names += [
-            f"{triad}_{error}"
-            for error in ("scale", "misalignment")
-            if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
-        ]
-    return names
+    if drive.in_place:  # no manoeuvre shows them
+        return []
+    return [
+        f"{triad}_{error}"
+        for triad, effect in manoeuvre.items()
+        for error in ("scale", "misalignment")
+        if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
+    ]
 
 
 def _is_stated(rows: dict[str, Any], sigma: str) -> bool:
