@@ -125,6 +125,8 @@ def test_factors_and_windows_are_drawn_for_each_episode():
     part = (240.0 - SOONEST_S) / PARTS
     assert np.array_equal((begin[some] - SOONEST_S) // part, np.broadcast_to(np.arange(PARTS), some.shape)[some])
     assert np.all(p["fault_end"] <= SOONEST_S + part * np.arange(1, PARTS + 1) + 1e-9)
+    place = ((begin - SOONEST_S - part * np.arange(PARTS)) / (part - length))[some]  # a window is anywhere in its part
+    assert place.min() < 0.01 and place.max() > 0.99 and abs(place.mean() - 0.5) < 4.0 / np.sqrt(12 * place.size)
     for kind, (shortest, longest) in enumerate(LENGTH_S):
         lengths = length[:, kind][some[:, kind]]
         assert shortest <= lengths.min() < shortest + 1.0 and longest - 1.0 < lengths.max() <= longest, FAULTS[kind]

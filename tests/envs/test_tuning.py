@@ -106,9 +106,11 @@ def test_the_reward_counts_nine_components_and_consistency():
             assert reward == pytest.approx(-(measure + 0.7 * consistency) * samples / 800.0) and not terminated
             assert info["limit"].shape == (9,) and (info["error_rms"] > 0).all()
             found[samples].append(info)
-    each = [info["error"] for info in found[200]]
-    assert found[200][0]["error_rms"] == pytest.approx(np.abs(each[0]), rel=1e-9)
+    each, nees = ([info[name] for info in found[200]] for name in ("error", "nees"))
+    for info, error in zip(found[200], each, strict=True):  # a decision counts its own evaluations alone
+        assert info["error_rms"] == pytest.approx(np.abs(error), rel=1e-9)
     assert found[400][0]["error_rms"] == pytest.approx(np.sqrt(np.mean(np.square(each), axis=0)), rel=1e-6)
+    assert found[400][0]["nees"] == pytest.approx(np.mean(nees), rel=1e-6)
 
 
 def test_the_start_is_consistent_with_its_reported_sigmas():

@@ -63,6 +63,19 @@ def test_one_run_is_near_its_limit_and_states_its_error(id):
         assert abs(result.errors[channel][-1]) < 3.5 * min(sigma, 3.0 * limit), channel
 
 
+@pytest.mark.parametrize("id", [id for id in registered() if "fix_common_sigma" in get(id).model.parameters])
+def test_what_all_fixes_have_in_common_is_part_of_the_stated_position(id):
+    """A filter of fixes does not estimate it: it adds to what the filter states, and to nothing else."""
+    model, common = get(id).model, np.array([3.0, 4.0, 12.0])
+    known = {"start_latitude": 0.7, "tilt_sigma": 0.01, "heading_sigma": 0.1, "position_sigma": 2.0, "velocity_sigma": 0.3}
+    known = {name: value for name, value in known.items() if name in model.parameters}
+    told = (known, {**known, "fix_common_sigma": common})
+    alone, both = (make_runner(model, parameters, "interpreter").outputs() for parameters in told)
+    np.testing.assert_allclose(both["position_sigma"] ** 2 - alone["position_sigma"] ** 2, common**2, rtol=1e-9)
+    for name in ("velocity_sigma", "attitude_sigma"):
+        np.testing.assert_array_equal(both[name], alone[name])
+
+
 @pytest.mark.parametrize("id", ["smoother", pytest.param("fusion-smoother", marks=pytest.mark.slow)])
 def test_a_smoother_is_surer_than_its_filter_and_states_its_error(id):
     filter, smoothed = results("car-city-drive", [SMOOTHERS[id], id], 50.0)

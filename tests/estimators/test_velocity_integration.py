@@ -172,6 +172,19 @@ def test_the_memory_balances_fixes_and_gyros():
     assert velocity_integration.memory_time(1.0, 0.0) == velocity_integration.SHORTEST
 
 
+@pytest.mark.parametrize("latitude", [-1.2, 0.3, 1.2])
+def test_an_unmeasured_way_turns_north_and_the_vertical_by_what_is_stated(latitude):
+    """A way east of 20 km, a minute after the last measurement: against the axes n at both of its ends."""
+    way = np.array([0.0, 20e3, 0.0])
+    known = {"latitude": latitude, "time": 63.0, "epoch": 0.0, "count": 1.0, "velocity_n": way / 60.0}
+    found = number(BY_FIXES.place_sigma(constants(BY_FIXES.model.state, **known)))
+    there = geodesy.numeric.geodetic_from_ned_offset(way, latitude, 0.0, 0.0)
+    before, after = (geodesy.numeric.C_en(*np.ravel(place)[:2]) for place in ((latitude, 0.0), there))
+    turn = Rotation.from_matrix(before.T @ after).as_rotvec()
+    assert np.abs(found[[0, 2]]) == pytest.approx(np.abs(turn[[0, 2]]), rel=0.01)
+    assert found[1] == pytest.approx(abs(found[0]))  # the direction of an error is not known
+
+
 def test_a_straight_line_shows_no_heading_and_a_run_without_fixes_no_attitude():
     result = run("car-unknown-heading", ID, seed=3, duration_s=28.0).results[0]
     assert result.sigma["heading_deg"].min() > 90.0 and result.sigma["roll_deg"][-1] < 0.2

@@ -16,7 +16,7 @@ from insenv import estimators, run
 from insenv.base.errors import InputError
 from insenv.core.tables import Table
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
-from insenv.evaluation.health import BLOCKS, course, health
+from insenv.evaluation.health import BLOCKS, counted_less, course, health
 from insenv.runs.ensemble import ensemble
 
 GNSS = {"file": "none", "time": 0, "latitude": 1, "longitude": 2, "height": 3, "position_unit": "rad", "wander_sigma_m": 1.5}
@@ -262,6 +262,14 @@ def test_a_wrong_barometer_and_a_wrong_odometer_of_a_log_are_named(tmp_path, mon
     assert found["health"]["aids"]["odometer"]["verdict"] == found["health"]["verdict"] == "diverged"
     assert found["health"]["aids"]["barometer"]["refused"] == 0
     assert any("above the fixes at the start" in note for note in report["notes"])
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+@pytest.mark.parametrize(("worst", "said"), [(2.0, True), (1.21, True), (1.19, False)])
+def test_the_component_that_is_worst_against_a_fix_is_named(order, worst, said):
+    """Not the one with the largest sigma: down is often twice as uncertain, of estimate and fix."""
+    stated, fix = np.array([1.5 * worst, 1.0, 5.0])[[*order]], np.array([1.5, 1.0, 5.0])[[*order]]
+    assert counted_less(stated, fix) == {"said": said, "stated": 1.5 * worst, "fix": 1.5}
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from insenv.evaluation.limits import Limit, Prior, bound, ratio, ratio_bounds
 from insenv.evaluation.limits.bound import limit_of
 from insenv.evaluation.limits.recursion import Layout, recursion
 from insenv.evaluation.limits.states import Mooring, entering, mooring_of, receiver_of, unit_of
-from insenv.evaluation.limits.steps import DR, DV, PSI, _summed, earth_axes, fixes_of, integrals, step_ends, steps_along
+from insenv.evaluation.limits.steps import DR, DV, PSI, _summed, earth_axes, fixes_of, integrals, local, step_ends, steps_along
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, limits, load
 from insenv.scenario.limits import prior_of
@@ -74,6 +74,25 @@ def test_a_heading_that_exceeds_what_the_axes_cause_is_not_judged(pitch_deg, unj
     heading = 0.02 * np.tan(np.radians(pitch_deg))
     limit = Limit(np.zeros(1), np.array([[level, 0.0, 0.0]]), {"heading_deg": np.array([heading])})
     assert limit.unjudged == unjudged
+
+
+@pytest.mark.parametrize("latitude", [-1.3, 0.0, 0.8])
+def test_an_error_of_position_turns_the_axes_of_the_estimate(latitude):
+    """The misalignment and velocity error that an error of position alone makes, against the axes n at both places."""
+    velocity, height, nothing = np.array([20.0, -10.0, 3.0]), 500.0, np.zeros((1, 3, 3))
+    C = geodesy.numeric.C_en(latitude, 0.4)
+    step = SimpleNamespace(
+        time=np.zeros(1), latitude=np.array([latitude]), height=np.array([height]), velocity_n=velocity[None], C_ns=nothing
+    )
+    W = local(step, C[None])[0]
+    for offset in np.diag([100.0, 100.0, 100.0]):
+        there = np.ravel(geodesy.numeric.geodetic_from_ned_offset(offset, latitude, 0.4, height))
+        other = geodesy.numeric.C_en(*there[:2])
+        turn = Rotation.from_matrix(other.T @ C).as_rotvec()  # what is C in e is turned by that in the axes of the estimate
+        found = W @ np.concatenate([np.zeros(6), C @ offset])
+        assert found[PSI] == pytest.approx(turn, abs=2e-9)
+        assert found[DV] == pytest.approx((other.T - C.T) @ C @ velocity, abs=1e-7)
+        assert found[DR] == pytest.approx(offset)
 
 
 NINE = ("roll_deg", "pitch_deg", "heading_deg", *VELOCITY, *POSITION)

@@ -19,6 +19,7 @@ from insenv.fmu.description import start_dependencies
 from insenv.fmu.exporter import FOLDER
 from insenv.fmu.reading import element_names
 from insenv.fmu.subject import subject
+from insenv.fmu.variables import UNITS
 from insenv.scenario import names
 
 EXTRA = {"time", "sample_interval", "parameters.step_is_one_increment", "sample_number"}  # not rows of the tables
@@ -114,6 +115,19 @@ def test_elements_and_units(bare):
     deg, ug = 180 / np.pi, 1e6 / 9.80665
     wanted = {"deg": deg, "deg/h": deg * 3600, "ug": ug, "deg/sqrt(h)": deg * 60, "ug/sqrt(Hz)": ug}
     assert {name: shown[name] for name in wanted} == pytest.approx(wanted, rel=1e-15)
+
+
+SIZES = {"deg": np.pi / 180, "h": 3600.0, "g": 9.80665, "ug": 9.80665e-6, "nT": 1e-9, "km": 1e3, "degC": 1.0, "sqrt": np.sqrt}
+SIZES |= dict.fromkeys(("rad", "m", "s", "K", "Hz"), 1.0)
+"""In SI."""
+
+
+@pytest.mark.parametrize("unit", [unit for unit in UNITS.values() if unit.displays], ids=lambda unit: unit.name)
+def test_a_display_unit_has_the_size_that_its_name_says(unit):
+    for display in unit.displays:
+        size = eval(display.name.replace("^", "**"), SIZES.copy())
+        assert display.factor == pytest.approx(1.0 / size, rel=1e-14), display.name
+        assert display.offset == (-273.15 if display.name == "degC" else 0.0)
 
 
 @pytest.mark.parametrize("id", QUICK)

@@ -202,6 +202,14 @@ def test_steps_of_another_length_are_refused(slave, fmi):
     assert plant.now == pytest.approx(0.05, abs=1e-15)
 
 
+@both
+def test_a_long_sample_at_the_start_is_none_too_many(slave, fmi):
+    """The first of a log may be longer than the step by up to three steps in all; from then on dt adds up to their time."""
+    rows, one = rows_for(ALIGNMENT, 40), slave(ALIGNMENT, fmi)
+    rows[:3, one.model.inputs.slice("dt")] = 0.0095
+    np.testing.assert_array_equal(one.run(rows), expected(one, rows))
+
+
 ONCE, BETWEEN, ADDS_UP = "samples count more than once", "The inputs lie between two samples", "dt adds up to"
 IMPORTED = {  # samples a row, offset of the rows (samples), held or interpolated, a further column by row: what is refused
     "100 Hz": (2, 0, False, "", ONCE),

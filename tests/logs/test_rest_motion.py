@@ -50,6 +50,12 @@ def test_the_time_at_rest_is_found(push, velocity, tmp_path):
     assert load(path).description.initial.static_until_s == pytest.approx(30.0, abs=1.01)
 
 
+def test_a_start_that_only_positions_show_ends_the_rest_before_it(tmp_path):
+    """0.05 m/s^2 from 30 s on: the unit does not tell it from a bias, and the fixes show it when it has gone 4 m."""
+    found = load(drive(tmp_path, 30.0, 0.05, velocity=False)).description.initial.static_until_s
+    assert 25.0 < found <= 33.0
+
+
 @pytest.mark.parametrize(("speed", "velocity"), [(1.0, True), (1.0, False), (20.0, True)])
 def test_a_smooth_ride_is_no_rest(speed, velocity, tmp_path):
     log = load(drive(tmp_path, 60.0, 0.0, speed=speed, velocity=velocity))

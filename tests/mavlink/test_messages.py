@@ -129,6 +129,11 @@ def test_truth_and_time_are_sent(driven):
     assert abs(message.lat - float(truth["latitude"]) * DEG_E7) <= 0.5 and message.time_usec == 50_000_000
     known = [*truth["velocity_n"] * 100, *truth["true_delta_velocity"] / dt / 9.80665 * 1e3]
     np.testing.assert_allclose(values(message, "vx vy vz xacc yacc zacc"), known, rtol=0, atol=0.5)
+    # the dynamic pressure is that of the indicated airspeed in air of sea level; ISA
+    speed, density = np.linalg.norm(truth["velocity_n"]), (1 - 0.0065 * float(truth["height"]) / 288.15) ** 4.2559
+    assert speed > 5.0 and density < 0.97
+    known = [speed * 100, speed * np.sqrt(density) * 100]
+    np.testing.assert_allclose(values(message, "true_airspeed ind_airspeed"), known, rtol=1e-4, atol=1.0)
     message = read(driven, "SYSTEM_TIME")
     assert (message.time_unix_usec, message.time_boot_ms) == (1_800_000_050_000_000, 50_000)
     message, known = read(driven, "HOME_POSITION"), driven.simulation.plant.knowledge

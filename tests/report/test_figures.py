@@ -107,3 +107,18 @@ def test_figure_files_are_the_same_every_time(tmp_path):
 def test_angles_are_not_joined_where_they_wrap():
     shown = style.unwrapped(np.array([170.0, 179.0, -179.0, -170.0]))
     assert np.isnan(shown[2]) and np.isfinite(shown[[0, 1, 3]]).all()
+
+
+def test_the_band_of_a_long_run_shows_the_largest_stated_sigma():
+    """Of 6000 records, of which every hundredth states five times as much: three sigma, as all of them are drawn."""
+    time = np.linspace(0.01, 60.0, 6000)
+    sigma = np.where(np.arange(6000) % 100 == 0, 0.05, 0.01)
+    values = {"time": time, "errors": {"vn_mps": np.zeros(6000)}, "sigma": {"vn_mps": sigma}, "limit": {},
+              "outputs": {"velocity_n": np.zeros((6000, 3))}, "from_s": 0.0}  # fmt: skip
+    figure = draw(report(result(channels=("vn_mps",), **values), truth=Track(time, velocity_n=np.zeros((6000, 3)))))
+    bands = [area.get_paths()[0].vertices for axes in figure.axes for area in axes.collections if "3 sigma" in area.get_label()]
+    (edge,) = (vertices[vertices[:, 1] > 0.0] for vertices in bands)
+    assert 300 < len(edge) < 1300  # not every record
+    for at in time[::100]:
+        assert edge[np.abs(edge[:, 0] - at) < 0.2, 1].max() == pytest.approx(0.15)
+    assert edge[:, 1].min() == pytest.approx(0.03)

@@ -1,5 +1,7 @@
 """What a rest says of the heading and the bias of the gyros."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from standing_car import car_log
@@ -32,6 +34,17 @@ def test_the_rest_tells_the_heading_of_good_gyros_and_the_bias_of_poor_ones(head
     assert found.heading == pytest.approx(heading, abs=1e-3) and found.heading_sigma == pytest.approx(np.radians(1.0), rel=1e-2)
     np.testing.assert_allclose(found.gyro_bias, bias, atol=np.radians(0.3) / 3600)
     assert found.rest_share == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("age", "correlation"), [(0.0, 3600.0), (600.0, 3600.0), (600.0, 1e9)])
+def test_a_bias_drifts_during_and_after_the_rest(age, correlation):
+    """A Gauss-Markov bias b, seen as its mean over T: it differs from that at the start by 2 b^2 / tau (T / 3 + age)."""
+    b = np.radians(100.0) / 3600
+    unit = ImuDataSheet(1e-9, 1e-4, b, 1e-2, correlation, 1e9)
+    seen = replace(rest(1.0, np.zeros(3)), age=age)
+    found = start_at_rest(seen, (0.02, -0.05), LATITUDE, 1.0, 1e-5, unit, 1e-9)
+    drifted = 2 * b**2 / correlation * (seen.duration / 3 + age) + seen.rate_sigma**2
+    assert found.gyro_bias_error == pytest.approx(np.sqrt(drifted * b**2 / (b**2 + drifted)), rel=1e-3)
 
 
 @pytest.mark.parametrize("id", ["loosely-coupled", "aqe-ekf"])

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pymap3d
+import pytest
 from driven import columns_of
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
@@ -142,6 +143,11 @@ def test_drawn_lever_arm_and_delay() -> None:
     told = made.knowledge.rows
     np.testing.assert_allclose(told["antenna_lever_arm_sigma"], [0.1, 0.2, 0.3])
     assert told["gnss_delay_sigma"] == 0.05
+    known = car(latency_s=0.4, lever_arm_error_m=[0.3, 0.0, -0.4], lever_arm_sigma_m=[0.4, 0.2, 0.3], delay_error_s=-0.12,
+                delay_sigma_s=0.05)  # fmt: skip
+    told = build(known).knowledge.rows  # a filter is told of both parts
+    np.testing.assert_allclose(told["antenna_lever_arm_sigma"], [0.5, 0.2, 0.5])
+    assert told["gnss_delay_sigma"] == pytest.approx(0.13)
 
 
 def test_no_fix_is_from_the_future_and_one_is_pending() -> None:

@@ -1,10 +1,16 @@
 """The heading of two antennas: azimuth of the baseline, its stated scatter, the check of its length."""
 
 import math
+from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
+import pytest
 from scipy.stats import binom
 from sensor_plant import CHANCE, assert_gauss_markov, assert_variance, attitudes, simulate
+
+from insenv.estimators.fusion.instruments import states_of
+from insenv.sensors import registry
 
 
 def test_it_shows_the_baseline_and_its_azimuth() -> None:
@@ -43,3 +49,14 @@ def test_length_check_drops_wrong_ambiguities() -> None:
     share = (min(high, 1.0) - max(low, -1.0)) / 2
     assert binom.ppf(CHANCE / 2, n, share) <= kept <= binom.ppf(1 - CHANCE / 2, n, share)
     assert simulate(100, {**rows, "heading_length_tolerance": 0.0}, of="heading")["heading_new"].all()
+
+
+@pytest.mark.parametrize("length", [0.5, 1.0, 3.0])
+def test_a_filter_starts_with_the_azimuth_error_that_the_error_of_the_baseline_makes(length: float) -> None:
+    """Draws of the error of a level baseline, which is told as one standard deviation of each axis."""
+    sigma, baseline = 0.01 * length, length * np.array([0.6, -0.8, 0.0])
+    off = baseline + np.random.default_rng(1).normal(size=(20_000, 3)) * sigma
+    scatter = np.std(np.arctan2(off[:, 1], off[:, 0]))
+    (state,) = states_of(registry.instruments()["heading"])
+    told = SimpleNamespace(heading_baseline_sigma=sigma, heading_baseline_b=ca.DM(baseline))
+    assert float(state.start_sigma(told)) == pytest.approx(scatter, rel=0.02)

@@ -145,6 +145,22 @@ def test_a_sensor_of_another_package_is_part_of_the_method(monkeypatch):
     assert found.rms(found.none)[found.channels.index("north_m")] > 0.1
 
 
+def test_heading_errors_on_both_sides_of_180_deg_are_near_each_other(small, monkeypatch):
+    """A whole turn in the error with all sources, or with one of them, is none in what is made of differences."""
+    real = budget_module._errors
+
+    def turned(case, progress):
+        found, heading = real(case, progress), case.measured.channels.index("heading_deg")
+        found[0, 0, :, heading] += 360.0
+        found[1, 2, :, heading] -= 360.0
+        return found
+
+    monkeypatch.setattr(budget_module, "_errors", turned)
+    found = insenv.budget(changed("ship-swaying", rate_hz=20.0), "q-method", 4, duration_s=2.0)
+    assert found.alone == pytest.approx(small.alone, rel=1e-6, abs=1e-9)
+    assert found.interaction == pytest.approx(small.interaction, rel=1e-6, abs=1e-9)
+
+
 def test_runs_that_diverge_are_left_out_and_said(small, monkeypatch):
     real = budget_module._errors
 

@@ -16,7 +16,7 @@ from insenv import geodesy
 from insenv.logs import load
 from insenv.logs.units import axes_matrix
 from insenv.studies.describe import UnclearError, describe, fixes
-from insenv.studies.describe.agreement import Track
+from insenv.studies.describe.agreement import Track, Windows, pairs_of
 from insenv.studies.describe.inertial import gyro_units, kind_of_name
 from insenv.studies.describe.sources import text_table
 from insenv.studies.describe.tables import FIX_RATES, IMU_RATES, with_time
@@ -273,6 +273,16 @@ def test_the_command_writes_runs_and_does_not_overwrite(tmp_path):
     log.write_text(log.read_text("utf-8") + "# mine\n", encoding="utf-8")
     status, _, err = call("describe", *files, "-o", log, "--no-run")
     assert status == 2 and "not overwritten" in err and log.read_text("utf-8").endswith("# mine\n")
+
+
+@pytest.mark.parametrize(("interval", "count"), [(0.1, 10), (0.2, 5), (1.0, 1)])
+def test_the_mean_of_several_positions_is_spread_in_time_as_they_are(interval, count):
+    """Blur: the length of the even mean with the variance in time of that of `count` positions."""
+    t = interval * np.arange(round(60.0 / interval))
+    windows = Windows(np.zeros(1), 0.05, np.zeros((1, 1200, 3)), np.zeros((1, 1200, 3)))
+    found = pairs_of(windows, Track(t, 0.7 + 1e-6 * t, 0.2 + 0.0 * t, 9.0 + 0.0 * t))
+    assert (found.blur * windows.step) ** 2 / 12 == pytest.approx(np.var(t[:count]), abs=1e-12)
+    assert found.width * windows.step == pytest.approx(0.5)  # of a velocity over one second
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.143, -0.087])

@@ -34,3 +34,13 @@ def test_it_leans_out_of_a_turn_and_noses_up_when_accelerating() -> None:
     rows = history("car", {"segments": car_route([{"accelerate_to_mps": 12}, {"turn_deg": 180, "duration_s": 15}])}, 3400)
     assert rows["suspension_pitch"][300] > 0.005  # 1.5 s into the acceleration
     assert rows["suspension_roll"][-800:].min() < -0.01 and rows["curvature"].max() > 0.01
+
+
+@pytest.mark.parametrize("stop_s", [3.0, 10.0])
+def test_it_stands_as_long_as_its_leg_says(stop_s: float) -> None:
+    """The time counts from standing still, not from the brake; the last 2 mm/s of the speed loop fade meanwhile."""
+    legs = [{"accelerate_to_mps": 12.0, "acceleration_mps2": 3.0}, {"stop_s": stop_s}, {"accelerate_to_mps": 5.0}]
+    speed = history("car", {"segments": car_route(legs), "sample_interval": 0.01}, 6000)["speed"]
+    fastest = int(np.argmax(speed))
+    stands = np.flatnonzero(speed[fastest : fastest + 2000] < 0.05)
+    assert len(stands) * 0.01 == pytest.approx(stop_s, abs=1.0)

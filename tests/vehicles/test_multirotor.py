@@ -25,3 +25,12 @@ def test_it_flies_turns_and_climbs_as_its_legs_say() -> None:
     np.testing.assert_allclose(left, [3.0, 0.0, 0.0], atol=2e-3)  # of east
     assert rows["height"][-1] == pytest.approx(120.0, abs=0.01)
     np.testing.assert_allclose(stopped, 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("leg", [{"forward_mps": 6.0}, {"right_mps": 6.0}, {"right_mps": -6.0}])
+def test_in_a_turn_it_leans_by_as_much_as_the_turn_takes(leg: dict[str, float]) -> None:
+    """Whatever the direction of flight, the thrust makes the centripetal acceleration: the unit feels drag alone, none here."""
+    legs = [{"fly_s": 15, **leg}, {"turn_deg": 90, "duration_s": 12}]
+    segments = SCRIPT.table(flight([MultirotorLeg(**each) for each in legs]))
+    rows = history("multirotor", {"sample_interval": 0.02, "drag": 0.0, "segments": segments}, 1200)
+    np.testing.assert_allclose(rows["true_delta_velocity"][1100, :2] / 0.02, 0.0, atol=0.05)

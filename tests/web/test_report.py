@@ -127,6 +127,21 @@ def test_the_vehicle_is_drawn_in_its_attitude_before_the_horizon(tmp_path):
         assert distance > 0 and height == pytest.approx(horizon, abs=1e-3) and 0 < horizon < 100
 
 
+def test_the_dial_shows_three_stated_sigma_about_each_heading(tmp_path):
+    """Sectors as angles on the canvas, which count from east on: none of an estimate that states no sigma."""
+    code = """const arcs = [];
+    const context = new Proxy({}, { get: (_, name) => (...values) => name === "arc" && arcs.push(values), set: () => true });
+    Node.prototype.getContext = () => context;
+    globalThis.devicePixelRatio = 1;
+    module_dial.headingDial().draw(30, given);
+    return arcs.map(([, , , from, to]) => [from, to].map((angle) => (angle * 180) / Math.PI));"""
+    needles = [(0, 100.0, 5.0), (1, -20.0, 70.0), (2, 40.0, None)]
+    given = [dict(zip(("group", "heading", "sigma"), needle, strict=True)) for needle in needles]
+    face, *sectors = panel_answers("dial.js", code, given, tmp_path)
+    assert face == [0.0, 360.0]
+    np.testing.assert_allclose(sectors, [[100 - 15 - 90, 100 + 15 - 90], [-20 - 180 - 90, -20 + 180 - 90]], atol=1e-9)
+
+
 def test_the_place_under_the_pointer_is_told_north_up_and_a_drag_takes_it_along(tmp_path):
     """A track of 230 m by 180 m fills a map of 300 by 240 pixels but for margins of 35 and 30: a pixel is a metre."""
     code = """const scene = { lines: [{ group: -1, east: [0, 230, 50], north: [-80, 100, 0] }], refused: [], places: [0, 3] };

@@ -64,7 +64,10 @@ def test_a_jump_of_the_fixes_is_followed_after_three_and_said(velocities):
     assert any("refused fixes agreed with each other" in note for note in result.notes)
 
 
-@pytest.mark.parametrize(("grown_m", "measured", "agreed"), [(30.0, 1, 3.0), (0.0, 1, 1.0), (20.0, 1, 1.0), (0.0, 0, 3.0)])
+@pytest.mark.parametrize(("grown_m", "measured", "agreed"), [
+    (30.0, 1, 3.0), (0.0, 1, 1.0), (20.0, 1, 1.0), (0.0, 0, 3.0),
+    (24.1, 1, 3.0), (35.9, 1, 3.0), (23.9, 1, 1.0), (36.1, 1, 1.0),  # +-3 sqrt(2 + 2^2 / 2) m: the noise of the four
+])  # fmt: skip
 def test_refused_fixes_agree_if_the_position_grows_by_the_mean_velocity(grown_m, measured, agreed):
     """Velocity 10 m/s wrong, then 20, two seconds apart; the first time that two agree nothing starts anew.
 

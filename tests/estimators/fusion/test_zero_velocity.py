@@ -100,6 +100,23 @@ def test_a_change_of_velocity_is_explained_by_errors_of_level_and_accelerometers
         assert bool(number(found)) == rest, share
 
 
+@pytest.mark.parametrize(("sigma", "speed", "rest"), [
+    (0.69, 0.0, True), (0.71, 0.0, False),  # UNCERTAIN: 0.7 m/s
+    (0.5, 1.48, True), (0.5, 1.52, False),  # GATE: three standard deviations
+])  # fmt: skip
+@pytest.mark.parametrize("axis", range(3))
+def test_rest_needs_a_velocity_that_is_known_and_near_zero(axis, sigma, speed, rest):
+    """A quiet window of a filter whose velocity along one axis is known to `sigma`, m/s, and estimated as `speed`."""
+    states, velocity = np.zeros(15), np.zeros(3)
+    states[3:6], states[3 + axis], velocity[axis] = 0.02, sigma, speed
+    x = {
+        "still_samples": 100, "still_time": 1.0, "still_velocity": [0.0, 0.0, -9.8], "still_velocity_square": 9.8**2 / 100,
+        "velocity_w": velocity, "covariance": symmetric.triangle_of_diagonal(states**2),
+    }  # fmt: skip
+    found = zero_velocity.detected(constants(MODEL.parameters, standing_sigma=1e-3), constants(MODEL.state, **x), None)
+    assert bool(number(found["standing_now"])) == rest
+
+
 @pytest.mark.slow
 def test_a_filter_that_does_not_know_its_speed_takes_no_ride_for_rest():
     """A poor unit in an outage of 60 s, where zero is within three sigma of any speed: it once ended 1.8 km wrong."""

@@ -51,7 +51,19 @@ def test_each_notation_means_the_same(folder, form):
     folder.error("rover.pos: no line '% GPST")
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_less_than_a_degree_has_its_sign(folder, sign):
+    """In degrees, minutes and seconds the sign stands before a 0."""
+    names, place = "latitude(d'\") longitude(d'\") height(m)", (sign * 0.0, 30, 36, sign * 0.0, 6, 18, 100.0)
+    folder.write("rover.pos", "\n".join(lines("UTC", "2025/07/08 19:34:0", 0.5, "neu", names, place, NEU)))
+    folder.fixes_in("rover.pos", 10.5 - UNIX)
+    fixes = folder.load().gnss
+    np.testing.assert_allclose(np.degrees([fixes.latitude[0], fixes.longitude[0]]), [sign * 0.51, sign * 0.105], atol=1e-9)
+
+
 def test_gps_time_is_ahead_by_the_leap_seconds():
     unix = np.array([1483228799.0, 1483228800.0, 362793600.0, 2e9])  # around 2017-01-01, at 1981-07-01
     np.testing.assert_array_equal(gps_of_unix(unix) - unix + 315964800, [17, 18, 1, 18])
     np.testing.assert_array_equal(unix_of_gps(gps_of_unix(unix)), unix)
+    leap = np.array([1483228800.0 - 315964800 + 17.5])  # 23:59:60.5, to POSIX the same time as half a second after midnight
+    np.testing.assert_array_equal(unix_of_gps(leap), [1483228800.5])

@@ -83,6 +83,24 @@ def test_accuracies_are_those_of_gps_raw_int(tmp_path):
     assert found.velocity_sigma[4].tolist() == [100.0] * 3  # the receiver had no velocity then
 
 
+def test_the_heading_of_gps_raw_int(tmp_path):
+    """In 0.01 deg: 36000 is north, 0 a receiver without a heading, 65535 one that has none now; accuracy in 1e-5 deg."""
+    mavlink, path = dialect(), tmp_path / "flight.tlog"
+    packer, yaws = mavlink.MAVLink(None, srcSystem=1, srcComponent=1), (0, 65535, 36000, 1, 9000, 27000)
+    with TlogWriter(path) as log:
+        for i in range(1, 601):
+            messages = [mavlink.MAVLink_hil_sensor_message(i * 10_000, 0.0, 0.0, -9.8, *[0.0] * 10, 0b111111, 0)]
+            if i % 100 == 0:
+                fix = (470000000, 150000000, 400000, 90, 150, 0, 0, 9, 445000, 1000, 2000, 300, 50_000)
+                messages += [mavlink.MAVLink_gps_raw_int_message(i * 10_000, 3, *fix, yaws[i // 100 - 1])]
+            for message in messages:
+                log.write(1_700_000_000_000_000 + i * 10_000, message.pack(packer))
+    (found,) = (each for each in load(path).instruments if each.id == "heading")
+    np.testing.assert_allclose(found.time, [3.0, 4.0, 5.0, 6.0], atol=1e-6)
+    np.testing.assert_allclose(np.degrees(found.values[:, 0]), [0.0, 0.01, 90.0, -90.0], atol=1e-9)
+    np.testing.assert_allclose(np.degrees(found.values[:, 1]), 0.5)
+
+
 def test_messages_that_are_missing(tmp_path):
     imu = {"HIL_SENSOR", "HIGHRES_IMU"}
     none = telemetry(drive(), tmp_path / "none.tlog", lambda message: message.get_type() in imu)

@@ -8,6 +8,7 @@ from places import ROOT
 
 import insenv
 from insenv.base.errors import InputError
+from insenv.logs.formats import nmea
 from insenv.report import OutputFolder, write_files
 
 PLAIN = ROOT / "examples" / "logs"
@@ -94,6 +95,14 @@ def test_nmea_over_midnight(tmp_path):
     path.write_text("\n".join(lines), encoding="ascii")
     with pytest.raises(InputError, match=r"line 11: .*checksum"):
         scenario(path)
+
+
+def test_nmea_counts_every_midnight():
+    """Five days: the sentences have the time of the day alone."""
+    time = np.arange(0.0, 5 * 86400.0, 7 * 3600.0)
+    lines = "\n".join(gga(at, 0.8, 0.2, 100.0) for at in time)
+    (track,) = nmea.read("t.nmea", lines.encode())
+    np.testing.assert_allclose(track.time - track.time[0], time)
 
 
 KML = (
