@@ -11,6 +11,7 @@ import casadi as ca
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import rows
 from insenv.estimators.parts.error_model import bias_sigma
+from insenv.sensors.imu_tables import COUPLINGS
 
 LARGEST = 1e12
 
@@ -108,12 +109,8 @@ def _with(row: Row, rows: Table | None) -> Table:
 # there.  Groves (2013), section 4.4.
 
 
-COUPLINGS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
-"""Row and column of the couplings xy, xz, yx, yz, zx, zy."""
-
-
 def coupled(matrix: Any, vector: Any) -> Any:
-    """M times a vector; matrix: the six couplings."""
+    """M times a vector; matrix: the six `COUPLINGS`."""
     sums = [ca.SX(0)] * 3
     for value, (row, column) in zip(ca.vertsplit(matrix), COUPLINGS, strict=True):
         sums[row] = sums[row] + value * vector[column]
