@@ -17,6 +17,12 @@ from insenv.sensors.imu_tables import FLICKER_SIGMA, FLICKER_TIMES
 _power = np.float_power  # the C library's, as of Python's floats; that of NumPy's ** may differ in the last bit
 
 
+PROPORTIONAL = {triad: (f"{triad}_scale", f"{triad}_misalignment") for triad in ("gyro", "accel")}
+"""By triad, its errors in proportion to its own increments: states of a filter, whose fields below are ``NAME_sigma``."""
+MOTION_ERRORS = {"gyro": "rotation_error", "accel": "thrust_error"}
+"""By triad, the name of those errors together in `Knowledge` and among the parameters of estimators."""
+
+
 @dataclass(frozen=True)
 class ImuDataSheet:
     """Data sheet of the inertial unit, SI: the numbers that estimators are tuned by.
@@ -127,10 +133,9 @@ def _course(rows: Mapping[str, Any], count: int) -> tuple[Vector, Vector, Vector
 
 
 def motion_errors(sheets: Mapping[str, Any]) -> dict[str, Any]:
-    """Scale factor and misalignment together, 1 sigma, by field of `Knowledge`; sheets: fields of `ImuDataSheet` by name."""
+    """The `MOTION_ERRORS`, 1 sigma; sheets: fields of `ImuDataSheet` by name."""
     return {
-        name: np.hypot(sheets[f"{triad}_scale_sigma"], sheets[f"{triad}_misalignment_sigma"])
-        for name, triad in (("rotation_error", "gyro"), ("thrust_error", "accel"))
+        name: np.hypot(*(sheets[f"{error}_sigma"] for error in PROPORTIONAL[triad])) for triad, name in MOTION_ERRORS.items()
     }
 
 

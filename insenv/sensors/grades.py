@@ -15,7 +15,7 @@ from insenv.base.errors import InputError
 from insenv.core.tables import Row, Table
 from insenv.sensors import units
 from insenv.sensors.figures import Figure
-from insenv.sensors.imu_tables import IMU_PARAMETERS
+from insenv.sensors.imu_tables import ACCEL, GYRO, IMU_PARAMETERS
 from insenv.sensors.units import UNITS
 
 Numbers = float | tuple[float, float, float]
@@ -63,9 +63,16 @@ FIGURES: Mapping[str, Figure] = {
     "accel_range_g": Figure("accel_range", "g"),
 }
 """The figures of an inertial unit, which are keys of a section [imu] and of a grade file."""
+
+
+def keys_of(row: str) -> tuple[str, ...]:
+    """The figures that state a parameter row, the usual one first."""
+    return tuple(name for name, figure in FIGURES.items() if figure.row == row)
+
+
 WHITE = ("gyro_white_deg_h", "accel_white_ug")
 """Figures of white noise that belong to a sample rate."""
-WAYS = (("gyro_arw_deg_sqrt_h", "gyro_white_deg_h"), ("accel_vrw_ug_sqrt_hz", "accel_vrw_m_s_sqrt_h", "accel_white_ug"))
+WAYS = (keys_of(GYRO.white), keys_of(ACCEL.white))
 """Figures that describe the same noise: at most one of each group may be given."""
 
 

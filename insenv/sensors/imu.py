@@ -41,7 +41,7 @@ from insenv.core.tables import Array, Row, Table
 from insenv.sensors.contract import HUGE, ErrorSource, Sensor, SensorSection
 from insenv.sensors.grade_file import GradeValue, grade_of
 from insenv.sensors.grades import FIGURES, WAYS, WHITE
-from insenv.sensors.imu_tables import ACCEL, FLICKER_PARTS, GYRO, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
+from insenv.sensors.imu_tables import ACCEL, COUPLINGS, FLICKER_PARTS, GYRO, IMU_PARAMETERS, IMU_STATE, Triad, advanced_flicker
 
 SAMPLE_UNIFORMS = 7
 DRIFT_UNIFORMS = 12 + 6 * FLICKER_PARTS + 18
@@ -101,12 +101,11 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
 
 
 def _matrix(diagonal: Any, coupling: Any) -> Any:
-    """The matrix (3x3) with this diagonal (3) and the couplings xy, xz, yx, yz, zx, zy."""
-    return ca.vertcat(
-        ca.horzcat(diagonal[0], coupling[0], coupling[1]),
-        ca.horzcat(coupling[2], diagonal[1], coupling[3]),
-        ca.horzcat(coupling[4], coupling[5], diagonal[2]),
-    )
+    """The matrix (3x3) with this diagonal (3) and these `COUPLINGS` (6)."""
+    matrix = ca.diag(diagonal)
+    for number, place in enumerate(COUPLINGS):
+        matrix[place] = coupling[number]
+    return matrix
 
 
 def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
@@ -268,7 +267,7 @@ IMU = Sensor(
 
 
 def true_unit_errors(state: Mapping[str, Any], parameters: Mapping[str, Any]) -> dict[str, Array]:
-    """The errors of a unit in body axes, SI: biases, scale factors and g-sensitivity (3), couplings xy, xz, yx, yz, zx, zy (6).
+    """The errors of a unit in body axes, SI: biases, scale factors and g-sensitivity (3), `COUPLINGS` (6).
 
     state: that of a plant, by row name.  parameters: its parameters.  With y measured and x true, x = (I - S - M) (y - b dt):
     I - S - M is the inverse of the matrix of `insenv.sensors.imu`.  The g-sensitivity is that of each gyro along its own axis.
@@ -281,7 +280,7 @@ def true_unit_errors(state: Mapping[str, Any], parameters: Mapping[str, Any]) ->
         left = np.eye(3) - np.linalg.inv(measured)
         errors[f"{triad}_bias"] = np.array(state[f"{triad}_bias_true"])
         errors[f"{triad}_scale"] = np.diag(left).copy()
-        errors[f"{triad}_misalignment"] = left[~np.eye(3, dtype=bool)]
+        errors[f"{triad}_misalignment"] = np.array([left[place] for place in COUPLINGS])
     errors["gyro_g_sensitivity"] = np.diag(state["C_bs"] @ state["gyro_g_matrix"]).copy()
     return errors
 

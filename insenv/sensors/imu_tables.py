@@ -48,6 +48,10 @@ def advanced_flicker(parts: Any, floor: Any, h: Any, normals: Any, first: Any) -
     return ca.horzcat(*columns)
 
 
+COUPLINGS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+"""Row and column of the axis couplings xy, xz, yx, yz, zx, zy, the order of the elements of a misalignment."""
+
+
 @dataclass(frozen=True)
 class Triad:
     """Three orthogonal sensors of one kind, with the units of what they measure.

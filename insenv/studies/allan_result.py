@@ -19,9 +19,9 @@ from insenv.report import panels
 from insenv.report.document import Block, Document, Line, Page, Sentences, Table, page_of
 from insenv.report.notebook import Shown
 from insenv.report.panels import Section
-from insenv.sensors import units
 from insenv.sensors.grade_file import SUFFIX, read_grade, toml_text
-from insenv.sensors.grades import ImuGrade
+from insenv.sensors.grades import FIGURES, WAYS, ImuGrade, keys_of
+from insenv.sensors.imu_tables import ACCEL, GYRO, Triad
 from insenv.studies.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Curve, Figure, Terms
 from insenv.studies.rest import Part
 
@@ -50,26 +50,24 @@ _MEANINGS = {
     "count": "count: quantization",
 }
 
-_ARW, _VRW = float(units.deg_sqrt_h_to_rad_sqrt_s(1.0)), float(units.ug_sqrt_hz_to_m_s_sqrt_s(1.0))
-_DEG_H, _UG = float(units.deg_h_to_rad_s(1.0)), float(units.ug_to_m_s2(1.0))
-SCALES: Mapping[str, Mapping[str, tuple[str, float]]] = {
-    "gyro": {
-        WHITE: ("gyro_arw_deg_sqrt_h", _ARW),
-        QUANTIZATION: ("gyro_quantum_arcsec", float(units.arcsec_to_rad(1.0)) / 12**0.5),
-        FLICKER: ("gyro_flicker_deg_h", _DEG_H),
-        WALK: ("gyro_rrw_deg_h_sqrt_h", float(units.deg_h_sqrt_h_to_rad_s_sqrt_s(1.0))),
-        MARKOV: ("gyro_instability_deg_h", _DEG_H),
-        TIME: ("gyro_instability_time_s", 1.0),
-    },
-    "accel": {
-        WHITE: ("accel_vrw_ug_sqrt_hz", _VRW),
-        QUANTIZATION: ("accel_quantum_m_s", 1.0 / 12**0.5),
-        FLICKER: ("accel_flicker_ug", _UG),
-        WALK: ("accel_rrw_ug_sqrt_h", float(units.ug_sqrt_h_to_m_s2_sqrt_s(1.0))),
-        MARKOV: ("accel_instability_ug", _UG),
-        TIME: ("accel_instability_time_s", 1.0),
-    },
+_SLOW = {
+    FLICKER: ("flicker", "flicker"),
+    WALK: ("walk", "rate_random_walk"),
+    MARKOV: ("bias", "instability_sigma"),
+    TIME: ("time", "instability_time"),
+    QUANTIZATION: ("count", "quantum"),
 }
+"""Of each term but the white noise the name in the table, and the parameter row after the name of the triad."""
+
+
+def _scales(triad: Triad) -> dict[str, tuple[str, float]]:
+    rows = {WHITE: triad.white, **{term: f"{triad.name}_{row}" for term, (_, row) in _SLOW.items()}}
+    keys = {term: keys_of(row)[0] for term, row in rows.items()}
+    units = {term: float(FIGURES[key].to_si(1.0)) for term, key in keys.items()}
+    return {term: (key, units[term] / (12**0.5 if term == QUANTIZATION else 1.0)) for term, key in keys.items()}
+
+
+SCALES: Mapping[str, Mapping[str, tuple[str, float]]] = {triad.name: _scales(triad) for triad in (GYRO, ACCEL)}
 """Data-sheet figure of each term, and its unit in SI; the figure of quantization is the size of a count, sqrt(12) Q."""
 
 
@@ -92,20 +90,24 @@ class SensorNoise:
         """ "gyro" or "accel"."""
         return self.name.split()[0]
 
+    def key(self, term: str) -> str:
+        """Data-sheet key of a term."""
+        return SCALES[self.kind][term][0]
+
     @property
     def white_key(self) -> str:
         """Data-sheet key of the white noise."""
-        return SCALES[self.kind][WHITE][0]
+        return self.key(WHITE)
 
     @property
     def unit(self) -> str:
         """Unit of the deviation in tables, figures and documents."""
-        return "deg/h" if self.kind == "gyro" else "ug"
+        return FIGURES[self.key(FLICKER)].unit
 
     @property
     def scale(self) -> float:
         """That unit in SI."""
-        return _DEG_H if self.kind == "gyro" else _UG
+        return SCALES[self.kind][FLICKER][1]
 
     def figures(self) -> dict[str, Figure]:
         """The fitted figures by data-sheet key."""
@@ -164,8 +166,7 @@ class UnitNoise(Shown):
         trusted = [triad for triad in self.triads if not triad.distrust]
         measured = {key: each.value for triad in trusted for key, each in triad.figures().items()}
         noise = {key: 0.0 for triad in trusted for key, _ in SCALES[triad.kind].values() if not key.endswith("_time_s")}
-        also = {"gyro": ("gyro_white_deg_h",), "accel": ("accel_white_ug", "accel_vrw_m_s_sqrt_h")}
-        others = {key: 0.0 for triad in trusted for key in also[triad.kind]}
+        others = {key: 0.0 for triad in trusted for ways in WAYS if triad.white_key in ways for key in ways}
         unlimited = ImuGrade("", "")
         ranges = {name: getattr(unlimited, name) for name in ("gyro_range_deg_s", "accel_range_g")}
         times = {name: getattr(unlimited, name) for name in (f"{triad.kind}_instability_time_s" for triad in trusted)}
@@ -275,7 +276,7 @@ def _explained(rows: Sequence[SensorNoise]) -> Iterator[str]:
         yield "±: half the width of the 95 % bounds"
     if any(noise.terms is not None and noise.distrust for noise in rows):
         yield "not trusted: not the figures of the unit alone; a grade file has those of a coarse class instead"
-    shown = {name for noise in rows for name, key, _ in _slow_keys(noise.kind) if key in noise.figures()}
+    shown = {name for noise in rows for name, key, _ in _slow(noise) if key in noise.figures()}
     if shown:
         yield f"{'; '.join(text for name, text in _MEANINGS.items() if name in shown)}; in brackets: 95 % bounds"
     if any(noise.terms is not None and not (noise.terms.slow and WHITE in noise.terms.figures) for noise in rows):
@@ -289,10 +290,9 @@ def _cells(noise: SensorNoise) -> tuple[str, str, str]:
     if noise.terms is None:
         return "none", "none", "none"
     shown = _unbounded if noise.distrust else _bounded
-    slow = [f"{name} {shown(figures[key], unit)}" for name, key, unit in _slow_keys(noise.kind) if key in figures]
+    slow = [f"{name} {shown(figures[key], unit)}" for name, key, unit in _slow(noise) if key in figures]
     if not noise.terms.slow and not noise.distrust:
-        flicker = noise.upper()[f"{noise.kind}_flicker_{'deg_h' if noise.kind == 'gyro' else 'ug'}"]
-        slow.append(f"not seen: flicker below {_number(flicker)} {noise.unit}")
+        slow.append(f"not seen: flicker below {_number(noise.upper()[noise.key(FLICKER)])} {noise.unit}")
     return (_white(noise), "\n".join(slow), "" if floor is None or noise.distrust else _number(floor.value))
 
 
@@ -305,17 +305,10 @@ def _white(noise: SensorNoise) -> str:
     return text if figure is None else f"{text} ±{50.0 * (figure.high - figure.low) / figure.value:.1g} %"
 
 
-def _slow_keys(kind: str) -> tuple[tuple[str, str, str], ...]:
+def _slow(noise: SensorNoise) -> Iterator[tuple[str, str, str]]:
     """Name in the table, data-sheet key and unit of the terms but the white noise."""
-    unit, key = ("deg/h", "deg_h") if kind == "gyro" else ("ug", "ug")
-    count = ("count", "gyro_quantum_arcsec", "arcsec") if kind == "gyro" else ("count", "accel_quantum_m_s", "m/s")
-    return (
-        ("flicker", f"{kind}_flicker_{key}", unit),
-        ("walk", f"{kind}_rrw_{key}_sqrt_h", f"{unit}/sqrt(h)"),
-        ("bias", f"{kind}_instability_{key}", unit),
-        ("time", f"{kind}_instability_time_s", "s"),
-        count,
-    )
+    for term, (name, _) in _SLOW.items():
+        yield name, noise.key(term), FIGURES[noise.key(term)].unit
 
 
 def _bounded(figure: Figure, unit: str) -> str:

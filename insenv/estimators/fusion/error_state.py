@@ -11,6 +11,8 @@ import casadi as ca
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import rows
 from insenv.estimators.parts.error_model import bias_sigma
+from insenv.sensors.data_sheet import PROPORTIONAL
+from insenv.sensors.imu_tables import COUPLINGS
 
 LARGEST = 1e12
 
@@ -108,12 +110,8 @@ def _with(row: Row, rows: Table | None) -> Table:
 # there.  Groves (2013), section 4.4.
 
 
-COUPLINGS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
-"""Row and column of the couplings xy, xz, yx, yz, zx, zy."""
-
-
 def coupled(matrix: Any, vector: Any) -> Any:
-    """M times a vector; matrix: the six couplings."""
+    """M times a vector; matrix: the six `COUPLINGS`."""
     sums = [ca.SX(0)] * 3
     for value, (row, column) in zip(ca.vertsplit(matrix), COUPLINGS, strict=True):
         sums[row] = sums[row] + value * vector[column]
@@ -159,20 +157,13 @@ STATES = (
 )  # fmt: skip
 
 
-def _drifting(state: ErrorState, time: Row) -> ErrorState:
-    """The same error with a correlation time."""
-    return replace(state, time=time.name, rows=state.rows + Table((time,)))
+def _drifting(triad: str, what: str) -> dict[str, ErrorState]:
+    """The errors of a triad that are in proportion to its increments with a correlation time, by name."""
+    meaning = f"Correlation time of scale factor and misalignment of the {what}"
+    time = Row(f"{triad}_scale_time", meaning, "s", start=1e9, lower=1e-3, upper=LARGEST)
+    chosen = [state for state in STATES if state.name in PROPORTIONAL[triad]]
+    return {state.name: replace(state, time=time.name, rows=state.rows + Table((time,))) for state in chosen}
 
 
-_TIMES = {
-    triad: Row(f"{triad}_scale_time", f"Correlation time of scale factor and misalignment of the {what}", "s", (),
-               start=1e9, lower=1e-3, upper=LARGEST)
-    for triad, what in (("gyro", "gyros"), ("accel", "accelerometers"))
-}  # fmt: skip
-DRIFTING = {
-    state.name: _drifting(state, time)
-    for triad, time in _TIMES.items()
-    for state in STATES
-    if state.name in (f"{triad}_scale", f"{triad}_misalignment")
-}
+DRIFTING = {**_drifting("gyro", "gyros"), **_drifting("accel", "accelerometers")}
 """By name, the states whose errors are first-order Gauss-Markov processes where the unit has a correlation time of them."""

@@ -32,6 +32,7 @@ from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
 from insenv.estimators.velocity_integration.estimator import OLDEST
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 from insenv.geodesy import OMEGA_IE
+from insenv.sensors.data_sheet import MOTION_ERRORS, PROPORTIONAL
 
 # Which states and aids a filter has where nobody says: by the unit, the instruments and the vehicle.
 #
@@ -101,10 +102,10 @@ def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
     if drive.in_place:  # no manoeuvre shows them
         return []
     return [
-        f"{triad}_{error}"
+        name
         for triad, effect in manoeuvre.items()
-        for error in ("scale", "misalignment")
-        if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
+        for name in PROPORTIONAL[triad]
+        if getattr(sheet, f"{name}_sigma") * effect > WORTH
     ]
 
 
@@ -133,15 +134,13 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
             del rows[name]
     if mounting_unknown(known) and "non_holonomic_arm_sigma" in table:
         rows["non_holonomic_arm_sigma"] = UNKNOWN_ARM
-    bare = {"gyro": {"gyro_g_sensitivity"}, "accel": {"accel_scale", "accel_misalignment"}}
-    for triad, needed in bare.items():
+    for triad, needed in (("gyro", ("gyro_g_sensitivity",)), ("accel", PROPORTIONAL["accel"])):
         sigma = getattr(sheet, f"bare_{triad}_bias_sigma")
         if sigma > 0 and all(name in states or getattr(sheet, f"{name}_sigma") == 0 for name in needed):
             rows[f"{triad}_bias_sigma"] = sigma
             rows[f"{triad}_correlation_time"] = getattr(sheet, f"bare_{triad}_correlation_time")
-    for triad, row in (("gyro", "rotation_error"), ("accel", "thrust_error")):
-        named = (f"{triad}_scale", f"{triad}_misalignment")
-        estimated = hypot(*(getattr(sheet, f"{name}_sigma") for name in named if name in states))
+    for triad, row in MOTION_ERRORS.items():
+        estimated = hypot(*(getattr(sheet, f"{name}_sigma") for name in PROPORTIONAL[triad] if name in states))
         rows[row] = sqrt(max(getattr(known, row) ** 2 - estimated**2, 0.0))
     return rows
 

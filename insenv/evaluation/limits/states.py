@@ -24,14 +24,11 @@ from insenv.core.tables import Array
 from insenv.evaluation.limits.steps import DR, DV, NAVIGATION, PSI, REST_MPS, Steps, outages_of
 from insenv.sensors import registry
 from insenv.sensors.gnss import DELAY, LEVER_ARM, WANDER
-from insenv.sensors.imu_tables import FLICKER_PARTS, FLICKER_SIGMA, FLICKER_TIMES
+from insenv.sensors.imu_tables import COUPLINGS, FLICKER_PARTS, FLICKER_SIGMA, FLICKER_TIMES
 from insenv.sensors.instrument import Instrument, Term, errors_of
 
 LEAST_ANGLE_NOISE, LEAST_VELOCITY_NOISE = 1e-9, 1e-7
 """White noise of a unit without any, rad/s^0.5 and m/s^1.5, which keeps the recursion regular."""
-_OFF_DIAGONAL = (1, 2, 3, 5, 6, 7)
-"""Places of the axis couplings xy, xz, yx, yz, zx, zy in a 3 x 3 matrix by rows."""
-_TRIADS = (("gyro", 0), ("accel", 1))
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
 
     sources: list[Source | None] = []
     shortest = 0.5 * float(rows.get("drift_interval", 1.0))  # the plant interpolates between values this far apart, twice
-    for name, triad in _TRIADS:
+    for triad, name in enumerate(("gyro", "accel")):
         turn_on = row(f"{name}_bias", 3) ** 2 + row(f"{name}_bias_sigma", 3) ** 2
         sources.append(source("bias", triad, turn_on, walk=row(f"{name}_rate_random_walk", 3) ** 2))
         times = np.maximum(row(f"{name}_instability_time", 3), shortest)
@@ -84,17 +81,14 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
         ]
         sources.append(source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
         sources.append(source("thermal scale factor", triad, row(f"{name}_scale_factor_slope", 3) ** 2))
+        fixed, drawn = (
+            _matrix(row(f"{name}_scale_factor{part}", 3) ** 2, row(f"{name}_misalignment{part}", 6) ** 2)
+            for part in ("", "_sigma")
+        )
         time = float(rows.get(f"{name}_scale_factor_time", 0.0))
+        sources.append(source("matrix", triad, fixed if time > 0.0 else fixed + drawn))
         if time > 0.0:
-            drawn = _matrix(row(f"{name}_scale_factor_sigma", 3) ** 2, row(f"{name}_misalignment_sigma", 6) ** 2)
-            sources.append(
-                source("matrix", triad, _matrix(row(f"{name}_scale_factor", 3) ** 2, row(f"{name}_misalignment", 6) ** 2))
-            )
             sources.append(source("drifting matrix", triad, drawn, time=np.full(9, max(time, shortest))))
-        else:
-            of_scale = row(f"{name}_scale_factor", 3) ** 2 + row(f"{name}_scale_factor_sigma", 3) ** 2
-            of_axes = row(f"{name}_misalignment", 6) ** 2 + row(f"{name}_misalignment_sigma", 6) ** 2
-            sources.append(source("matrix", triad, _matrix(of_scale, of_axes)))
     sources.append(source("g-sensitivity", 0, row("gyro_g_sensitivity", 9) ** 2))
     sources.append(source("gravity", None, row("gravity_disturbance_n", 3) ** 2))
     sources.append(source("mounting", 2, row("mounting_error", 3) ** 2 + row("mounting_error_sigma", 3) ** 2))
@@ -113,10 +107,10 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
 
 
 def _matrix(diagonal: Array, coupling: Array) -> Array:
-    """A 3x3 matrix by rows (9,) with this diagonal (3,) and the couplings xy, xz, yx, yz, zx, zy."""
-    matrix = np.zeros(9)
-    matrix[[0, 4, 8]], matrix[list(_OFF_DIAGONAL)] = diagonal, coupling
-    return matrix
+    """A 3x3 matrix by rows (9,) with this diagonal (3,) and these `COUPLINGS` (6,)."""
+    matrix = np.diag(diagonal)
+    matrix[tuple(zip(*COUPLINGS, strict=True))] = coupling
+    return matrix.ravel()
 
 
 def receiver_of(rows: Mapping[str, Any]) -> tuple[Source, ...]:

@@ -23,9 +23,9 @@ from insenv.core import symmetric
 from insenv.estimators import get
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.available import all_states
-from insenv.estimators.fusion.error_state import COUPLINGS
 from insenv.estimators.parts.error_model import TILT, aligned, covariance_after
 from insenv.estimators.parts.kalman import Update
+from insenv.sensors.imu_tables import COUPLINGS
 
 FLIGHT, DURATION, DT = Motion(), 100.0, 0.025
 STRAIGHT = Motion(swings=((2.0, 0.2, 0.4, (0.3, -0.8, 0.3)),),
