@@ -96,16 +96,22 @@ def _fitted(u: Array, strength: Array, apart: float, interval: float) -> tuple[f
     """The strength (T) without the field of the vehicle, and the root mean square (T) of that field's components.
 
     u (n, 3): directions of the field in the body; strength (n,), T; apart: T, what each component could be.  A component that
-    the directions do not tell from a scale factor is taken to be as large as those that they tell.
+    the directions do not tell from a scale factor is taken to be as large as those that they tell; if they tell none, as
+    `apart`.
     """
-    A, prior = np.column_stack([np.ones(len(u)), u]), np.diag([0.0, *np.full(3, apart**-2)])
-    left = strength - A @ np.linalg.lstsq(A, strength, rcond=None)[0]
-    repeated = max(_lasting(left, interval) / interval, 1.0)
-    weight = 1.0 / (repeated * max(float(left.var()), (1e-3 * apart) ** 2))
-    covariance = np.linalg.inv(weight * A.T @ A + prior)
-    estimate = covariance @ (A.T @ strength) * weight
-    told = np.clip(1.0 - np.diag(covariance)[1:] / apart**2, 0.0, 1.0)
-    return float(estimate[0]), float(np.sqrt(told @ estimate[1:] ** 2 / max(told.sum(), 1e-3)))
+    U, usual = u - u.mean(axis=0), float(strength.mean())
+    left = strength - usual - U @ np.linalg.lstsq(U, strength - usual, rcond=None)[0]
+    variance = max(float(left.var()), (1e-3 * apart) ** 2)
+    scatter, axes = np.linalg.eigh(U.T @ U)
+    scatter = np.maximum(scatter - len(u) * variance / usual**2, 0.0)  # the noise turns the direction too
+    weight = 1.0 / (variance * max(_lasting(left, interval) / interval, 1.0))
+    covariance = axes @ np.diag(1.0 / (weight * scatter + apart**-2)) @ axes.T
+    turning = axes @ np.diag(1.0 * (scatter > 0.0)) @ axes.T
+    field_b = covariance @ turning @ (U.T @ (strength - usual)) * weight
+    told = np.clip(1.0 - np.diag(covariance) / apart**2, 0.0, 1.0)
+    untold = max(1.0 - told.sum(), 0.0)  # of one component
+    square = (told @ field_b**2 + untold * apart**2) / (told.sum() + untold)
+    return usual - float(u.mean(axis=0) @ field_b), float(np.sqrt(square))
 
 
 def _of_disturbance(readings: Readings, stated: Mapping[str, Any]) -> tuple[dict[str, Any], list[Remark]]:

@@ -34,7 +34,7 @@ def codes(remarks):
 
 def test_fields_of_zero_are_left_out_and_named_and_a_magnetometer_without_others_is_none():
     field = turning(100)
-    field[[3, 7]] = 0.0
+    field[[3, 7]], field[5, 1] = 0.0, 0.0  # one component may be 0
     answered, remarks = without_silence([readings(field), readings(np.zeros((50, 3)))])
     assert len(answered) == 1 and len(answered[0].time) == 98 and 0.3 not in answered[0].time.round(9)
     assert codes(remarks) == ["magnetometer-silent"] * 2
@@ -60,6 +60,13 @@ def test_a_strength_that_depends_on_the_direction_is_a_field_of_the_vehicle():
     assert codes(remarks)[0] == "magnetometer-strength"
     assert 4e-6 < rows["magnetometer_hard_iron_sigma"] < 12e-6  # rms of the components: 6.2 uT
     np.testing.assert_allclose(got.values, turning() + iron, rtol=0.1)
+
+
+def test_a_vehicle_that_does_not_turn_does_not_tell_its_field_from_a_scale_factor():
+    field = 0.7 * EARTH + 1e-7 * np.random.default_rng(3).standard_normal((500, 3))
+    _, rows, remarks = calibrated(readings(field), STATED)
+    assert codes(remarks) == ["magnetometer-strength"]
+    assert rows["magnetometer_hard_iron_sigma"] == pytest.approx(0.3 / 0.7 * np.linalg.norm(EARTH), rel=0.15)
 
 
 def test_currents_are_white_noise_of_the_same_spectrum_at_low_frequency():
