@@ -6,7 +6,8 @@ turns.  With a scale factor 1/a and a constant field h of the vehicle it depends
     |y| = |m| / a + h . u
 
 A strength that the stated errors do not explain is taken for a scale factor as far as it is the same in all directions that the
-log has, and for a field of the vehicle as far as it is not or the directions do not tell.  What is left are currents.
+log has, and for a field of the vehicle as far as it is not or the directions do not tell.  Soft iron and axes are then those of
+a magnetometer that nobody has calibrated on its vehicle.  What is left are currents.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from insenv.base.remarks import Remark, declared
 from insenv.core.tables import Array
 from insenv.logs.recorded import Readings
-from insenv.sensors.magnetometer import FIELD, MAGNETOMETER
+from insenv.sensors.magnetometer import FIELD, FIGURES, GRADES, MAGNETOMETER
 
 _SILENT = declared(
     "magnetometer-silent",
@@ -29,8 +30,8 @@ _SILENT = declared(
 _STRENGTH = declared(
     "magnetometer-strength",
     "{name}: the field is {strength:.3g} uT, that of the Earth here {earth:.3g} uT, and the stated errors allow {allowed:.2g} "
-    "uT (1 sigma): the readings are multiplied by {scale:.3g}, and the field of the vehicle starts with a standard deviation "
-    "of {hard:.2g} uT",
+    "uT (1 sigma): the readings are multiplied by {scale:.3g}, the field of the vehicle starts with a standard deviation of "
+    "{hard:.2g} uT, and soft iron and axes are those of the grade uncalibrated",
 )
 _DISTURBED = declared(
     "magnetometer-disturbed",
@@ -47,7 +48,16 @@ DISTURBED = 1.5
 """Ratio to the stated noise from which a variation of the strength is a disturbance."""
 LONGEST_S = 30.0
 """Time over which the variations of the strength are compared with themselves, s."""
-_HARD, _SOFT, _NOISE = "magnetometer_hard_iron_sigma", "magnetometer_soft_iron_sigma", "magnetometer_noise"
+_HARD, _SOFT, _COUPLING, _NOISE = (
+    f"magnetometer_{name}" for name in ("hard_iron_sigma", "soft_iron_sigma", "coupling_sigma", "noise")
+)
+
+
+def _uncalibrated() -> dict[str, float]:
+    """Soft iron of a magnetometer that nobody has calibrated on its vehicle, by row."""
+    grade = GRADES["uncalibrated"].figures
+    rows = {FIGURES[name].row: FIGURES[name].to_si(value) for name, value in grade.items()}
+    return {name: float(rows[name]) for name in (_SOFT, _COUPLING)}
 
 
 def without_silence(readings: Sequence[Readings]) -> tuple[list[Readings], list[Remark]]:
@@ -89,7 +99,8 @@ def _of_strength(readings: Readings, stated: Mapping[str, Any]) -> tuple[Reading
     sigma = max(float(stated[_HARD]), scale * hard)
     micro = {"strength": float(np.median(strength)), "earth": earth, "allowed": allowed, "hard": sigma}
     said = _STRENGTH.filled(name=readings.name, scale=scale, **{name: 1e6 * value for name, value in micro.items()})
-    return replace(readings, values=scale * readings.values), {_HARD: sigma}, [said]
+    of_iron = {name: max(float(stated[name]), sigma) for name, sigma in _uncalibrated().items()}
+    return replace(readings, values=scale * readings.values), {_HARD: sigma, **of_iron}, [said]
 
 
 def _fitted(u: Array, strength: Array, apart: float, interval: float) -> tuple[float, float]:

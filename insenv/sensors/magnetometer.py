@@ -114,9 +114,9 @@ GRADES = by_name(
            "Bosch BMM150 data sheet: 0.3 uT; IST8310: 0.3 uT a count", 500.0, 1.0, 0.5),
     Grade.of(
         "uncalibrated", "MEMS magnetometer of autopilots, without calibration on the vehicle",
-        "insenv's choice: a field of the vehicle of a fifth of the Earth's, 5 % of soft iron",
+        "insenv's choice: a field of the vehicle of a fifth of the Earth's, 5 % of soft iron, mounted within 3 deg",
         noise_nt=(300.0, "Bosch BMM150 data sheet: 0.3 uT"), hard_iron_sigma_nt=10000.0, soft_iron_sigma_percent=5.0,
-        coupling_sigma_percent=2.0, drift_sigma_nt=500.0, drift_time_s=600.0, anomaly_sigma_nt=((137.0, 89.0, 141.0), _MODEL),
+        coupling_sigma_percent=5.0, drift_sigma_nt=500.0, drift_time_s=600.0, anomaly_sigma_nt=((137.0, 89.0, 141.0), _MODEL),
     ),
 )  # fmt: skip
 

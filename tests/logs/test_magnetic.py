@@ -9,7 +9,8 @@ from insenv.logs.recorded import Readings
 EARTH = np.array([24e-6, 0.3e-6, 39e-6])
 STATED = {
     "magnetic_field_n": EARTH, "magnetometer_hard_iron_sigma": 5e-7, "magnetometer_soft_iron_sigma": 0.01,
-    "magnetic_field_sigma": np.full(3, 1e-7), "magnetometer_drift_sigma": 5e-8, "magnetometer_noise": 3e-7,
+    "magnetometer_coupling_sigma": 0.005, "magnetic_field_sigma": np.full(3, 1e-7), "magnetometer_drift_sigma": 5e-8,
+    "magnetometer_noise": 3e-7,
 }  # fmt: skip
 INTERVAL = 0.1
 
@@ -52,6 +53,7 @@ def test_a_strength_that_is_wrong_in_all_directions_is_a_scale_factor(scale):
     got, rows, remarks = calibrated(readings(scale * turning()), STATED)
     np.testing.assert_allclose(np.linalg.norm(got.values, axis=1).mean(), np.linalg.norm(EARTH), rtol=2e-3)
     assert codes(remarks)[0] == "magnetometer-strength" and rows["magnetometer_hard_iron_sigma"] < 1.5e-6
+    assert rows["magnetometer_soft_iron_sigma"] == rows["magnetometer_coupling_sigma"] == 0.05, "of the grade uncalibrated"
 
 
 def test_a_strength_that_depends_on_the_direction_is_a_field_of_the_vehicle():
