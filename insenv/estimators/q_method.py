@@ -136,10 +136,12 @@ def sensor_variance(p: Any, x: Any) -> Any:
 
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now."""
-    q = answer(x)
+    q, lost, variance = answer(x), DELAY * p.smoothing_time, sensor_variance(p, x)
+    motion = settling.moved(x, q, lost, variance)
     return {
         "q_nb": frozen_frame.q_nb(x, q),
-        "attitude_sigma": settling.stated(x, q, DELAY * p.smoothing_time, sensor_variance(p, x)),
+        "attitude_sigma": settling.stated(x, lost, variance, motion),
+        "motion_ratio": settling.motion_ratio(variance, motion),
     }
 
 
@@ -149,7 +151,7 @@ MODEL = Model(
     parameters=inertial_vectors.PARAMETERS,
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
-    outputs=rows.ALIGNMENT,
+    outputs=rows.ALIGNMENT + Table((settling.RATIO,)),
     steps={
         "sample": Step(sample),
         "smooth": Step(smooth, when="smoothing_due"),
@@ -166,4 +168,5 @@ ESTIMATOR = Estimator(
     needs=inertial_vectors.needs,
     applicability=applicability.notes,
     on_turntable=applicability.TURNED,
+    findings=settling.findings,
 )

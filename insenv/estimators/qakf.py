@@ -105,6 +105,7 @@ FILTER = Table((
 OUTPUTS = rows.ALIGNMENT + Table((
     Row("filter_sigma", "Standard deviation by the filter's covariance, about n at the start", "rad", (3,), "n at the start"),
     FILTER["noise_variance"],
+    settling.RATIO,
 ))  # fmt: skip
 
 
@@ -254,13 +255,13 @@ def steady_variance(p: Any, x: Any, lags: tuple[float, float]) -> Any:
 def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
     """Attitude now; lags: as of `steady_variance`."""
     steady = steady_variance(p, x, lags)
+    motion = settling.moved(x, x.q_start, DELAY * p.smoothing_time, steady)
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
-        "attitude_sigma": minimum(
-            ca.sqrt(steady + settling.moved(x, x.q_start, DELAY * p.smoothing_time, steady)), LARGEST_SIGMA
-        ),
+        "attitude_sigma": minimum(ca.sqrt(steady + motion), LARGEST_SIGMA),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,
+        "motion_ratio": settling.motion_ratio(steady, motion),
     }
 
 
@@ -292,6 +293,7 @@ def _estimator(
         needs=inertial_vectors.needs,
         applicability=applicability.notes,
         on_turntable=applicability.TURNED,
+        findings=settling.findings_in_part,
     )
 
 

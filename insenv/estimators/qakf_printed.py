@@ -127,12 +127,15 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
     by_filter = ca.diag(C_n0n.T @ covariance @ C_n0n)
 
-    stated = settling.stated(x, x.q_start, 0.0, sensor_variance(p, x))
+    variance = sensor_variance(p, x)
+    motion = settling.moved(x, x.q_start, 0.0, variance)
+    stated = settling.stated(x, 0.0, variance, motion)
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
         "attitude_sigma": minimum(ca.sqrt(stated**2 + by_filter), qakf.LARGEST_SIGMA),
         "filter_sigma": minimum(ca.sqrt(ca.diag(covariance)), 10.0),
         "noise_variance": x.noise_variance,
+        "motion_ratio": settling.motion_ratio(variance, motion),
     }
 
 
@@ -159,6 +162,7 @@ def _estimator(id: str, title: str, further: Table) -> Estimator:
         kind="alignment",
         needs=lambda parameters: SETTLING_S,
         applicability=applicability.together(applicability.notes, PRINTED),
+        findings=settling.findings_in_part,
     )
 
 

@@ -10,16 +10,18 @@ in the proportion of the time in that answer to the time in this one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
 
 from insenv import attitude
+from insenv.base.remarks import declared
 from insenv.core.elementary import maximum, select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame
+from insenv.estimators.parts.finding import Finding
 from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA
 
 ANSWERS = 6  # stored: few of them may agree with the present one by chance, as a slow motion swings
@@ -28,6 +30,8 @@ FIRST = 1.0  # s: time of the first stored answer
 EXPECTED = 1.0  # standard deviations
 SETTLED = 1.6  # an answer counts from this multiple of the time that the windows lose
 STATED = 2.0  # an answer is stated from this multiple: there is an earlier one that counts
+SAID = 1.5  # times what the sensors make: chance alone makes less
+LEAST_VARIANCE = 1e-16  # rad^2
 UNSETTLED_TILT = 0.05  # rad: level before that, from the mean force of a base that sways
 
 STATE = Table((
@@ -37,6 +41,9 @@ STATE = Table((
     Row("answer_variances", "Variances about n that errors of the sensors set then", "rad^2", (ANSWERS, 3), "n"),
     Row("answer_due", "1 when the answer is to be kept", "1"),
 ))  # fmt: skip
+
+
+RATIO = Row("motion_ratio", "Standard deviation of the heading by slow motion of the base, over that by the sensors", "1")
 
 
 def due(x: Any, time: Any) -> Any:
@@ -78,11 +85,36 @@ def moved(x: Any, answer: Any, lost: Any, variance: Any) -> Any:
     return excess
 
 
-def stated(x: Any, answer: Any, lost: Any, variance: Any) -> Any:
+def stated(x: Any, lost: Any, variance: Any, motion: Any) -> Any:
     """Stated standard deviations of attitude about n (3, rad).
 
-    answer, lost, variance: as of `moved`.
+    lost, variance: as of `moved`; motion: what it gives for them (3, rad^2).
     """
     early = ca.logic_and(lost > 0, x.time < STATED * lost)
     rough = ca.vertcat(UNSETTLED_TILT, UNSETTLED_TILT, LARGEST_HEADING_SIGMA)
-    return select(early, maximum(rough, ca.sqrt(variance)), ca.sqrt(variance + moved(x, answer, lost, variance)))
+    return select(early, maximum(rough, ca.sqrt(variance)), ca.sqrt(variance + motion))
+
+
+def motion_ratio(variance: Any, motion: Any) -> Any:
+    """The output `RATIO`; variance, motion: as of `stated`."""
+    return ca.sqrt(motion[2] / maximum(variance[2], LEAST_VARIANCE))
+
+
+_MOVES = (
+    "the answer still moves, as on a base that moves slowly: this makes the heading {ratio} times as uncertain as the errors "
+    "of the sensors do, which its stated sigma counts"
+)
+_COUNTED = declared("answer-moves", _MOVES + "; fusion models such motion")
+_COUNTED_IN_PART = declared(
+    "answer-moves-much", _MOVES + " only in part, so that errors exceed 3 sigma too often; q-method counts it, fusion models it"
+)
+
+
+def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Whether slow motion of the base makes the heading worse than the sensors do, for an alignment that counts it."""
+    return (Finding(RATIO.name, _COUNTED, 1.0, limit=SAID),)
+
+
+def findings_in_part(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """The same for one whose stated sigma does not count it whole."""
+    return (Finding(RATIO.name, _COUNTED_IN_PART, 1.0, limit=SAID),)

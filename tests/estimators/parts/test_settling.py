@@ -38,3 +38,17 @@ def test_a_filter_of_first_order_waits_for_its_coarse_alignment(surging):
         rough, fine = insenv.run(calm, ["q-method", "ecef-kf"], seed=3, duration_s=130.0).results
     same = fine.errors["heading_deg"] == rough.errors["heading_deg"]
     assert same[rough.time < 119.9].all() and not same[rough.time > 120.2].any()
+
+
+def codes(result):
+    return [note.code for note in result.notes if note.code.startswith("answer-moves")]
+
+
+def test_motion_that_outweighs_the_sensors_is_named(surging):
+    assert [codes(result) for result in surging] == [["answer-moves"], []]
+    values = load("ship-slow-surge").model_dump(mode="json", warnings=False)
+    values["vehicle"]["sway"]["north"][1] = {"amplitude_m": 2.0, "period_s": 120.0}
+    (result,) = insenv.run(parse(values, "surge", "surge"), "qakf", seed=5).results
+    assert codes(result) == ["answer-moves-much"] and result.outputs["motion_ratio"][-1] > 2.0
+    for result in insenv.run("ship-swaying", ["q-method", "qakf", "qakf-improved"], seed=5).results:
+        assert codes(result) == [] and result.outputs["motion_ratio"][-1] < 1.5, result.estimator
