@@ -20,6 +20,8 @@ from insenv.core.tables import Array
 from insenv.geodesy import radii
 
 _TESLA_PER_NT = 1e-9
+FIRST, VALID_FOR = 2010, 5
+"""Year of the first coefficients, and years for which each are made."""
 _HALF_WAY = 10e3
 """Half of the way over which the gradient is a difference quotient, m."""
 _LARGEST_TURN = 0.01
@@ -43,9 +45,9 @@ def displacement_n(
 def world_magnetic_model(latitude: float, longitude: float, height: float, year: float) -> tuple[Array, Array]:
     """Field (3, T, n) and gradient (3, 3; T/m) at a place (rad, m above the ellipsoid) and a decimal year.
 
-    Raises `InputError` for a year beyond the five years of the newest coefficients.
+    Raises `InputError` for a year that none of the package's coefficients are for.
     """
-    _, first, last = _model()
+    first, last = world_magnetic_years()
     if not first <= year <= last:
         raise InputError(f"year = {year:g}: allowed is {first:g} to {last:g}, the time of the World Magnetic Model")
     field, gradient = _evaluated(latitude, longitude, height, year)
@@ -55,7 +57,7 @@ def world_magnetic_model(latitude: float, longitude: float, height: float, year:
 @lru_cache(maxsize=64)
 def _evaluated(latitude: float, longitude: float, height: float, year: float) -> tuple[Array, Array]:
     """Kept: the package takes milliseconds, and the plants of a scenario are at one place."""
-    model = _model()[0]
+    model = _model(int(min(year, world_magnetic_years()[1] - 1.0) // VALID_FOR) * VALID_FOR)
     north, east = _HALF_WAY / 6.37e6, min(_HALF_WAY / (6.37e6 * cos(latitude)), _LARGEST_TURN)
     s = np.sin(latitude)
     R_M, R_N = (float(radius) for radius in radii(s))
@@ -73,8 +75,8 @@ def _evaluated(latitude: float, longitude: float, height: float, year: float) ->
 
 
 def world_magnetic_years() -> tuple[float, float]:
-    """The decimal years of the newest coefficients."""
-    return _model()[1:]
+    """The decimal years of the package's coefficients, from the first to the newest."""
+    return float(FIRST), float(_model().life_span[1])
 
 
 def _field(model: Any, latitude: float, longitude: float, height: float, year: float) -> Array:
@@ -86,11 +88,9 @@ def _field(model: Any, latitude: float, longitude: float, height: float, year: f
     return np.array([field.x, field.y, field.z]) * _TESLA_PER_NT
 
 
-@lru_cache(maxsize=1)
-def _model() -> tuple[Any, float, float]:
-    """The World Magnetic Model with the newest coefficients of the package, and the years of its validity."""
+@lru_cache(maxsize=8)
+def _model(epoch: int | None = None) -> Any:
+    """The World Magnetic Model of an epoch, a year; None: of the newest coefficients."""
     from pygeomag import GeoMag
 
-    model = GeoMag()
-    first, last = model.life_span
-    return model, float(first), float(last)
+    return GeoMag() if epoch is None else GeoMag(base_year=epoch)

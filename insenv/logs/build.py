@@ -17,6 +17,7 @@ from insenv.logs.description import AnyLog, LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
 from insenv.logs.rest import rest_until
+from insenv.logs.units import year_of_unix
 from insenv.sensors.contract import Place
 from insenv.sensors.gnss import COMMON
 
@@ -36,13 +37,18 @@ def recorded_log(
     notes: Sequence[Remark],
     unit: Mapping[str, Any] | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
+    unix: float | None = None,
 ) -> RecordedLog:
     """The log, with the end of the time at rest as it shows it and the stated errors of its instruments.
 
-    The arguments are the fields of `RecordedLog`.  Raises `InputError` for a magnetometer without a place.
+    The arguments are the fields of `RecordedLog`; unix: Unix time (s) of one of its moments, None if it states none.
+
+    Raises `InputError` for a magnetometer without a place.
     """
     readings, of_field = magnetic.without_silence(readings)
     place = place_of(gnss, description)
+    if place is not None and unix is not None:
+        place = replace(place, year=year_of_unix(unix))
     stated = {} if gnss is None or description.gnss is None else description.gnss.stated_errors()
     for i, each in enumerate(readings):
         stated |= instruments.stated_errors(each.id, getattr(description, each.id, None), place)

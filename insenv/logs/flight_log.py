@@ -175,6 +175,7 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
         notes=notes,
         unit=unit,
         settings=tuned,
+        unix=flight.unix,
     )
 
 

@@ -129,6 +129,11 @@ _GPS_DATES = LEAP_DATES - GPS_EPOCH + np.arange(1, len(LEAP_DATES) + 1)
 """The same in seconds of GPS time."""
 
 
+def year_of_unix(unix: float) -> float:
+    """The decimal year of a Unix time (s), good to a day."""
+    return 1970.0 + unix / 31556952.0
+
+
 def gps_of_unix(unix: Array) -> Array:
     """Seconds of GPS time since its beginning, (n,), of Unix times (n,) s."""
     return np.asarray(unix - GPS_EPOCH + np.searchsorted(LEAP_DATES, unix, side="right"))

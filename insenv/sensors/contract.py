@@ -83,11 +83,12 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a run starts: geodetic latitude and longitude (rad), height above the ellipsoid (m)."""
+    """Where a run starts: geodetic latitude and longitude (rad), height above the ellipsoid (m); its decimal year, if known."""
 
     latitude: float
     longitude: float
     height: float
+    year: float | None = None
 
 
 class SensorSection(Section):

@@ -21,7 +21,7 @@ from insenv.base.errors import InputError
 from insenv.base.toml import Number, Vector3, within
 from insenv.core.model import Values
 from insenv.core.tables import Row
-from insenv.geodesy.magnetic import world_magnetic_model
+from insenv.geodesy.magnetic import world_magnetic_model, world_magnetic_years
 from insenv.sensors import units
 from insenv.sensors.contract import Place
 from insenv.sensors.figures import Figure, Grade, by_name
@@ -124,9 +124,14 @@ GRADES = by_name(
 def _surroundings(section: Any, place: Place | None) -> dict[str, Any]:
     """The rows of the Earth's field: that of the section everywhere or, if it has none, the World Magnetic Model at a place.
 
+    Its year is that of the section or, if that states none, of the place, as far as there are coefficients for it.
+
     Raises `InputError` that names the key.
     """
     year, field_nt = getattr(section, "year", 2026.0), getattr(section, "field_nt", None)
+    if place is not None and place.year is not None and "year" not in getattr(section, "model_fields_set", ()):
+        first, last = world_magnetic_years()
+        year = min(max(place.year, first), last)
     if field_nt is not None:
         return {FIELD.name: units.nt_to_t(np.asarray(field_nt)), GRADIENT.name: np.zeros((3, 3))}
     if place is None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pygeomag import GeoMag
 
+from insenv.base.errors import InputError
 from insenv.geodesy.magnetic import displacement_n, world_magnetic_model
 
 
@@ -25,6 +26,21 @@ def test_field_is_that_of_the_model_100_km_away_to_30_nt() -> None:
         near = field + gradient @ displacement_n(*place, lat, lon, h).full().ravel()
         there = field_at(*map(math.degrees, place[:2]), place[2] / 1e3)
         assert np.abs(near * 1e9 - there).max() < 30.0 and np.abs(field * 1e9 - there).max() > 100.0
+
+
+@pytest.mark.parametrize(("year", "published"), [
+    (2010.0, (6649.5, -714.6, 54346.2)), (2015.0, (6636.6, -451.9, 54408.9)), (2020.0, (6570.4, -146.3, 54606.0)),
+])  # fmt: skip
+def test_each_five_years_have_their_coefficients(year: float, published: tuple[float, ...]) -> None:
+    """Test values of the World Magnetic Models, 80 deg north, 0 east, height 0; the next epoch continues them to 100 nT."""
+    field = [world_magnetic_model(math.radians(80.0), 0.0, 0.0, at)[0] * 1e9 for at in (year, year + 4.999, year + 5.0)]
+    np.testing.assert_allclose(field[0], published, atol=0.06)
+    assert np.abs(field[2] - field[1]).max() < 100.0 < np.abs(field[1] - field[0]).max()
+
+
+def test_a_year_without_coefficients_is_refused() -> None:
+    with pytest.raises(InputError, match=r"year = 2009.9: allowed is 2010 to 2030"):
+        world_magnetic_model(0.8, 0.2, 0.0, 2009.9)
 
 
 @pytest.mark.parametrize(("lat", "lon"), [(10.0, 20.0), (-55.0, 179.99), (70.0, -100.0), (89.95, 10.0)])

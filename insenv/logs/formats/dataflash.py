@@ -35,7 +35,7 @@ from insenv.logs.formats.series import (
     with_places,
 )
 from insenv.logs.recorded import NO_INFORMATION, Readings, course_velocity
-from insenv.logs.units import standard_height
+from insenv.logs.units import WEEK_S, standard_height, unix_of_gps
 
 HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3
@@ -61,6 +61,7 @@ def read(label: str, data: bytes) -> Flight:
             others=others,
             parameters=tables.parameters(),
             place=tables.place(),
+            unix=tables.date(),
             readings=list(tables.readings()),
         )
 
@@ -171,6 +172,15 @@ class _Tables:
         return Place(
             "ORGN", float(np.radians(table["Lat"][0])), float(np.radians(table["Lng"][0])), float(table["Alt"][0]), True
         )
+
+    def date(self) -> float | None:
+        """Unix time (s) of the middle of the GPS week of the first fix."""
+        for name, instance in self.instances("GPS"):
+            table = self.select(name, instance)
+            week = next((table[column] for column in ("GWk", "Week") if column in table), np.zeros(0))
+            if week.size and (week > 0).any():
+                return float(unix_of_gps((week[week > 0][:1] + 0.5) * WEEK_S)[0])
+        return None
 
     def instances(self, base: str) -> list[tuple[str, int | None]]:
         """(message, instance) of each sensor: by the column I, or by the number after the name in old logs."""

@@ -85,8 +85,8 @@ class Flight:
 
     imus: in any order; of the others the first is preferred, and None stands for one that the log does not have.  others:
     series that cannot be used, each with the reason.  parameters: of the vehicle, by name.  place: where the vehicle is if the
-    log has no fixes, or None.  readings: of magnetometer, barometer (heights above mean sea level) and two-antenna heading, one
-    series of each at most.
+    log has no fixes, or None.  unix: Unix time (s) of one of its moments, None if it states none.  readings: of magnetometer,
+    barometer (heights above mean sea level) and two-antenna heading, one series of each at most.
     """
 
     imus: Sequence[ImuSeries]
@@ -97,6 +97,7 @@ class Flight:
     others: Sequence[str] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
     place: Place | None = None
+    unix: float | None = None
     readings: Sequence[Readings | None] = ()
 
 

@@ -139,6 +139,7 @@ class _Tables:
             parameters=self._parameters(),
             place=self._home(undulation),
             readings=list(self._readings()),
+            unix=self.base_us * 1e-6 or None,
         )
 
     def _unit(self, name: str) -> tuple[np.ndarray, np.ndarray]:

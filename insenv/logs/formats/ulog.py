@@ -104,7 +104,15 @@ def read(label: str, data: bytes) -> Flight:
         rows=sum(len(table["timestamp"]) for table in topics.values()),
         parameters={str(name): float(value) for name, value in log.initial_parameters.items()},
         readings=list(_readings(topics)),
+        unix=_date(topics),
     )
+
+
+def _date(topics: dict[tuple[str, int], Columns]) -> float | None:
+    """Unix time (s) of the first fix that has one."""
+    times = [table["time_utc_usec"] for (name, _), table in topics.items() if name in _RECEIVERS and "time_utc_usec" in table]
+    known = [float(each[each > 0][0]) * 1e-6 for each in times if (each > 0).any()]
+    return known[0] if known else None
 
 
 def whole_messages(data: bytes) -> tuple[bytes, list[Remark]]:

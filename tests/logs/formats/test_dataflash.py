@@ -6,12 +6,13 @@ from flight_drive import described
 from flight_writers import DataflashWriter
 
 from insenv import replay
+from insenv.geodesy.magnetic import world_magnetic_model
 from insenv.logs import load
 
 REST = (0.0, 0.0, 0.0, 0.0, 0.0, -9.8)
 
 
-def at_rest(path, parameters=(), attitude=False, instruments=False):
+def at_rest(path, parameters=(), attitude=False, instruments=False, week=0):
     """Ten seconds at rest as ArduPilot writes them, fixes at 5 Hz."""
     log = DataflashWriter("IMU", "GPS", "PARM", "ATT", "MAG", "BARO")
     for name, value in dict(parameters).items():
@@ -20,7 +21,7 @@ def at_rest(path, parameters=(), attitude=False, instruments=False):
         at = i * 10_000
         log.add("IMU", at, 0, *REST)
         if i % 20 == 0:
-            log.add("GPS", at, 0, 3, 0, 0, 12, 0.8, 47.0, 15.0, 400.0, 0.0, 0.0, 0.0, 0, 1)
+            log.add("GPS", at, 0, 3, 0, week, 12, 0.8, 47.0, 15.0, 400.0, 0.0, 0.0, 0.0, 0, 1)
         if attitude and i % 10 == 0:
             log.add("ATT", at, 1.0, 2.0, 90.0)
         if instruments and i % 10 == 0:
@@ -51,6 +52,19 @@ def test_instruments_and_an_offset_of_the_fixes(tmp_path):
     np.testing.assert_allclose(found["magnetometer"], np.tile([2e-5, -1e-6, 4.4e-5], (100, 1)), rtol=1e-9)
     # the pressure, not the height above the place of arming; ICAO Doc 7488: 540.3 m at 950 hPa
     np.testing.assert_allclose(found["barometer"], 540.3, atol=0.2)
+
+
+def test_the_field_of_the_earth_is_that_of_the_log_s_date(tmp_path):
+    """GPS week 1826: January 2015."""
+    log = load(at_rest(tmp_path / "flight.BIN", instruments=True, week=1826))
+    year = {
+        each: world_magnetic_model(np.radians(47.0), np.radians(15.0), 400.0, each)[0] for each in (2010.0, 2015.03, 2026.0)
+    }
+    np.testing.assert_allclose(log.stated_errors["magnetic_field_n"], year[2015.03], atol=1e-9)
+    assert np.abs(year[2015.03] - year[2026.0]).max() > 4e-7
+    for week, expected in ((1, 2010.0), (0, 2026.0)):  # before the first coefficients; not known
+        log = load(at_rest(tmp_path / "flight.BIN", instruments=True, week=week))
+        np.testing.assert_allclose(log.stated_errors["magnetic_field_n"], year[expected], atol=1e-10)
 
 
 def test_increments_are_over_intervals_of_their_own(tmp_path):
