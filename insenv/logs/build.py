@@ -12,7 +12,7 @@ import numpy as np
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark
 from insenv.core.tables import Array
-from insenv.logs import instruments, magnetic
+from insenv.logs import instruments
 from insenv.logs.description import AnyLog, LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
@@ -45,23 +45,19 @@ def recorded_log(
 
     Raises `InputError` for a magnetometer without a place.
     """
-    readings, of_field = magnetic.without_silence(readings)
     place = place_of(gnss, description)
     if place is not None and unix is not None:
         place = replace(place, year=year_of_unix(unix))
     stated = {} if gnss is None or description.gnss is None else description.gnss.stated_errors()
-    for i, each in enumerate(readings):
+    for each in readings:
         stated |= instruments.stated_errors(each.id, getattr(description, each.id, None), place)
-        if each.id == "magnetometer":
-            readings[i], larger, said = magnetic.calibrated(each, stated)
-            stated, of_field = stated | larger, [*of_field, *said]
     log = RecordedLog(
         **vars(imu),
         gnss=gnss,
         lever_arm_b=lever_arm_b,
         reference=reference,
         sources=tuple(sources),
-        notes=(*notes, *of_field),
+        notes=tuple(notes),
         description=_with_rest(description, imu, gnss),
         unit=unit,
         settings=settings or {},

@@ -24,6 +24,7 @@ from insenv.logs.formats.series import FixSeries, Flight, ImuSeries, SolutionSer
 from insenv.logs.formats.vehicle_parameters import lever_arm, settings, unit_rows
 from insenv.logs.inertial import implausible, increments, sampling
 from insenv.logs.instruments import description_class
+from insenv.logs.magnetic import with_magnetometer_judged
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference, Source
 from insenv.logs.units import wrap
 
@@ -164,7 +165,7 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
         notes.append(_SIMULATED_UNIT)
     if tuned:
         notes.append(_SETTINGS.filled(estimators=", ".join(tuned)))
-    return recorded_log(
+    log = recorded_log(
         inertial,
         gnss,
         reference,
@@ -177,6 +178,7 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
         settings=tuned,
         unix=flight.unix,
     )
+    return with_magnetometer_judged(log)
 
 
 def _read(form: Format, label: str, data: bytes) -> Flight:

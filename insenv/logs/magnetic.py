@@ -1,18 +1,18 @@
-"""What the readings of a magnetometer say of the magnetometer: that it is silent, out of scale, magnetised, or disturbed.
+"""What the readings of a magnetometer say of the magnetometer: that it is silent or stuck, out of scale, magnetised, disturbed.
 
 The strength of the field needs no attitude: of a calibrated magnetometer it is that of the Earth, whichever way the vehicle
-turns.  With a scale factor 1/a and a constant field h of the vehicle it depends on the direction u of the field in the body:
+turns.  With a scale factor 1 / a and a constant field h of the vehicle the readings y lie on a sphere,
 
-    |y| = |m| / a + h . u
+    |y - h| = |m| / a
 
-A strength that the stated errors do not explain is taken for a scale factor as far as it is the same in all directions that the
-log has, and for a field of the vehicle as far as it is not or the directions do not tell.  Soft iron and axes are then those of
-a magnetometer that nobody has calibrated on its vehicle.  What is left are currents.
+Where the stated errors do not explain the strength, h is that of the sphere through the readings, as far as their directions
+tell it, and a that of its radius.  Soft iron and axes are then those of a magnetometer that nobody has calibrated on its
+vehicle.  What is left are currents.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,18 +20,37 @@ import numpy as np
 
 from insenv.base.remarks import Remark, declared
 from insenv.core.tables import Array
-from insenv.logs.recorded import Readings
+from insenv.logs.recorded import Readings, RecordedLog
 from insenv.sensors.magnetometer import FIELD, FIGURES, GRADES, MAGNETOMETER
 
 _SILENT = declared(
     "magnetometer-silent",
     "{name}: {count} of {all} readings of the magnetic field are exactly 0, which is no field: they are left out",
 )
+_STUCK = declared(
+    "magnetometer-stuck",
+    "{name}: all readings of the magnetic field are the same, and the gyros turn by {turned:.0f} deg: they are left out",
+)
+_IMPOSSIBLE = declared(
+    "magnetometer-impossible",
+    "{name}: the field is {ratio:.3g} times that of the Earth, more than scale factors and the iron of a vehicle make: the "
+    "magnetometer is left out",
+)
+_OFF = (
+    "{name}: the field is {strength:.3g} uT, that of the Earth here {earth:.3g} uT, and the stated errors allow {allowed:.2g} "
+    "uT (1 sigma): "
+)
 _STRENGTH = declared(
     "magnetometer-strength",
-    "{name}: the field is {strength:.3g} uT, that of the Earth here {earth:.3g} uT, and the stated errors allow {allowed:.2g} "
-    "uT (1 sigma): the readings are multiplied by {scale:.3g}, the field of the vehicle starts with a standard deviation of "
-    "{hard:.2g} uT, and soft iron and axes are those of the grade uncalibrated",
+    _OFF
+    + "a field of {field} uT is taken off and the readings are multiplied by {scale:.3g}; the field of the vehicle starts with "
+    "a standard deviation of {hard:.2g} uT, soft iron and axes are those of the grade uncalibrated",
+)
+_UNTOLD = declared(
+    "magnetometer-untold",
+    _OFF
+    + "the vehicle turns too little to tell its field from a scale factor, which start with standard deviations of {hard:.2g} "
+    "uT and {share:.2g} %",
 )
 _DISTURBED = declared(
     "magnetometer-disturbed",
@@ -41,7 +60,9 @@ _DISTURBED = declared(
 CONTRADICTED = 3.0
 """Standard deviations of the stated errors that the strength may be off by."""
 WIDEST = 2.0
-"""Largest scale factor, or its inverse, of a magnetometer; beyond, the unit is not the declared one."""
+"""Largest scale factor, or its inverse, of a magnetometer."""
+STUCK = 0.2
+"""rad: a turn that changes the readings."""
 LEAST = 50
 """Readings that show anything."""
 DISTURBED = 1.5
@@ -60,16 +81,40 @@ def _uncalibrated() -> dict[str, float]:
     return {name: float(rows[name]) for name in (_SOFT, _COUPLING)}
 
 
-def without_silence(readings: Sequence[Readings]) -> tuple[list[Readings], list[Remark]]:
-    """The readings without magnetic fields of 0, which a logger writes for a magnetometer that is off or does not answer."""
-    answered, remarks = [], []
-    for each in readings:
-        silent = np.full(len(each.time), each.id == MAGNETOMETER.id) & np.all(each.values == 0.0, axis=1)
-        if silent.any():
-            remarks.append(_SILENT.filled(name=each.name, count=np.count_nonzero(silent), all=silent.size))
-        if not silent.all():
-            answered.append(each.at(~silent) if silent.any() else each)
-    return answered, remarks
+def with_magnetometer_judged(log: RecordedLog) -> RecordedLog:
+    """The log with what the readings of its magnetometer show of it, and without readings that are none."""
+    instruments, stated, notes = [], dict(log.stated_errors), list(log.notes)
+    turned = float(np.ptp(np.cumsum(log.delta_angle, axis=0), axis=0).max())
+    for each in log.instruments:
+        kept: Readings | None = each
+        if each.id == MAGNETOMETER.id:
+            kept, larger, said = judged(each, stated, turned)
+            stated |= larger
+            notes += said
+        if kept is not None:
+            instruments.append(kept)
+    return replace(log, instruments=tuple(instruments), stated_errors=stated, notes=tuple(notes))
+
+
+def judged(
+    readings: Readings, stated: Mapping[str, Any], turned: float
+) -> tuple[Readings | None, dict[str, Any], list[Remark]]:
+    """The readings, None if they are of no use; errors that the log shows to be larger than `stated`; what is said of both.
+
+    turned: the largest angle by which the gyros turn, rad.
+    """
+    silent = np.all(readings.values == 0.0, axis=1)
+    said = [_SILENT.filled(name=readings.name, count=np.count_nonzero(silent), all=silent.size)] if silent.any() else []
+    if silent.all():
+        return None, {}, said
+    readings = readings.at(~silent) if silent.any() else readings
+    if len(readings.time) >= LEAST and turned > STUCK and not np.ptp(readings.values, axis=0).any():
+        return None, {}, [*said, _STUCK.filled(name=readings.name, turned=np.degrees(turned))]
+    ratio = float(np.median(_strength(readings)) / np.linalg.norm(stated[FIELD.name]))
+    if not 1.0 / WIDEST <= ratio <= WIDEST:
+        return None, {}, [*said, _IMPOSSIBLE.filled(name=readings.name, ratio=ratio)]
+    readings, larger, of_size = calibrated(readings, stated)
+    return readings, larger, [*said, *of_size]
 
 
 def calibrated(readings: Readings, stated: Mapping[str, Any]) -> tuple[Readings, dict[str, Any], list[Remark]]:
@@ -92,37 +137,53 @@ def _of_strength(readings: Readings, stated: Mapping[str, Any]) -> tuple[Reading
     allowed = float(np.sqrt(sum(np.max(np.square(each)) for each in errors)))
     if apart <= CONTRADICTED * allowed:
         return readings, {}, []
-    usual, hard = _fitted(readings.values / strength[:, None], strength, apart, _interval(readings))
-    scale = earth / usual
-    if not 1.0 / WIDEST <= scale <= WIDEST:
-        return readings, {}, []
-    sigma = max(float(stated[_HARD]), scale * hard)
-    micro = {"strength": float(np.median(strength)), "earth": earth, "allowed": allowed, "hard": sigma}
-    said = _STRENGTH.filled(name=readings.name, scale=scale, **{name: 1e6 * value for name, value in micro.items()})
-    of_iron = {name: max(float(stated[name]), sigma) for name, sigma in _uncalibrated().items()}
-    return replace(readings, values=scale * readings.values), {_HARD: sigma, **of_iron}, [said]
+    larger = {name: max(float(stated[name]), sigma) for name, sigma in _uncalibrated().items()}
+    micro = {"strength": float(np.median(strength)), "earth": earth, "allowed": allowed}
+    field_b, sigma = _of_vehicle(readings, apart)
+    if field_b is None:
+        larger |= {_HARD: max(float(stated[_HARD]), apart), _SOFT: max(larger[_SOFT], apart / earth)}
+        said = _UNTOLD.filled(name=readings.name, share=100.0 * larger[_SOFT], **_in_ut({**micro, "hard": larger[_HARD]}))
+        return readings, larger, [said]
+    scale = earth / float(np.median(np.linalg.norm(readings.values - field_b, axis=1)))
+    larger |= {_HARD: max(float(stated[_HARD]), scale * sigma)}
+    said = _STRENGTH.filled(
+        name=readings.name,
+        scale=scale,
+        field=", ".join(f"{1e6 * each:.2g}" for each in field_b),
+        **_in_ut({**micro, "hard": larger[_HARD]}),
+    )
+    return replace(readings, values=scale * (readings.values - field_b)), larger, [said]
 
 
-def _fitted(u: Array, strength: Array, apart: float, interval: float) -> tuple[float, float]:
-    """The strength (T) without the field of the vehicle, and the root mean square (T) of that field's components.
+def _in_ut(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: 1e6 * value for name, value in values.items()}
 
-    u (n, 3): directions of the field in the body; strength (n,), T; apart: T, what each component could be.  A component that
-    the directions do not tell from a scale factor is taken to be as large as those that they tell; if they tell none, as
-    `apart`.
+
+def _of_vehicle(readings: Readings, apart: float) -> tuple[Array | None, float]:
+    """The field h of the vehicle (3, T, b) and the standard deviation of what is left; None if the directions tell too little.
+
+    apart: T, what each component could be.  A sphere about h: y^2 / 2 = h . y + constant, by least squares of which the noise
+    of the readings, which stands on both sides, is taken out.  A component that the directions do not tell from a scale factor
+    is taken to be 0, and what is left of it as large as those that they tell.
     """
-    U, usual = u - u.mean(axis=0), float(strength.mean())
-    left = strength - usual - U @ np.linalg.lstsq(U, strength - usual, rcond=None)[0]
-    variance = max(float(left.var()), (1e-3 * apart) ** 2)
-    scatter, axes = np.linalg.eigh(U.T @ U)
-    scatter = np.maximum(scatter - len(u) * variance / usual**2, 0.0)  # the noise turns the direction too
-    weight = 1.0 / (variance * max(_lasting(left, interval) / interval, 1.0))
-    covariance = axes @ np.diag(1.0 / (weight * scatter + apart**-2)) @ axes.T
-    turning = axes @ np.diag(1.0 * (scatter > 0.0)) @ axes.T
-    field_b = covariance @ turning @ (U.T @ (strength - usual)) * weight
-    told = np.clip(1.0 - np.diag(covariance) / apart**2, 0.0, 1.0)
-    untold = max(1.0 - told.sum(), 0.0)  # of one component
-    square = (told @ field_b**2 + untold * apart**2) / (told.sum() + untold)
-    return usual - float(u.mean(axis=0) @ field_b), float(np.sqrt(square))
+    y, interval = readings.values, _interval(readings)
+    Y, half = y - y.mean(axis=0), 0.5 * np.sum(y**2, axis=1)
+    noise = float(np.mean(np.diff(y, 2, axis=0) ** 2) / 6.0) if len(y) > 2 else 0.0
+    scatter, axes = np.linalg.eigh(Y.T @ Y)
+    scatter = scatter - len(y) * noise
+    known = scatter > len(y) * noise
+    right = axes.T @ (Y.T @ (half - half.mean()) - len(y) * noise * y.mean(axis=0))
+    along = np.divide(right, scatter, out=np.zeros(3), where=known)
+    left = half - half.mean() - Y @ (axes @ along)
+    repeated = max(_lasting(left, interval) / interval, 1.0)
+    information = np.where(known, scatter, 0.0) / (repeated * max(float(left.var()), (1e-3 * apart * apart) ** 2))
+    share = information / (information + apart**-2)  # of what each axis could be, that the readings tell
+    if share.sum() < 1.0:
+        return None, apart
+    along = share * along
+    variance = np.where(known, 1.0 / (information + apart**-2), 0.0)
+    untold = (1.0 - share) * float(share @ along**2 / share.sum())
+    return axes @ along, float(np.sqrt(np.mean(variance * share + untold)))
 
 
 def _of_disturbance(readings: Readings, stated: Mapping[str, Any]) -> tuple[dict[str, Any], list[Remark]]:

@@ -24,6 +24,7 @@ from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescript
 from insenv.logs.files import Faults
 from insenv.logs.formats.csv_table import Column, TextTable
 from insenv.logs.inertial import InertialSamples, covered_steps, implausible, increments, sampling
+from insenv.logs.magnetic import with_magnetometer_judged
 from insenv.logs.recorded import GnssFixes, RecordedLog, fixes_from_course
 from insenv.logs.reference import read_reference
 from insenv.logs.rest import rest_rate_notes, turn_notes
@@ -125,6 +126,7 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
         unit=None if unit is None else unit.rows(1.0 / float(np.median(imu.dt))),
     )
     check_units(log)
+    log = with_magnetometer_judged(log)
     return replace(log, notes=(*log.notes, *rest_rate_notes(log)))
 
 

@@ -178,6 +178,9 @@ def fusion(
 def _check_mooring(filter: Composition, smoother: bool) -> None:
     """Raise `InputError` for a smoother at a mooring, or aids that take the assumed azimuth for the true one."""
     ids = [aid.id for aid in filter.aids]
+    lacking = [state.name for state in moored.STATES if state not in filter.states]
+    if MOORED in ids and lacking:
+        raise InputError(f"fusion {filter.id!r}: the aid {MOORED!r} needs the states {', '.join(lacking)} too")
     if MOORED in ids and smoother:
         raise InputError(f"fusion {filter.id!r}: the smoother does not take the aid {MOORED!r}; use the filter, {ID!r}")
     if azimuth.STATE in filter.states and (MOORED not in ids or not azimuth.ALLOWED.issuperset(ids)):

@@ -99,6 +99,8 @@ STATES = (SWAY, CENTRE)
 # How much it sways, as the filter estimates it: a sea that is larger than `sway_sigma` where the oscillators are slow makes the
 # errors larger by as much.
 
+LEAST_SWAY = 1e-9
+"""m: of which a larger sway is a multiple, if none is assumed."""
 LARGE = 1.3
 """Root mean square of an oscillator over its standard deviation from which a note says so."""
 SLOW = 15.0
@@ -126,7 +128,7 @@ def _widened(p: Any, x: Any) -> Any:
     factor: Any = 1.0
     for axis in range(2):
         for k in range(COUNT):
-            ratio = select(p.sway_period[k] > SLOW, x.sway_rms[COUNT * axis + k] / maximum(p.sway_sigma[k], 1e-9), 0.0)
+            ratio = select(p.sway_period[k] > SLOW, x.sway_rms[COUNT * axis + k] / maximum(p.sway_sigma[k], LEAST_SWAY), 0.0)
             factor = maximum(factor, ratio)
     return factor
 
@@ -142,7 +144,7 @@ _LARGE_SWAY = declared(
 def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
     """A slow horizontal sway that is larger than what is assumed of it."""
     periods, sigma = (np.broadcast_to(np.ravel(parameters[name]), COUNT) for name in ("sway_period", "sway_sigma"))
-    of_axis = np.where(periods > SLOW, sigma, np.inf)
+    of_axis = np.where(periods > SLOW, np.maximum(sigma, LEAST_SWAY), np.inf)
     shown = ", ".join(f"{period:g}" for period in periods)
     sentence = _LARGE_SWAY.filled(periods=shown)
     return (Finding("sway_rms", sentence, np.concatenate([of_axis, of_axis, np.full(COUNT, np.inf)]), limit=LARGE),)

@@ -105,6 +105,9 @@ def test_a_log_without_attitude_is_aligned():
 
 
 def test_what_a_mooring_does_not_go_with_is_said():
+    for states, lacking in ((["sway"], "mooring_centre"), (["mooring_centre"], "sway"), ([], "sway, mooring_centre")):
+        with pytest.raises(InputError, match=f"the aid 'moored' needs the states {lacking} too"):
+            fusion(states, ["moored"])
     with pytest.raises(InputError, match="with the aids gnss, moored: allowed is moored, alone or with barometer"):
         fusion(["sway", "mooring_centre", "azimuth_rate"], ["gnss", "moored"])
     (result,) = insenv.run(changed("ship-slow-surge", imu={"grade": "tactical"}, rate_hz=20.0), "fusion", duration_s=30).results
