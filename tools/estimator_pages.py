@@ -15,12 +15,14 @@ import numpy as np
 from insenv import estimators
 from insenv.core.tables import Row
 from insenv.estimators import lssvm
-from insenv.estimators.contract import Estimator, ImuDataSheet, Knowledge
+from insenv.estimators.contract import Estimator
 from insenv.estimators.fusion import ErrorState, available
 from insenv.estimators.fusion.error_state import DRIFTING
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.settings import keys_by_row
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.evaluation.limits import ratio
+from insenv.sensors.data_sheet import ImuDataSheet
 
 Markdown = Callable[[Iterable[str], Iterable[Iterable[str]]], str]
 Part = Callable[[], str]

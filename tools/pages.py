@@ -22,6 +22,7 @@ from pydantic_core import PydanticUndefined
 import insenv
 from insenv import estimators
 from insenv.base.remarks import TEXTS
+from insenv.base.shipped import VEHICLES
 from insenv.base.toml import plain, sections_in
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import shown_name
@@ -34,10 +35,9 @@ from insenv.logs.instruments import section_of
 from insenv.report.console import as_text
 from insenv.scenario import description, json_schema
 from insenv.scenario.description import GravitySection
-from insenv.scenario.tracks.fmu_section import FmuSection, Outputs
+from insenv.scenario.tracks.fmu_section import Outputs
 from insenv.scenario.tracks.readers import Columns
-from insenv.scenario.tracks.section import RecordedSection
-from insenv.scenario.tracks.waypoints import Waypoint, WaypointsSection
+from insenv.scenario.tracks.waypoints import Waypoint
 from insenv.sensors import GnssSection, ImuSection
 from insenv.sensors.catalogue import IMU_GRADES
 from insenv.sensors.gnss import FIGURES, GNSS_GRADES, GNSS_PARAMETERS, GNSS_STATE, GNSS_STATED
@@ -47,12 +47,9 @@ from insenv.sensors.registry import instruments, registered
 from insenv.sensors.sampled import Sampled
 from insenv.studies.proof import public_logs
 from insenv.studies.proof_result import Proof
+from insenv.vehicles import registry as vehicles
 from insenv.vehicles import section as legs
-from insenv.vehicles.aircraft import AircraftLeg, AircraftSection
-from insenv.vehicles.car import CarLeg, CarSection
-from insenv.vehicles.multirotor import MultirotorLeg, MultirotorSection
-from insenv.vehicles.ship import AngleWave, HullSection, LengthWave, SeaSection, ShipLeg, ShipSection, SwaySection
-from insenv.vehicles.turntable import TurntableLeg, TurntableSection
+from insenv.vehicles.ship import AngleWave, HullSection, LengthWave, SeaSection, SwaySection
 
 ROOT = Path(__file__).resolve().parents[1]
 Sections = Iterable[tuple[str, type[BaseModel]]]
@@ -67,31 +64,41 @@ def markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 # --- keys of TOML files ------------------------------------------------------------------------------
 
+PARTS: dict[type[BaseModel], str] = {
+    SwaySection: "[vehicle.sway]",
+    AngleWave: "a sinusoid of roll, pitch or yaw",
+    LengthWave: "a sinusoid of north, east or down",
+    SeaSection: "[vehicle.sea]",
+    HullSection: "[vehicle.sea.hull]",
+    legs.EngineWave: "a frequency of an engine",
+    Columns: "[vehicle.columns]",
+    Waypoint: "a waypoint",
+    Outputs: "[vehicle.outputs]",
+}
+"""Titles of the sections within those of vehicles that are no legs."""
+
+
+def vehicle_sections() -> Sections:
+    """The section of each kind of vehicle with its title, then those within it that no kind before has."""
+    listed: dict[type[BaseModel], str] = {}
+    for kind in VEHICLES:
+        section = vehicles.get(kind)
+        article = "an" if kind[0] in "aeiou" else "a"
+        listed[section] = f'[vehicle], kind = "{kind}"'
+        for part in _within(section):
+            listed.setdefault(part, PARTS.get(part, f"a leg of {article} {kind}"))
+    return [(title, section) for section, title in listed.items()]
+
+
+def _within(section: type[BaseModel]) -> list[type[BaseModel]]:
+    parts = [part for field in section.model_fields.values() for part in sections_in(field.annotation)]
+    return [each for part in parts for each in (part, *_within(part))]
+
+
 SCENARIO_SECTIONS: Sections = (
     ("top level", description.scenario_class()),
     ("[start]", legs.StartSection),
-    ('[vehicle], kind = "ship"', ShipSection),
-    ("[vehicle.sway]", SwaySection),
-    ("a sinusoid of roll, pitch or yaw", AngleWave),
-    ("a sinusoid of north, east or down", LengthWave),
-    ("[vehicle.sea]", SeaSection),
-    ("[vehicle.sea.hull]", HullSection),
-    ("a leg of a ship", ShipLeg),
-    ('[vehicle], kind = "car"', CarSection),
-    ("a frequency of an engine", legs.EngineWave),
-    ("a leg of a car", CarLeg),
-    ('[vehicle], kind = "aircraft"', AircraftSection),
-    ("a leg of an aircraft", AircraftLeg),
-    ('[vehicle], kind = "multirotor"', MultirotorSection),
-    ("a leg of a multirotor", MultirotorLeg),
-    ('[vehicle], kind = "turntable"', TurntableSection),
-    ("a leg of a turntable", TurntableLeg),
-    ('[vehicle], kind = "recorded"', RecordedSection),
-    ("[vehicle.columns]", Columns),
-    ('[vehicle], kind = "waypoints"', WaypointsSection),
-    ("a waypoint", Waypoint),
-    ('[vehicle], kind = "fmu"', FmuSection),
-    ("[vehicle.outputs]", Outputs),
+    *vehicle_sections(),
     ("[imu]", ImuSection),
     ("[gnss]", GnssSection),
     *((f"[{id}]", section) for id, section in registered().items() if id in instruments()),
@@ -123,20 +130,26 @@ LOG_TYPES = {
 def key_tables(sections: Sections, types: dict[str, str] | None = None) -> str:
     """For each section a heading, the first line of its docstring and a table of its keys.
 
-    Keys that a section shares with an earlier one through a common base class are listed only there.
+    Keys that a section shares with an earlier one through a common base class are listed only there, unless their default
+    is another one.
     """
     parts: list[str] = []
-    owners: dict[type, str] = {}
+    owners: dict[type, tuple[str, type[BaseModel]]] = {}
     for title, model in sections:
         bases = [base for base in model.__mro__[1:] if base.__module__ == model.__module__]
         shared = next((base for base in bases if base in owners), None)
         inherited = getattr(shared, "model_fields", {})
         parts.append(f"### {title}\n\n{(model.__doc__ or '').strip().partition(chr(10))[0]}\n")
+        same: set[str] = set()
         if shared is not None:
             first, *_, last = inherited
-            parts.append(f"In addition to the keys `{first}` to `{last}` of {owners[shared]}:\n")
-        parts.append(key_table(model, inherited, types) + "\n")
-        owners = {**dict.fromkeys(bases, title), **owners}
+            owner, listed = owners[shared]
+            same = {name for name in inherited if model.model_fields[name].default == listed.model_fields[name].default}
+            other = [f"`{name}`" for name in inherited if name not in same]
+            changed = f", of which {', '.join(other)} {'has' if len(other) == 1 else 'have'} another default" if other else ""
+            parts.append(f"In addition to the keys `{first}` to `{last}` of {owner}{changed}:\n")
+        parts.append(key_table(model, same, types) + "\n")
+        owners = {**dict.fromkeys(bases, (title, model)), **owners}
     return "\n".join(parts).rstrip()
 
 
@@ -406,5 +419,7 @@ def current() -> dict[str, str]:
 
 
 if __name__ == "__main__":
+    if ROOT not in Path(insenv.__file__).resolve().parents:
+        raise SystemExit(f"insenv is that of {Path(insenv.__file__).parent}: allowed is that of {ROOT} (pip install -e .)")
     for path, text in current().items():
         (ROOT / path).write_text(text, encoding="utf-8")

@@ -27,8 +27,8 @@ class UnknownArgumentError(InputError, TypeError):
     """
 
 
-MAX_NAMES, NEAREST_NAMES = 12, 6
-"""Allowed names that a message lists; of more, the nearest ones."""
+MAX_NAMES, NEAREST_NAMES, NEARBY_NAMES = 12, 6, 10
+"""Allowed names that a message lists; of more, so many of the nearest where they are listed elsewhere too, and where not."""
 
 
 LISTED = "`insenv list`"
@@ -38,14 +38,16 @@ LISTED = "`insenv list`"
 def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
     """End of a message about an unknown `name`: the nearest allowed name, and the allowed names.
 
-    listed: where they are listed too, such as `LISTED`: of more than `MAX_NAMES` the message then has the nearest ones, in the
-    order of `allowed`.
+    listed: where they are listed too, such as `LISTED`.  Of more than `MAX_NAMES` the message has the nearest ones, in the
+    order of `allowed`, and how many there are besides.
     """
     allowed = list(allowed)
-    if not listed or len(allowed) <= MAX_NAMES:
+    if len(allowed) <= MAX_NAMES:
         return f"{guess(name, allowed)} (allowed: {', '.join(allowed) or 'none'})"
-    nearby = sorted(difflib.get_close_matches(name, allowed, n=NEAREST_NAMES, cutoff=0.0), key=allowed.index)
-    return f"{guess(name, allowed)} (allowed: {', '.join(nearby)} and {len(allowed) - len(nearby)} more; {listed} shows all)"
+    count = NEAREST_NAMES if listed else NEARBY_NAMES
+    nearby = sorted(difflib.get_close_matches(name, allowed, n=count, cutoff=0.0), key=allowed.index)
+    rest = f" and {len(allowed) - len(nearby)} more{f'; {listed} shows all' if listed else ''}"
+    return f"{guess(name, allowed)} (allowed: {', '.join(nearby)}{rest})"
 
 
 def guess(name: str, allowed: Iterable[str]) -> str:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,43 +10,7 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-FORMS: Mapping[str, Callable[[Any, float], Any]] = {
-    "product": np.multiply,
-    "quotient": np.divide,
-    "sum": np.add,
-    "degrees": lambda value, scale: np.divide(np.multiply(value, math.pi), scale),
-    "inverse": lambda value, scale: np.multiply(scale, np.divide(1.0, value)),
-}
-"""The ways in which an element of a row follows from a value and a scale, each rounded in one way: as in web/machine.js."""
-
-
-@dataclass(frozen=True)
-class Conversion:
-    """A conversion of numbers or arrays: one of the `FORMS`, with its scale."""
-
-    form: str
-    scale: float
-
-    def __call__(self, value: Any) -> Any:
-        return FORMS[self.form](value, self.scale)
-
-    def back(self, value: Any) -> Any:
-        """The value that a product converts to `value`."""
-        assert self.form == "product"
-        return np.divide(value, self.scale)
-
-
-SAME = Conversion("product", 1.0)
-DEGREES = Conversion("product", math.pi / 180.0)
-CELSIUS = Conversion("sum", 273.15)
-BY_UNIT = {
-    "deg": DEGREES,
-    "deg/s": DEGREES,
-    "deg C": CELSIUS,
-    "K/h": Conversion("quotient", 3600.0),
-    "Hz": Conversion("product", 2.0 * math.pi),
-}
-"""Conversions to SI by the unit of a key; values in other units are those of their rows."""
+from insenv.base.units import Conversion, converted
 
 
 @dataclass(frozen=True)
@@ -68,7 +31,7 @@ def unit_of(field: FieldInfo) -> str:
 def conversion_of(field: FieldInfo) -> Conversion:
     """The conversion of a key: that of the row that it sets, else that of its unit."""
     stated = [each.convert for each in field.metadata if isinstance(each, SetsRow)]
-    return stated[0] if stated else BY_UNIT.get(unit_of(field), SAME)
+    return stated[0] if stated else converted(unit_of(field)).convert
 
 
 def keys_of(section: type[BaseModel]) -> dict[str, SetsRow]:

@@ -51,6 +51,7 @@ class Plugins(Generic[T]):
     shipped: where each thing of insenv is, by its name, as ``"module:attribute"``, imported when it is asked for: a command
         takes only what it uses.  An attribute may also hold several things.
     taken: what else has names that no added thing may have, in messages, and a function that gives these names.
+    check: ``(thing, the other things by name)``: raises `InputError` for an added thing that is wrong.
     """
 
     def __init__(
@@ -60,9 +61,10 @@ class Plugins(Generic[T]):
         name_of: Callable[[T], str],
         shipped: Mapping[str, str],
         taken: tuple[str, Callable[[], Container[str]]] = ("", frozenset),
+        check: Callable[[T, Mapping[str, T]], None] | None = None,
     ) -> None:
         self.what, self.group = what, group
-        self._name_of, self._shipped, self._taken = name_of, shipped, taken
+        self._name_of, self._shipped, self._taken, self._check = name_of, shipped, taken, check
         self._imported: dict[str, T] = {}
         self._added: dict[str, T] = {}
         self._broken: dict[str, str] = {}
@@ -148,6 +150,11 @@ class Plugins(Generic[T]):
                 return thing
         elif name not in self._added and name in names():
             raise InputError(f"{self.what} {name!r}: {whose} has this name: choose another name")
-        elif self._added.setdefault(name, thing) is thing:
+        elif name not in self._added:
+            if self._check is not None:
+                self._check(thing, self.all())
+            self._added[name] = thing
+            return thing
+        elif self._added[name] is thing:
             return thing
         raise InputError(f"{self.what} {name!r} exists already: choose another name")

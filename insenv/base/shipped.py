@@ -57,6 +57,9 @@ SENSORS = {
 }
 """Sensors beside the inertial unit by id."""
 
+NAMES_OF_FUSION = "insenv.estimators.fusion.available:own_names"
+"""A function: what `fusion` has by names that no sensor of another package may take."""
+
 IMU_GRADES = ("perfect", "consumer", "autopilot", "industrial", "tactical", "navigation", "marine", "leador", "n380")
 GNSS_GRADES = ("perfect", "spp", "sbas", "rtk", "centimetre")
 """Names of the grades of `insenv.sensors.catalogue`, but of those that papers simulate: a list of names imports no figures."""

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args, ge
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError, WithJsonSchema
 
 from insenv.base.errors import InputError, guess, nearest
-from insenv.base.keys import BY_UNIT, SAME, Conversion, SetsRow, unit_of
+from insenv.base.keys import SetsRow, unit_of
+from insenv.base.units import Conversion, check_unit, converted
 
 # What the bytes or the values of a file are, for the message to someone who gave the wrong file.
 
@@ -108,8 +109,12 @@ def key(default: Any, meaning: str, unit: str = "", *, row: Any = "", convert: C
 
     row: the parameter row that it sets (`insenv.base.keys.rows_of`), if it is one: its name, or the row, whose range is then
     that of the key.  convert: to the row's SI unit; None: the conversion of the key's unit.
+    Raises `InputError` for a key that sets a row and whose unit is unknown or not that of the row.
     """
-    convert = convert or BY_UNIT.get(unit, SAME)
+    if row and convert is None:
+        named = (row, "") if isinstance(row, str) else (row.name, row.unit)
+        check_unit(f"the key of row {named[0]!r}, {meaning!r}", unit, *named if named[1] else ())
+    convert = convert or converted(unit).convert
     if not isinstance(row, str):
         ends = {"ge": float(convert.back(row.lower)), "le": float(convert.back(row.upper))}
         row, limits = row.name, {name: int(end) if end.is_integer() else end for name, end in ends.items()} | limits

@@ -146,7 +146,7 @@ def _print_names() -> None:
 
     rows = [(what, ", ".join(names)) for what, names in _names()]
     print_table(("what", "names"), rows, head=False)
-    print_line("titles, states, aids, instruments, scenarios of papers: insenv list WHAT")
+    print_line("titles, states, aids, grades, scenarios of papers: insenv list WHAT")
 
 
 _HEADS = {

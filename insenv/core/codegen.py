@@ -14,37 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from insenv.core.cache import source_digest
-from insenv.core.instructions import Instruction, instructions, ordering, table_loop
+from insenv.core.instructions import EXPRESSIONS, Instruction, instructions, ordering, table_loop
 from insenv.core.loops import LONG, Unit, plan
 from insenv.core.model import Model
 from insenv.core.traces import Kernel, Spans
 
 # The C text of one function of a model, over the type ``real``: its instructions in the order of `ordering`, or in loops.
-
-_EXPRESSIONS = {
-    "ADD": "{}+{}",
-    "SUB": "{}-{}",
-    "MUL": "{}*{}",
-    "DIV": "{}/{}",
-    "INV": "1.0/{}",
-    "NEG": "-{}",
-    "TWICE": "2.0*{}",
-    "SQ": "square({})",
-    "SQRT": "root({})",
-    "FLOOR": "whole({})",
-    "FABS": "absolute({})",
-    "LT": "less({}, {})",
-    "LE": "less_or_equal({}, {})",
-    "EQ": "equal({}, {})",
-    "NE": "not_equal({}, {})",
-    "NOT": "negation({})",
-    "AND": "both({}, {})",
-    "OR": "either({}, {})",
-    "IF_ELSE_ZERO": "select0({}, {})",
-    "ASSIGN": "{}",
-    "CONST": "constant({})",
-}
-"""The operations that IEEE 754 rounds in exactly one way, and a constant; no others are allowed."""
 
 
 def function_text(level: str, name: str, kernel: Kernel, arguments: str, in_place: bool = False) -> str:
@@ -104,7 +79,7 @@ class Precision:
     expressions: Mapping[str, str]
 
 
-REAL = Precision("real", "w", _EXPRESSIONS)
+REAL = Precision("real", "w", EXPRESSIONS)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from insenv.base.errors import InputError
 from insenv.core.elementary import select
 
 RATE = 2.0
@@ -26,6 +27,36 @@ WINDOW = 300
 """How far an instruction may move forward, in instructions."""
 _LATENCY = {"DIV": 13, "INV": 13, "SQRT": 18, "FLOOR": 8}  # cycles
 _USUAL_LATENCY = 4
+
+EXPRESSIONS = {
+    "ADD": "{}+{}",
+    "SUB": "{}-{}",
+    "MUL": "{}*{}",
+    "DIV": "{}/{}",
+    "INV": "1.0/{}",
+    "NEG": "-{}",
+    "TWICE": "2.0*{}",
+    "SQ": "square({})",
+    "SQRT": "root({})",
+    "FLOOR": "whole({})",
+    "FABS": "absolute({})",
+    "LT": "less({}, {})",
+    "LE": "less_or_equal({}, {})",
+    "EQ": "equal({}, {})",
+    "NE": "not_equal({}, {})",
+    "NOT": "negation({})",
+    "AND": "both({}, {})",
+    "OR": "either({}, {})",
+    "IF_ELSE_ZERO": "select0({}, {})",
+    "ASSIGN": "{}",
+    "CONST": "constant({})",
+}
+"""The operations that IEEE 754 rounds in exactly one way, and a constant; no others are allowed."""
+REPLACED = {
+    "SIN": "sin", "COS": "cos", "TAN": "sin_cos", "ASIN": "atan2", "ACOS": "atan2", "ATAN": "atan2", "ATAN2": "atan2",
+    "EXP": "exp", "LOG": "log", "POW": "exp and log", "FMIN": "minimum", "FMAX": "maximum",
+}  # fmt: skip
+"""Functions of `insenv.core.elementary` in place of operations of CasADi that are not among them."""
 
 
 class Instruction(NamedTuple):
@@ -70,6 +101,21 @@ def instructions(function: Any) -> list[Instruction]:
             listed.append(Instruction(name, tuple([holder[place] for place in input_of(k)])))
         holder[target[0]] = k
     return listed
+
+
+def check_exact(function: Any) -> None:
+    """Raise `InputError` for an SX function with an operation that is not among the `EXPRESSIONS`."""
+    names = {getattr(ca, name): name[3:] for name in dir(ca) if name.startswith("OP_")}
+    allowed = {getattr(ca, f"OP_{name}") for name in (*EXPRESSIONS, "INPUT", "OUTPUT")}
+    used = {function.instruction_id(k) for k in range(function.n_instructions())} - allowed
+    if used:
+        name = names[min(used)]
+        instead = (
+            f"{REPLACED[name]} of insenv.core.elementary" if name in REPLACED else "the functions of insenv.core.elementary"
+        )
+        raise InputError(
+            f"casadi's {name.lower()} is not exactly rounded: its bits differ between machines: allowed is {instead}"
+        )
 
 
 def ordering(steps: Sequence[Instruction], after: Mapping[int, Sequence[int]]) -> list[int]:

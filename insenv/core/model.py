@@ -176,6 +176,8 @@ class Model:
 def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, Any]) -> Kernel:
     import casadi as ca
 
+    from insenv.core.instructions import check_exact
+
     check_rows(values, table)
     part = Table(tuple(row for row in table if row.name in values))
     # share common subexpressions: Python helpers may compute the same quantity twice
@@ -184,6 +186,7 @@ def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, 
         for row in part:
             if not _is_finite(ca.Function(name, arguments, [ca.SX(values[row.name])])):
                 raise InputError(f"row {row.name!r} contains a constant that is not finite, such as a division by 0")
+    check_exact(function)
     return Kernel(function, table.spans(part.names))
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.core.model import Model
 from insenv.core.tables import Array, Row, Table
-from insenv.estimators.contract import ImuDataSheet, Knowledge
+from insenv.estimators.knowledge import Knowledge
 from insenv.scenario import reported_attitude, start_errors
 from insenv.scenario.description import KnowledgeSection
-from insenv.sensors.data_sheet import motion_errors
+from insenv.sensors.data_sheet import ImuDataSheet, motion_errors
 from insenv.sensors.gnss import ARM
 from insenv.sensors.imu_tables import HUGE
 

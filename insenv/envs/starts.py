@@ -21,7 +21,7 @@ from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_o
 from insenv.envs.task import Task
 from insenv.envs.units import middle_unit, units_between, units_of
 from insenv.envs.varied import Varied, variations_of
-from insenv.estimators.contract import Knowledge
+from insenv.estimators.knowledge import Knowledge
 from insenv.evaluation.limits import Limit
 from insenv.scenario import Scenario, limit_along, plant_of, prior_of
 from insenv.scenario.build import build, check_speed_of_sinusoids

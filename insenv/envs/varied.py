@@ -16,7 +16,7 @@ from insenv.base.errors import InputError, guess, nearest
 from insenv.core.model import Model
 from insenv.core.tables import Array
 from insenv.envs.checks import check_type, refused
-from insenv.estimators.contract import Knowledge
+from insenv.estimators.knowledge import Knowledge
 from insenv.scenario import Scenario, build, plant_of
 from insenv.scenario.build import sensor_rows, stated_errors
 from insenv.scenario.description import KnowledgeSection

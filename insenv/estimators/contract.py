@@ -7,102 +7,25 @@ answers.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
-
-import numpy as np
 
 from insenv.base.errors import InputError, naming
 from insenv.base.plugins import check_id
 from insenv.base.remarks import Caveat, Remark, coded, remark
 from insenv.core.model import Model, Values
-from insenv.core.tables import Array, Table, Vector, check_rows
+from insenv.core.tables import Array, Table, check_rows
+from insenv.estimators.knowledge import VALUES, Knowledge
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import understated as motion_errors_understated
 from insenv.estimators.parts.fed import misfed
 from insenv.estimators.parts.finding import Finding, Reached
-from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
-from insenv.sensors import registry as sensor_registry
-from insenv.sensors.data_sheet import ImuDataSheet
+from insenv.estimators.parts.rows import AIDED_OUTPUTS, FIX_HEALTH, aid_health, reported_aids
 from insenv.sensors.gnss import ARM, GNSS_STATED
 from insenv.vehicles import VehicleTraits
 from insenv.vehicles.registry import traits_of
-
-_ZERO = np.zeros(3)
-
-
-@dataclass(frozen=True)
-class Knowledge:
-    """What is known at the start, SI and radians: the place, and for navigation the initial velocity and attitude.
-
-    latitude, longitude (rad), height (m); velocity_n (3, m/s); roll, pitch, heading (rad): with their errors.
-    *_sigma: their standard deviations.  gyro_bias (rad/s, b), accel_bias (m/s^2, b): as far as known.
-    gyro_bias_error (rad/s): standard deviation of gyro_bias, each axis, if the attitude were right; 0: that of the data sheet.
-    rest_share: the part of gyro_bias that is the rate at rest less the Earth's rate in the attitude above, 0 to 1; through it
-    an error of the attitude is one of the bias too.
-    rotation_error, thrust_error: scale factor and misalignment of gyros and accelerometers, 1 sigma, 1; 0: not stated.
-    instruments: what is stated of the receiver and of the aiding instruments, lever arms and errors, by row name of
-    `sensors.registry.stated_rows`; a row that is missing means "no such error".
-    """
-
-    latitude: float
-    longitude: float
-    height: float
-    sample_interval: float
-    velocity_n: Vector = field(default_factory=lambda: _ZERO)
-    roll: float = 0.0
-    pitch: float = 0.0
-    heading: float = 0.0
-    position_sigma: Vector = field(default_factory=lambda: np.full(3, 1.0))
-    velocity_sigma: Vector = field(default_factory=lambda: np.full(3, 0.1))
-    tilt_sigma: float = 0.01
-    heading_sigma: float = 0.1
-    gyro_bias: Vector = field(default_factory=lambda: _ZERO)
-    accel_bias: Vector = field(default_factory=lambda: _ZERO)
-    gyro_bias_error: float = 0.0
-    rest_share: float = 0.0
-    rotation_error: float = 0.0
-    thrust_error: float = 0.0
-    sensors: ImuDataSheet = field(default_factory=ImuDataSheet)
-    instruments: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.instruments:
-            check_rows(self.instruments, sensor_registry.stated_rows())
-
-    def __getattr__(self, name: str) -> Any:
-        """The former fields of a receiver, which are rows of `instruments`."""
-        if name not in _FORMER:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        warnings.warn(f"Knowledge.{name} is now Knowledge.instruments[{name!r}]", FutureWarning, stacklevel=2)
-        return self.instruments.get(name, GNSS_STATED.unpack(GNSS_STATED.start_vector())[name])
-
-    @cached_property
-    def rows(self) -> dict[str, Any]:
-        """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``; stated errors."""
-        values = {name: getattr(self, name) for name in _VALUES}
-        start = {f"start_{name}": value for name, value in values.items()}
-        return {**start, **values, **vars(self.sensors), **self.instruments}
-
-    def rows_of(self, table: Table) -> dict[str, Any]:
-        """The values of those rows of a table that are in `rows`."""
-        return {name: self.rows[name] for name in table.names if name in self.rows}
-
-    @staticmethod
-    def field_of(row: str) -> str:
-        """The name without ``start_`` of the value that `rows` has under the name `row`; empty if there is none."""
-        if row in _SHEET or row in sensor_registry.stated_rows():
-            return row
-        name = row.removeprefix("start_")
-        return name if name in _VALUES else ""
-
-
-_FORMER = (ARM.name, "fix_wander_sigma", "fix_wander_time")
-_SHEET = frozenset(each.name for each in fields(ImuDataSheet))
-_VALUES = tuple(each.name for each in fields(Knowledge) if each.name not in ("sensors", "instruments"))
 
 
 @dataclass(frozen=True)
@@ -227,13 +150,14 @@ class Estimator:
                 f"estimator {self.id!r}: an estimator of kind {self.kind!r} has the output {lacking[0]!r} "
                 f"(given: {', '.join(self.model.outputs.names) or 'none'})"
             )
-        wrong = [row for row in FIX_HEALTH if self.reports_fixes and self.model.outputs[row.name].shape != row.shape]
-        if wrong:
-            shape = self.model.outputs[wrong[0].name].shape
-            raise InputError(
-                f"estimator {self.id!r}: output {wrong[0].name!r} has the shape {shape}: allowed is {wrong[0].shape}, as in "
-                "insenv.estimators.parts.rows.FIX_HEALTH"
-            )
+        for where, rows in (("AIDED_OUTPUTS", _READ), ("FIX_HEALTH", FIX_HEALTH if self.reports_fixes else ())):
+            for row in rows:
+                shape = self.model.outputs[row.name].shape if row.name in self.model.outputs else row.shape
+                if shape != row.shape:
+                    raise InputError(
+                        f"estimator {self.id!r}: output {row.name!r} has the shape {shape}: allowed is {row.shape}, as in "
+                        f"insenv.estimators.parts.rows.{where}"
+                    )
         if self.motion is None:
             object.__setattr__(self, "motion", "in place" if self.kind == "alignment" else "any")
 
@@ -397,7 +321,7 @@ class Estimator:
         """
         import casadi as ca
 
-        table, known = self.model.parameters, {*_VALUES, *GNSS_STATED.names} - {ARM.name}
+        table, known = self.model.parameters, {*VALUES, *GNSS_STATED.names} - {ARM.name}
         p = ca.SX.sym("p", table.size)
         start = self.model.kernels["start"].function(p, ca.SX.sym("r", self.model.start_uniforms))
         used = set(ca.jacobian_sparsity(start, p).get_triplet()[1])
@@ -476,6 +400,8 @@ class Estimator:
 
 
 _OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}
+_READ = tuple(AIDED_OUTPUTS[name] for name in (*_OUTPUTS["navigation"], "attitude_sigma", "velocity_sigma", "position_sigma"))
+"""Outputs that insenv reads, of the estimators that have them."""
 _TUNABLE = ("_random_walk", "_sigma", "_gate", "_error", "_correlation_time", "antenna_lever_arm")
 """Ends of the names of noises, gates and the lever arm."""
 

@@ -50,7 +50,8 @@ from insenv.core.elementary import maximum, minimum, select, sin_cos
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import q_method
-from insenv.estimators.contract import Estimator, Knowledge
+from insenv.estimators.contract import Estimator
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import applicability, inertial_vectors, lever_arm, rows
 from insenv.estimators.parts.error_model import Aligned, aligned
 from insenv.estimators.parts.kalman import decays, driven_variance, measure, propagate

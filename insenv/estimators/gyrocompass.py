@@ -25,7 +25,8 @@ import casadi as ca
 from insenv.core.elementary import PI, atan2, clamp, cos, minimum, select, sin
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.contract import Estimator, Knowledge
+from insenv.estimators.contract import Estimator
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import applicability, frozen_frame, rows
 
 LEAK, LEARNING = 10.0, 60.0  # s: of the integral of velocity, and of the mean square of the displacement

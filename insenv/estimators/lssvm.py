@@ -47,7 +47,8 @@ from insenv.base.output import atomic
 from insenv.core.elementary import minimum, polynomial, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Array, Row, Table
-from insenv.estimators.contract import Estimator, Knowledge
+from insenv.estimators.contract import Estimator
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import frozen_frame, rows
 from insenv.estimators.parts import sins_gnss_differences as differences
 from insenv.estimators.parts.sins_gnss_differences import FEATURES, READY

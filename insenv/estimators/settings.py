@@ -10,8 +10,8 @@ import numpy as np
 
 from insenv.base.changes import parsed
 from insenv.base.errors import InputError, nearest
-from insenv.base.keys import SAME, Conversion
 from insenv.base.toml import shown
+from insenv.base.units import SAME, Conversion
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator, get, registry
 from insenv.sensors.units import UNITS

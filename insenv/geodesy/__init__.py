@@ -18,6 +18,7 @@ from types import SimpleNamespace
 
 import casadi as ca
 
+from insenv.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from insenv.core.elementary import PI, Scalar, atan2, sin_cos, split_half_angles, wrap_angle
 from insenv.core.numeric import vectorized
 from insenv.core.tables import Row
@@ -44,8 +45,6 @@ SOMIGLIANA = B * GAMMA_POLE / (A * GAMMA_EQUATOR) - 1.0
 """k of Somigliana's formula."""
 M = OMEGA_IE * OMEGA_IE * A * A * B / GM
 """m = omega^2 a^2 b / GM, about the ratio of centrifugal to gravitational acceleration at the equator."""
-STANDARD_GRAVITY = 9.80665
-"""The unit g of data sheets, m/s^2, wherever the sensor is; exact by definition (3rd CGPM, 1901)."""
 NOMINAL_GRAVITY = 9.8
 """Gravity to two digits, m/s^2: for error models, in which 0.3 % does not matter."""
 MEAN_RADIUS = 6371e3

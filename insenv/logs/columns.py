@@ -33,6 +33,14 @@ def _as_tuple(value: object) -> object:
 
 Column = Annotated[str | int, BeforeValidator(_check_column)]
 Columns3 = Annotated[tuple[Column, Column, Column], list_of(3, "three")]
+
+
+def columns_of(size: int) -> Any:
+    """The type of a key that names one column, or a list of several."""
+    named: Any = Column if size == 1 else tuple[(Column,) * size]  # type: ignore[misc]
+    return Column if size == 1 else Columns3 if size == 3 else Annotated[named, list_of(size, str(size))]
+
+
 Sigma3 = Annotated[tuple[Positive, Positive, Positive], list_of(3, "three")]
 Axes = Annotated[Any, AfterValidator(_check_axes)]
 Files = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]

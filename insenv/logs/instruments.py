@@ -16,7 +16,7 @@ from insenv.base.errors import InputError
 from insenv.base.toml import Number, Positive, key
 from insenv.core.tables import Array, Table
 from insenv.logs.assemble import LogReader
-from insenv.logs.columns import Axes, Column, Columns3, MeasurementSection
+from insenv.logs.columns import Axes, MeasurementSection, columns_of
 from insenv.logs.description import LogDescription
 from insenv.logs.formats.csv_table import TextTable
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, delivered
@@ -50,8 +50,8 @@ def section_of(instrument: Instrument) -> type[MeasurementSection]:
 
 
 def _column_keys(instrument: Instrument, column: MeasuredColumn) -> dict[str, Any]:
-    several = instrument.measurement[column.row].size == 3
-    kind: Any = Columns3 if several else Column
+    size = instrument.measurement[column.row].size
+    several, kind = size > 1, columns_of(size)
     may_lack = column.optional or bool(column.constant)
     meaning = f"{'columns' if several else 'column'} of the {column.meaning}"
     keys: dict[str, Any] = {column.key: (kind | None if may_lack else kind, key(None if may_lack else ..., meaning))}

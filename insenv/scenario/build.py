@@ -26,7 +26,7 @@ from insenv.sensors.contract import Place
 from insenv.sensors.data_sheet import imu_data_sheet, motion_errors
 from insenv.sensors.registry import stated_rows
 from insenv.vehicles import Vehicle
-from insenv.vehicles.section import MAX_DURATION_S
+from insenv.vehicles.section import MAX_DURATION_S, check_section
 from insenv.vehicles.ship import ANGLES
 
 KNOWLEDGE_STREAM = 0xFFFFFFFE
@@ -86,6 +86,8 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     this = f"vehicle kind {scenario.vehicle.kind!r}"
     with naming(f"{this}, vehicle", prefixed=False):
         vehicle = scenario.vehicle.vehicle()
+    with naming(this):
+        check_section(scenario.vehicle, vehicle)
     model = model_of(vehicle, (IMU, *(section.sensor for section in scenario.sensors.values())))
     rows = {
         "sample_interval": interval,

@@ -18,7 +18,7 @@ HUGE = 1e12
 """Represents "no limit": tables hold finite numbers only."""
 
 
-def _no_motion(p: Values, x: Values) -> tuple[Any, Any, Any]:
+def no_motion(p: Values, x: Values) -> tuple[Any, Any, Any]:
     """An `Instant` of a part of which only the rows are read."""
     raise NotImplementedError
 
@@ -77,7 +77,7 @@ class Sensor:
     @property
     def measured(self) -> Table:
         """The rows of its `outputs`: units, frames and shapes in which it feeds estimators."""
-        state = self.part(_no_motion).state
+        state = self.part(no_motion).state
         return Table(tuple(state[name] for name in self.outputs))
 
 

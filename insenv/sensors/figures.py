@@ -15,21 +15,24 @@ import numpy as np
 from pydantic import create_model, field_validator
 
 from insenv.base.errors import LISTED, InputError, nearest
-from insenv.base.keys import Conversion, rows_of
+from insenv.base.keys import rows_of
 from insenv.base.toml import Number, PerAxis, Section, Window, key, one_of, within
+from insenv.base.units import Conversion, check_unit
 from insenv.core.tables import Table
 from insenv.sensors.contract import SensorSection
 from insenv.sensors.sampled import OUTAGES, check_times
-from insenv.sensors.units import UNITS
+from insenv.sensors.units import UNITS, Unit
 
 Named = TypeVar("Named")
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure, which a key states: the parameter row that it sets, and its unit, one of `insenv.sensors.units.UNITS`.
+    """One figure, which a key states: the parameter row that it sets, and its unit (`insenv.base.units`), which becomes that of
+    the row.
 
     vector: of three, one for each axis.  convert: to SI; None: that of the unit.  meaning: None: that of the row.
+    Raises `InputError` for an unknown unit.
     """
 
     row: str
@@ -38,15 +41,23 @@ class Figure:
     vector: bool = False
     meaning: str | None = None
 
+    def __post_init__(self) -> None:
+        if self.convert is None:
+            check_unit(f"the figure of row {self.row!r}", self.unit)
+
+    @property
+    def _unit(self) -> Unit:
+        return UNITS.get(self.unit) or Unit(self.unit)
+
     def to_si(self, value: Any) -> Any:
         """The value of the row for a value in the unit."""
-        return (self.convert or UNITS[self.unit].convert)(np.asarray(value))
+        return (self.convert or self._unit.convert)(np.asarray(value))
 
     def key(self, parameters: Table, otherwise: str) -> tuple[Any, Any]:
         """Type and field of the key, whose meaning and limits are those of the row.  otherwise: what holds if it is absent."""
-        row, convert = parameters[self.row], self.convert or UNITS[self.unit].convert
+        row, convert = parameters[self.row], self.convert or self._unit.convert
         text = f"{self.meaning or row.meaning}{' (N, E, D)' if row.frame == 'n' else ''}"
-        most = min(UNITS[self.unit].largest, float(convert.back(row.upper)))
+        most = min(self._unit.largest, float(convert.back(row.upper)))
         least = 0.0 if row.lower >= 0.0 else -most
         kind: Any = Number
         limits: dict[str, float] = {"gt": 0.0, "le": most} if row.lower > 0.0 else {"ge": least, "le": most}

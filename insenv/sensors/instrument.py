@@ -280,8 +280,8 @@ def _nothing(motion: Any, errors: Values, p: Values) -> dict[str, Any]:
 class Instrument:
     """An aiding instrument.
 
-    id: short name; also that of its sections and the beginning of its rows.  title: for headings.  called: in sentences
-    ("the odometer").  causes: what to look at where its measurements do not fit a filter.
+    id: short name; also that of its sections and the beginning of its rows.  title: for headings of the documentation.
+    called: in sentences and lists ("the odometer").  causes: what to look at where its measurements do not fit a filter.
     holds: what its measurements hold of a navigation, of "vertical", "horizontal" and "heading".
     values: rows of what it measures.  terms: its errors.
     measure: ``(motion, errors, p) -> {row: value}``: what it shows, of a `Motion`, of errors by the names of the terms and of

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any, ClassVar, TypeVar
 
@@ -13,8 +14,10 @@ from insenv.base.shipped import SENSORS
 from insenv.base.toml import Number, key, shown
 from insenv.core.tables import Table
 from insenv.sensors.contract import Place, Sensor, SensorSection
+from insenv.sensors.definition import check_beside, check_instrument
 from insenv.sensors.figures import FiguresSection, TimedSection, figures_section
 from insenv.sensors.gnss import GNSS_STATED
+from insenv.sensors.imu import IMU
 from insenv.sensors.instrument import Instrument, Setting
 from insenv.sensors.sampled import Sampled
 
@@ -41,12 +44,21 @@ def _id(thing: Registered) -> str:
     )
 
 
+def check(thing: Registered, others: Mapping[str, Registered] | None = None) -> None:
+    """Raise `InputError` for an instrument that is wrong, alone or beside the others; None: those that are registered."""
+    if isinstance(thing, Instrument):
+        beside = [other for other in (_PLUGINS.all() if others is None else others).values() if _id(other) != thing.id]
+        sensors = [IMU, *(other.sensor for other in beside if not isinstance(other, Instrument))]
+        check_instrument(thing)
+        check_beside(thing, [other for other in beside if isinstance(other, Instrument)], sensors)
+
+
 _PLUGINS: Plugins[Registered] = Plugins(
-    "sensor", "insenv.sensors", _id, SENSORS, ("a key or attribute of a scenario", lambda: TAKEN)
+    "sensor", "insenv.sensors", _id, SENSORS, ("a key or attribute of a scenario", lambda: TAKEN), check
 )
 
-names, check_loaded = _PLUGINS.names, _PLUGINS.check_loaded
-"""As `Plugins` gives them: ids of the sensors beside the inertial unit."""
+names, check_loaded, passed = _PLUGINS.names, _PLUGINS.check_loaded, _PLUGINS.passed
+"""As `Plugins` gives them: ids of the sensors beside the inertial unit; those that are known in a block."""
 
 
 def _section(thing: Registered) -> type[SensorSection]:
@@ -83,7 +95,7 @@ Thing = TypeVar("Thing", type[SensorSection], Instrument)
 
 
 def register(thing: Thing) -> Thing:
-    """Make a sensor known.  Raises `InputError` if another one has its id."""
+    """Make a sensor known.  Raises `InputError` if another one has its id, and for an instrument that is wrong."""
     _PLUGINS.register(thing)
     return thing
 

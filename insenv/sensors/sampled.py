@@ -162,7 +162,7 @@ class Sampled:
     def _further_uniforms(self) -> int:
         return 0 if self.instrument.outlier is None else self.instrument.outlier.uniforms
 
-    def _start(self, p: Values, r: Any) -> dict[str, Any]:
+    def _start(self, p: Values, r: Any = None) -> dict[str, Any]:
         this, places = self.instrument, self._normals["start"]
         n = normals(r) if places else ca.SX()
         values = {

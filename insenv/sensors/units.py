@@ -1,7 +1,6 @@
 """Conversion of data-sheet units (deg/h, ug/sqrt(Hz), ...) to SI, and of the two notations of white noise.
 
-Conversions of a number or an array are named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g`` the standard
-gravity of data sheets (9.80665 m/s^2, independent of the local gravity), ``ppm`` a millionth.
+Conversions of a number or an array are named ``<data-sheet unit>_to_<SI unit>``; `insenv.base.units` declares them.
 """
 
 from __future__ import annotations
@@ -12,90 +11,84 @@ from typing import Any
 
 import numpy as np
 
-from insenv.base.keys import CELSIUS, DEGREES, SAME, Conversion
-from insenv.geodesy import STANDARD_GRAVITY
+from insenv.base.units import CONVERTED, DEGREE, Conversion, converted
+from insenv.base.units import HOUR as HOUR
 
-HOUR = 3600.0
-"""s."""
-DEGREE = DEGREES.scale
-"""rad."""
-ZERO_CELSIUS = CELSIUS.scale
+ZERO_CELSIUS = CONVERTED["deg C"].convert.scale
 """K."""
 
 
 ANGLE_UNITS = {"deg": DEGREE, "rad": 1.0}
 """unit -> radians."""
-SPEED_UNITS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
+SPEED_UNITS = {"m/s": 1.0, **{unit: CONVERTED[unit].convert.scale for unit in ("km/h", "kn")}}
 """unit -> m/s."""
 
-
-def _times(scale: float) -> Conversion:
-    return Conversion("product", scale)
-
-
-deg_to_rad = DEGREES
-arcsec_to_rad = _times(DEGREE / 3600.0)
-urad_to_rad = _times(1e-6)
-deg_h_to_rad_s = _times(DEGREE / HOUR)
+arcsec_to_rad = CONVERTED["arcsec"].convert
+deg_h_to_rad_s = CONVERTED["deg/h"].convert
 rad_s_to_deg_h = deg_h_to_rad_s.back
-deg_sqrt_h_to_rad_sqrt_s = _times(DEGREE / math.sqrt(HOUR))  # angle random walk
-deg_h_sqrt_h_to_rad_s_sqrt_s = _times(DEGREE / HOUR / math.sqrt(HOUR))  # rate random walk
-deg_h_g_to_rad_s_per_m_s2 = _times(DEGREE / HOUR / STANDARD_GRAVITY)  # g-sensitivity
-g_to_m_s2 = _times(STANDARD_GRAVITY)
-ug_to_m_s2 = _times(STANDARD_GRAVITY * 1e-6)
+deg_sqrt_h_to_rad_sqrt_s = CONVERTED["deg/sqrt(h)"].convert  # angle random walk
+ug_to_m_s2 = CONVERTED["ug"].convert
 m_s2_to_ug = ug_to_m_s2.back
-mgal_to_m_s2 = _times(1e-5)
-ug_sqrt_hz_to_m_s_sqrt_s = _times(STANDARD_GRAVITY * 1e-6)  # velocity random walk as an acceleration density
-m_s_sqrt_h_to_m_s_sqrt_s = _times(1.0 / math.sqrt(HOUR))  # velocity random walk
-ug_sqrt_h_to_m_s2_sqrt_s = _times(STANDARD_GRAVITY * 1e-6 / math.sqrt(HOUR))  # acceleration random walk
-ppm_to_one = _times(1e-6)
-percent_to_one = _times(0.01)
-nt_to_t = _times(1e-9)
-deg_c_to_k = CELSIUS
+mgal_to_m_s2 = CONVERTED["mGal"].convert
+ppm_to_one = CONVERTED["ppm"].convert
+nt_to_t = CONVERTED["nT"].convert
+deg_c_to_k = CONVERTED["deg C"].convert
 
 
 @dataclass(frozen=True)
 class Unit:
     """A unit of data sheets.
 
-    si: the unit of the rows that it is converted to.  largest: value that an error in this unit does not exceed: in
-        proportion to a quantity that quantity; per kelvin or g ten times that of the poorest units.  ending: of the keys of
-        an estimator's section that are given in it; None: there are none.  shown: whether MAVLink's parameters are in it.
+    name: of the unit.  largest: value that an error in this unit does not exceed: in proportion to a quantity that quantity;
+        per kelvin or g ten times that of the poorest units.  ending: of the keys of an estimator's section that are given in
+        it; None: there are none.  shown: whether MAVLink's parameters are in it.
     """
 
-    si: str
-    convert: Conversion = SAME
+    name: str
     largest: float = 1e9
     ending: str | None = None
     shown: bool = False
 
+    @property
+    def convert(self) -> Conversion:
+        """The conversion to SI."""
+        return converted(self.name).convert
+
+    @property
+    def si(self) -> str:
+        """The unit of the rows that it is converted to."""
+        return converted(self.name).si
+
 
 UNITS = {
-    "deg": Unit("rad", deg_to_rad, 180.0, "deg", shown=True),
-    "arcsec": Unit("rad", arcsec_to_rad),
-    "urad": Unit("rad", urad_to_rad),
-    "deg/h": Unit("rad/s", deg_h_to_rad_s, ending="deg_h", shown=True),
-    "deg/s": Unit("rad/s", deg_to_rad),
-    "deg/sqrt(h)": Unit("rad/s^0.5", deg_sqrt_h_to_rad_sqrt_s, ending="deg_sqrt_h", shown=True),
-    "deg/h/sqrt(h)": Unit("rad/s/sqrt(s)", deg_h_sqrt_h_to_rad_s_sqrt_s),
-    "deg/h/g": Unit("(rad/s)/(m/s^2)", deg_h_g_to_rad_s_per_m_s2, 1e6),
-    "deg/h/K": Unit("rad/s/K", deg_h_to_rad_s, 1e4),
-    "ug": Unit("m/s^2", ug_to_m_s2, ending="ug", shown=True),
-    "mGal": Unit("m/s^2", mgal_to_m_s2, ending="mgal"),
-    "g": Unit("m/s^2", g_to_m_s2),
-    "ug/sqrt(Hz)": Unit("m/s^1.5", ug_sqrt_hz_to_m_s_sqrt_s, ending="ug_sqrt_hz", shown=True),
-    "m/s/sqrt(h)": Unit("m/s^1.5", m_s_sqrt_h_to_m_s_sqrt_s, ending="mps_sqrt_h"),
-    "ug/sqrt(h)": Unit("m/s^2/sqrt(s)", ug_sqrt_h_to_m_s2_sqrt_s),
-    "ug/K": Unit("m/s^2/K", ug_to_m_s2, 1e5),
-    "ppm": Unit("1", ppm_to_one, 1e6),
-    "ppm/K": Unit("1/K", ppm_to_one, 1e3),
-    "%": Unit("1", percent_to_one, 100.0),
-    "% per m/s^2": Unit("s^2/m", percent_to_one, 100.0),
-    "nT": Unit("T", nt_to_t),
-    "m": Unit("m", ending="m"),
-    "s": Unit("s", ending="s"),
-    "m/s": Unit("m/s", ending="mps"),
-    "": Unit("1", ending=""),
+    unit.name: unit
+    for unit in (
+        Unit("deg", 180.0, "deg", shown=True),
+        Unit("arcsec"),
+        Unit("urad"),
+        Unit("deg/h", ending="deg_h", shown=True),
+        Unit("deg/s"),
+        Unit("deg/sqrt(h)", ending="deg_sqrt_h", shown=True),
+        Unit("deg/h/sqrt(h)"),
+        Unit("deg/h/g", 1e6),
+        Unit("deg/h/K", 1e4),
+        Unit("ug", ending="ug", shown=True),
+        Unit("mGal", ending="mgal"),
+        Unit("g"),
+        Unit("ug/sqrt(Hz)", ending="ug_sqrt_hz", shown=True),
+        Unit("m/s/sqrt(h)", ending="mps_sqrt_h"),
+        Unit("ug/sqrt(h)"),
+        Unit("ug/K", 1e5),
+        Unit("ppm", 1e6),
+        Unit("ppm/K", 1e3),
+        Unit("%", 100.0),
+        Unit("% per m/s^2", 100.0),
+        Unit("nT"),
+        Unit("m", ending="m"),
+        Unit("s", ending="s"),
+        Unit("m/s", ending="mps"),
+        Unit("", ending=""),
+    )
 }
 """The units of data sheets by name: their conversions, and the largest values and keys in them."""
 SHOWN = {unit.si: (name, unit.convert) for name, unit in UNITS.items() if unit.shown}

@@ -69,14 +69,29 @@ def _refused(section: type[Section], values: dict[str, Any], name: str) -> None:
 
 
 def check_sensor(section: type[SensorSection] | Instrument | str, *, compiled: bool = True, **values: Any) -> None:
-    """Check a registered sensor: its keys, what it tells estimators, its outputs on a driving car, its bits on every backend.
+    """Check a sensor: its keys, what it tells estimators, its outputs on a driving car, its bits on every backend.
 
-    section: its section, the instrument or its id.  values: its keys in a scenario.  compiled: whether native code and batches
-    are compared.  Raises `AssertionError`, and `InputError` for an id that is not registered.
+    section: its section, the instrument or its id; one that is not registered is known for the check alone.  values: its keys
+    in a scenario.  compiled: whether native code and batches are compared.  Raises `AssertionError`, and `InputError` for an
+    id that is not registered.
     """
-    if isinstance(section, (Instrument, str)):
-        section = sensors.get(section if isinstance(section, str) else section.id)
-    _class(section, SensorSection, "the class of a sensor's section, an instrument or its id")
+    if isinstance(section, str):
+        section = sensors.get(section)
+    thing: Any = getattr(section, "instrument", section)  # of the section of an instrument, that
+    if isinstance(thing, Instrument):
+        try:
+            sensors.check(thing)
+        except InputError as error:
+            raise AssertionError(str(error)) from error
+    made: Any = sensors.section_of(thing) if isinstance(thing, Instrument) else thing
+    _class(made, SensorSection, "the class of a sensor's section, an instrument or its id")
+    id = made.sensor.id
+    with sensors.passed([thing]):
+        assert sensors.get(id) is made, f"sensor {id!r}: another one is registered by this id: choose another"
+        _check_sensor(made, compiled, values)
+
+
+def _check_sensor(section: type[SensorSection], compiled: bool, values: dict[str, Any]) -> None:
     sensor = section.sensor
     this = f"sensor {sensor.id!r}"
     check_keys(section, **values)

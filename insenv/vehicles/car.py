@@ -15,8 +15,9 @@ from typing import Any, ClassVar, Literal
 import casadi as ca
 
 from insenv.base.errors import InputError
-from insenv.base.keys import Conversion, rows_of
+from insenv.base.keys import rows_of
 from insenv.base.toml import Number, key
+from insenv.base.units import Conversion
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Values
 from insenv.core.tables import Array, Row, Table

@@ -9,9 +9,10 @@ from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
-from insenv.base.errors import InputError
-from insenv.base.keys import rows_of
+from insenv.base.errors import InputError, nearest
+from insenv.base.keys import keys_of, rows_of, unit_of
 from insenv.base.toml import Number, PerAxis, Section, key, validated, within
+from insenv.base.units import check_unit, converted
 from insenv.core.tables import Row, Table
 from insenv.vehicles.truth import Vehicle
 
@@ -183,6 +184,23 @@ class VehicleSection(Section):
         Raises `InputError` for values that conflict.
         """
         raise NotImplementedError
+
+
+def check_section(section: VehicleSection, vehicle: Vehicle) -> None:
+    """Raise `InputError` for a key whose unit is none of its row, and for a stick of a command that the vehicle lacks.
+
+    A conversion that a key states itself is not checked.
+    """
+    rows = {row.name: row for row in vehicle.parameters}
+    for name, sets in keys_of(type(section)).items():
+        unit = unit_of(type(section).model_fields[name])
+        if sets.row in rows and sets.convert == converted(unit).convert:
+            check_unit(f"key {name!r}", unit, sets.row, rows[sets.row].unit)
+    inputs = (name for name in vehicle.inputs.names if name.startswith("command_") and name != "command_valid")
+    commands = [name.removeprefix("command_") for name in inputs]
+    for stick in section.sticks if commands else ():
+        if stick.command not in commands:
+            raise InputError(f"stick {stick.name!r}: command {stick.command!r}: unknown{nearest(stick.command, commands)}")
 
 
 class LegSection(Section):

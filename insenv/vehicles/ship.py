@@ -16,8 +16,9 @@ import casadi as ca
 from pydantic import Strict, model_validator
 
 from insenv.base.errors import InputError, nearest
-from insenv.base.keys import Conversion, rows_of
+from insenv.base.keys import rows_of
 from insenv.base.toml import Number, Section, key, validated
+from insenv.base.units import Conversion
 from insenv.core.elementary import maximum
 from insenv.core.model import Values
 from insenv.core.tables import Array, Row, Table

@@ -183,10 +183,17 @@ def _kinematics(vehicle: Vehicle) -> Kinematics:
     still = {row.name: ca.SX(*(row.shape + (1, 1))[:2]) for row in vehicle.state}
     flow = vehicle.state.assemble({**still, **vehicle.derivative(p, x)})
     angles = ca.vertcat(*vehicle.angles(p, x))
+    if angles.numel() < 3:
+        raise InputError(f"angles: {angles.numel()} results: allowed are roll, pitch, heading, and further angles after them")
     s, c = ca.SX.sym("s", angles.numel()), ca.SX.sym("c", angles.numel())
     rates = ca.jtimes(angles, x_flat, flow)
     along = ca.vertcat(x_flat, s, c), ca.vertcat(flow, c * rates, -s * rates)
     velocity = vehicle.velocity_n(p, x, [(s[i], c[i]) for i in range(angles.numel())])
+    if getattr(velocity, "shape", ()) != (3, 1):
+        raise InputError(
+            f"velocity_n: the result has the shape {getattr(velocity, 'shape', ())}: allowed is (3, 1), as of "
+            "casadi.vertcat(north, east, down)"
+        )
     # omega_nb^b: the heading rate about D, the pitch rate about E' and the roll rate about N'' = b's x axis
     roll_rate, pitch_rate, heading_rate = rates[0], rates[1], rates[2]
     omega = ca.vertcat(

@@ -18,7 +18,8 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from insenv.base.errors import InputError
-from insenv.base.keys import SAME, Conversion, conversion_of, unit_of
+from insenv.base.keys import conversion_of, unit_of
+from insenv.base.units import SAME, Conversion
 from insenv.core.tables import Vector
 from insenv.scenario import Scenario
 from insenv.sensors.catalogue import IMU_GRADES

@@ -1,9 +1,15 @@
 """Aiding instruments in recorded logs: columns of text files in their units, and the samples that they belong to."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
+import insenv
+from insenv import Instrument, Row
 from insenv.logs.instruments import sample_columns
+from insenv.sensors import registry
+from insenv.sensors.figures import Grade, by_name
+from insenv.sensors.instrument import Column, white
 
 FILES = {"barometer": "510", "magnetometer": "20000,-1000,-43000", "odometer": "36", "dvl": "1,2,3", "heading": "90,0.5"}
 EARLIER = {"barometer": "0", "magnetometer": "1,1,1", "odometer": "0", "dvl": "0,0,0", "heading": "0,1"}
@@ -47,3 +53,37 @@ def test_a_log_whose_magnetometer_is_silent_has_none_and_says_so(fitted):
     log = fitted.load()
     assert "magnetometer" not in [each.id for each in log.instruments]
     assert "3 of 3 readings of the magnetic field are exactly 0" in " ".join(log.notes)
+
+
+@pytest.mark.parametrize(("size", "parts"), [(2, "xy"), (4, "1234")])
+def test_a_measurement_of_any_number_of_elements_goes_through_a_log(size, parts, tmp_path, monkeypatch):
+    def measured(motion, e, p):
+        velocity_b = motion.body_velocity(ca.SX.zeros(3))
+        return {"radar_speed": ca.vertcat(velocity_b, velocity_b)[:size] + e.noise}
+
+    monkeypatch.setattr(registry._PLUGINS, "_added", dict(registry._PLUGINS._added))
+    insenv.register(
+        Instrument(
+            "radar",
+            title="Radar",
+            called="the radar",
+            what="speeds",
+            causes="its noise",
+            values=(Row("radar_speed", "Speeds", "m/s", (size,), "b"),),
+            terms=(white("radar_noise", "radar noise", "White noise", "m/s", (size,), "b"),),
+            measure=measured,
+            aid_parameters=("radar_noise",),
+            least_sigma={"radar_speed": 0.01},
+            columns=(Column("speed", "radar_speed", "speeds"),),
+            grades=by_name(Grade("perfect", "No errors")),
+        )
+    )
+    start = {"latitude_deg": 50, "longitude_deg": 8}
+    scenario = {"title": "t", "duration_s": 4, "start": start, "vehicle": {"kind": "car"}, "imu": {}, "gnss": {}, "radar": {}}
+    log = insenv.record(scenario)
+    paths = insenv.write(log, tmp_path, "log")
+    table = next(path for path in paths if path.name.endswith("-radar.csv"))
+    assert table.read_text().partition("\n")[0].split(",")[2:] == [f"speed_{part}_mps" for part in parts]
+    (read,) = insenv.logs.load(paths[0]).instruments
+    assert np.array_equal(read.values, log.instruments[0].values) and read.values.shape == (4, size)
+    assert insenv.replay(paths[0], "fusion").results[0].estimator == "fusion"

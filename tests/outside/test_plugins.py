@@ -24,6 +24,7 @@ from insenv.sensors import registry as sensors
 from insenv.sensors.registry import instruments, section_of
 from insenv.vehicles import registry as vehicles
 
+Q_NB = Row("q_nb", "Attitude", "1", (4,), "n", (1, 0, 0, 0))
 START = {"title": "t", "duration_s": 1, "start": {"latitude_deg": 50, "longitude_deg": 8}}
 
 
@@ -65,6 +66,9 @@ def section(rail, **methods):
     (of_model, {"output": lambda p, x: {}}, "output: row 'q_nb' is missing"),
     (of_model, {"steps": {"sample": lambda p, x, u: {}}}, "step 'sample': function: allowed is a Step"),
     (of_estimator, {"motion": "foo"}, "estimator 'ahrs': motion = 'foo'"),
+    (of_model, {"outputs": Table((Q_NB, Row("attitude_sigma", "Mine", "rad", (2,))))},
+     "estimator 'ahrs': output 'attitude_sigma' has the shape (2,): allowed is (3,)"),
+    (of_step, lambda p, x, u: {"q_nb": ca.sin(u.dt) * x.q_nb}, "casadi's sin is not exactly rounded: its bits differ"),
     (of_estimator, {"kind": "navigation"}, "'ahrs': an estimator of kind 'navigation' has the output 'velocity_n'"),
     (of_estimator, {"prepare": lambda known: {"lattitude": 1}}, "prepare: no row named 'lattitude'; did you mean"),
     (of_estimator, {"prepare": lambda known: 1 / 0}, "estimator 'ahrs', prepare: ZeroDivisionError"),
@@ -77,7 +81,7 @@ def section(rail, **methods):
 def test_a_fault_names_its_model_estimator_or_vehicle(rail, made, changes, message):
     with said(message) as caught:
         made(rail, changes)
-    named = {of_step: "model 'my-level', step 'sample': ", of_model: "model 'ahrs'", of_law: "trolley"}.get(made, "")
+    named = {of_step: "model 'my-level', step 'sample': ", of_model: "'ahrs'", of_law: "trolley"}.get(made, "")
     assert named in str(caught.value) and "\n" not in str(caught.value)
 
 

@@ -10,7 +10,7 @@ from interpreted import interpreted  # noqa: F401
 from live_pages import CAR, SHIP, answers, in_node, live_page, panel_answers
 
 import insenv
-from insenv.base.keys import FORMS
+from insenv.base.units import FORMS
 from insenv.bench.page_machine import PageMachine
 from insenv.report.page import worker_script
 from insenv.web.controls import with_values

@@ -40,6 +40,16 @@ def _aids(instruments: tuple[Instrument, ...]) -> Mapping[str, Aid]:
     return {aid.id: aid for aid in every}
 
 
+@cache
+def own_names() -> Mapping[str, str]:
+    """What a filter has without any instrument, by name: its states, its aids, the rows of its model."""
+    states = (*error_state.STATES, *gnss.STATES, *moored.STATES, azimuth.STATE)
+    aids = (gnss.WHITE, non_holonomic.NON_HOLONOMIC, zero_velocity.AID, in_place.AID, moored.AID)
+    filter = Composition("fusion", "", states, (gnss.WHITE,))
+    rows = (row.name for table in (filter.parameters, filter.state, filter.inputs, filter.outputs) for row in table)
+    return dict.fromkeys(rows, "a filter of fusion") | dict.fromkeys((aid.id for aid in aids), "an aid of fusion")
+
+
 def all_states() -> Mapping[str, ErrorState]:
     """The states by name, in their order in a filter."""
     return _states(_instruments())

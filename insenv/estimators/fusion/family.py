@@ -15,7 +15,7 @@ import numpy as np
 from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
 from insenv.core.tables import Table
-from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
+from insenv.estimators.contract import Choices, Drive, Estimator
 from insenv.estimators.fusion import azimuth, history, moored, unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, states_by_aid, with_correlation_times
@@ -27,6 +27,7 @@ from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNKN
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.fusion.surprising import surprising
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import applicability
 from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
 from insenv.estimators.velocity_integration.estimator import OLDEST

@@ -31,12 +31,13 @@ from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.estimators.contract import Drive, Knowledge
+from insenv.estimators.contract import Drive
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.measurement import spread_of
 from insenv.estimators.fusion.navigation import Navigation, corrected, linear
 from insenv.estimators.fusion.omitted import Omitted
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, bias_sigma

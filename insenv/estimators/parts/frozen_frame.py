@@ -25,7 +25,7 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import atan2, sin_cos
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.contract import Knowledge
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import rows
 from insenv.estimators.parts.strapdown import MEMORY, compensated, remembered
 

@@ -36,7 +36,7 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.core.elementary import maximum, minimum, select
 from insenv.core.tables import Row, Table
-from insenv.estimators.contract import Knowledge
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import frozen_frame, rows
 from insenv.estimators.parts.strapdown import MEMORY
 

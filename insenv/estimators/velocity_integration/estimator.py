@@ -12,7 +12,8 @@ import numpy as np
 
 from insenv import geodesy
 from insenv.base.remarks import declared
-from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
+from insenv.estimators.contract import Choices, Drive, Estimator
+from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts.finding import Finding, Reached
 from insenv.estimators.velocity_integration.source import FIXES, LARGEST_LINEAR, LOG
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration

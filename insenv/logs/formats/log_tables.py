@@ -5,12 +5,12 @@ Every value is in SI and in body or navigation axes, as `insenv.logs.RecordedLog
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from insenv.core.tables import Array
+from insenv.core.tables import Array, Row
 from insenv.logs.formats.contract import Columns
 from insenv.logs.recorded import GnssFixes, Readings, RecordedLog, Reference
 from insenv.sensors import registry
@@ -63,7 +63,7 @@ REFERENCE_VELOCITY = {"velocity": _NED_VELOCITY}
 _SUFFIXES = {"m": "m", "m/s": "mps", "rad": "rad", "T": "t"}
 """Ends of the names of columns, by SI unit; one without a unit has none."""
 _COMPONENTS = {"n": ("north", "east", "down")}
-"""Names of the components by frame; x, y, z in others."""
+"""Names of the components of a vector by frame; x, y, z in others."""
 _ATTITUDE: dict[str, Any] = {"roll": "roll_rad", "pitch": "pitch_rad", "heading": "heading_rad", "attitude_unit": "rad"}
 
 
@@ -84,13 +84,19 @@ def instrument_keys(readings: Readings) -> dict[str, Any]:
     keys = dict(_TIME)
     for column in _measured(readings):
         row = instrument.measurement[column.row]
-        ends = [column.key, *(f"{column.key}_{part}" for part in _COMPONENTS.get(row.frame, "xyz"))]
-        names = ["_".join(filter(None, (end, _SUFFIXES.get(row.unit, "")))) for end in ends]
-        keys[column.key] = names[1:] if row.size == 3 else names[0]
+        parts = _components(row) if row.size > 1 else [""]
+        names = ["_".join(filter(None, (column.key, part, _SUFFIXES.get(row.unit, "")))) for part in parts]
+        keys[column.key] = names if row.size > 1 else names[0]
         if column.units and not column.unit_key:
             keys[f"{column.key}_unit"] = next(unit for unit, size in column.units.items() if size == 1.0)
         keys |= {"axes": "FRD"} if column.axes else {}
     return keys | (_AGE if readings.age is not None else {})
+
+
+def _components(row: Row) -> Sequence[str]:
+    """A name of each element of a row: those of the components, numbers where there are more of them."""
+    names = _COMPONENTS.get(row.frame, tuple("xyz"))
+    return names[: row.size] if row.size <= len(names) else [str(number + 1) for number in range(row.size)]
 
 
 def _measured(readings: Readings) -> list[Column]:

@@ -13,12 +13,14 @@ from places import ROOT
 
 import insenv
 from insenv import InputError
-from insenv.estimators.contract import Drive, ImuDataSheet, Knowledge
+from insenv.estimators.contract import Drive
 from insenv.estimators.fusion import fusion
 from insenv.estimators.fusion.family import aids_of, prepared
 from insenv.estimators.fusion.non_holonomic import NON_HOLONOMIC, UNKNOWN_ARM
+from insenv.estimators.knowledge import Knowledge
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, load
+from insenv.sensors.data_sheet import ImuDataSheet
 
 N380 = ROOT / "examples" / "n380-car-position-only.toml"
 WHEELED = ["gnss", "zero_velocity", "non_holonomic"]
