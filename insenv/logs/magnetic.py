@@ -84,7 +84,9 @@ def _uncalibrated() -> dict[str, float]:
 def with_magnetometer_judged(log: RecordedLog) -> RecordedLog:
     """The log with what the readings of its magnetometer show of it, and without readings that are none."""
     instruments, stated, notes = [], dict(log.stated_errors), list(log.notes)
-    turned = float(np.ptp(np.cumsum(log.delta_angle, axis=0), axis=0).max())
+    angle = np.cumsum(log.delta_angle, axis=0)
+    angle = angle - np.linspace(angle[0], angle[-1], len(angle))  # a bias does not turn the vehicle
+    turned = float(np.ptp(angle, axis=0).max())
     for each in log.instruments:
         kept: Readings | None = each
         if each.id == MAGNETOMETER.id:
@@ -139,11 +141,12 @@ def _of_strength(readings: Readings, stated: Mapping[str, Any]) -> tuple[Reading
         return readings, {}, []
     larger = {name: max(float(stated[name]), sigma) for name, sigma in _uncalibrated().items()}
     micro = {"strength": float(np.median(strength)), "earth": earth, "allowed": allowed}
-    field_b, sigma = _of_vehicle(readings, apart)
-    if field_b is None:
+    vehicle = _of_vehicle(readings, apart)
+    if vehicle is None:
         larger |= {_HARD: max(float(stated[_HARD]), apart), _SOFT: max(larger[_SOFT], apart / earth)}
         said = _UNTOLD.filled(name=readings.name, share=100.0 * larger[_SOFT], **_in_ut({**micro, "hard": larger[_HARD]}))
         return readings, larger, [said]
+    field_b, sigma = vehicle
     scale = earth / float(np.median(np.linalg.norm(readings.values - field_b, axis=1)))
     larger |= {_HARD: max(float(stated[_HARD]), scale * sigma)}
     said = _STRENGTH.filled(
@@ -159,7 +162,7 @@ def _in_ut(values: Mapping[str, float]) -> dict[str, float]:
     return {name: 1e6 * value for name, value in values.items()}
 
 
-def _of_vehicle(readings: Readings, apart: float) -> tuple[Array | None, float]:
+def _of_vehicle(readings: Readings, apart: float) -> tuple[Array, float] | None:
     """The field h of the vehicle (3, T, b) and the standard deviation of what is left; None if the directions tell too little.
 
     apart: T, what each component could be.  A sphere about h: y^2 / 2 = h . y + constant, by least squares of which the noise
@@ -179,7 +182,7 @@ def _of_vehicle(readings: Readings, apart: float) -> tuple[Array | None, float]:
     information = np.where(known, scatter, 0.0) / (repeated * max(float(left.var()), (1e-3 * apart * apart) ** 2))
     share = information / (information + apart**-2)  # of what each axis could be, that the readings tell
     if share.sum() < 1.0:
-        return None, apart
+        return None
     along = share * along
     variance = np.where(known, 1.0 / (information + apart**-2), 0.0)
     untold = (1.0 - share) * float(share @ along**2 / share.sum())

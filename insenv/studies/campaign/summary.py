@@ -188,7 +188,10 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
         limit_notes=limit.notes,
         whole=whole,
         sensitivity=sensitivities(plan, measured.channels, values, rms, whole),
-        health=tuple(one and one.doubted(said.remark for said in each) for one, each in zip(healths, said, strict=True))
+        health=tuple(
+            one and one.doubted((*plan.notes, *(said.remark for said in each)))  # what is said of all runs, and of this one
+            for one, each in zip(healths, said, strict=True)
+        )
         if healths
         else (),
         said=tuple(map(tuple, said)),

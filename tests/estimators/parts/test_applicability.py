@@ -10,7 +10,7 @@ from interpreted import interpreted  # noqa: F401
 from places import ROOT
 from simulated_log import simulated_log
 
-from insenv import replay, run
+from insenv import campaign, replay, run
 from insenv.estimators import get, registered
 from insenv.estimators.parts import applicability
 from insenv.scenario import build, load
@@ -146,3 +146,25 @@ def test_errors_on_a_real_log_are_within_the_stated_sigma(id, tmp_path, monkeypa
     for channel in ("roll_deg", "pitch_deg", "heading_deg"):
         assert (np.abs(result.errors[channel][late]) < 4 * result.sigma[channel][late]).all(), channel
     assert result.sigma["heading_deg"][-1] > 90
+
+
+@pytest.mark.parametrize(("bias_ug", "said"), [(600.0, False), (800.0, True)])
+def test_a_moored_filter_with_coarse_accelerometers_is_not_called_consistent(bias_ug, said):
+    """NEES of 9 states: 8.2 with 0.3 mg, 24 with 3 mg, 79 with 16 mg."""
+    scenario = changed("ship-slow-surge", imu={"grade": "perfect", "accel_bias_sigma_ug": bias_ug})
+    (result,) = run(scenario, "fusion", duration_s=10.0, seed=1).results
+    assert ("level-of-sway" in [note.code for note in result.notes]) == said
+    assert (result.health.verdict == "contradicted") == said
+
+
+@pytest.mark.parametrize(("magnetometer", "heading_sigma_deg", "said"), [
+    ({"hard_iron_sigma_nt": 1300.0}, 10.0, False), ({"hard_iron_sigma_nt": 1500.0}, 10.0, True),
+    ({"coupling_sigma_percent": 3.0}, 10.0, True), ({"grade": "uncalibrated"}, 4.0, False),
+    ({"grade": "uncalibrated"}, 10.0, True),
+])  # fmt: skip
+def test_unknown_iron_beside_an_unknown_heading_is_a_doubt_of_every_run(magnetometer, heading_sigma_deg, said):
+    """Of a field of 48.4 uT, 3 % are 1.45 uT; soft iron of 1 % and 0.5 % are in it."""
+    changes = {"magnetometer": {"grade": "autopilot", **magnetometer}, "knowledge": {"heading_sigma_deg": heading_sigma_deg}}
+    found = campaign(changed("multirotor-hover", **changes), "fusion", runs=2, duration_s=4.0)
+    assert ("iron-unknown" in [note.code for note in found.notes]) == said
+    assert [each.verdict == "contradicted" for each in found.health] == [said, said]
