@@ -130,10 +130,10 @@ SEARCHED_HZ = 1000
 
 def _fitting_rate(scenario: Scenario, rows: Mapping[str, Any]) -> str:
     """What a message adds: the nearest rate, in whole Hz, that the times of all sensors and the vehicle's vibrations fit; empty
-    if none is near.
+    if the rate is not what is wrong, or none is near.
     """
 
-    def fits(rate: int) -> bool:
+    def fits(rate: float) -> bool:
         try:
             check_speed_of_sinusoids(rows, 1.0 / rate)
             scenario.vehicle.check_interval(1.0 / rate)
@@ -143,6 +143,8 @@ def _fitting_rate(scenario: Scenario, rows: Mapping[str, Any]) -> str:
             return False
         return True
 
+    if fits(scenario.rate_hz):
+        return ""
     asked = round(scenario.rate_hz)
     for apart in range(1, SEARCHED_HZ):
         for rate in (asked + apart, asked - apart):
