@@ -277,7 +277,7 @@ def campaign(
             output.keep(summaries[0].document(table or ""))
         elif folder is not None:
             output.written = write_comparison(compared, folder, output.figure, table or "")
-    unwritten = "--out DIR keeps the page, every run, and the blocks from which --resume continues"
+    unwritten = "--out DIR keeps the page, every run and the blocks that --resume goes on from"
     document = summaries[0].document() if compared is None else compared.document()
     output.show(document, unwritten, further=["blocks/" if compared is None else "*/blocks/"])
 

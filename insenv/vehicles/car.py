@@ -212,7 +212,11 @@ class CarLeg(LegSection):
     )
     drive_s: Number | None = lasting("drive straight on for this time")
     turn_deg: Number | None = key(
-        None, "turn by this angle, right positive, with duration_s or radius_m", "deg", ge=-3600, le=3600
+        None,
+        f"turn by this angle, right positive, with duration_s or radius_m; up to {SCRIPT.fastest_deg('yaw_rate'):g} deg/s",
+        "deg",
+        ge=-3600,
+        le=3600,
     )
     stop_s: Number | None = lasting("brake, then stand for this time")
     wait_s: Number | None = lasting("keep speed and direction for this time")
@@ -245,15 +249,14 @@ def car_route(legs: Legs, start_speed_mps: float = 0.0, speed_bandwidth: float =
             segment["duration"] = reaching + value if kind == "stop_s" else leg.duration_s or reaching
             speed = target
         elif kind == "turn_deg":
-            angle = radians(value)
             if speed <= 0.0:
                 raise InputError(f"{where}: turn_deg = {value:g}: a stationary car cannot turn")
             if (leg.duration_s is None) == (leg.radius_m is None):
                 raise InputError(f"{where}: turn_deg needs either duration_s or radius_m")
-            duration = leg.duration_s or abs(angle) * (leg.radius_m or 1.0) / speed
+            duration = leg.duration_s or abs(radians(value)) * (leg.radius_m or 1.0) / speed
             if duration <= 0.0:
                 raise InputError(f"{where}: turn_deg = {value:g} with radius_m: allowed is an angle other than 0")
-            segment |= {"duration": duration, "yaw_rate": angle / duration}
+            segment |= {"duration": duration, "yaw_rate": SCRIPT.turned(where, "yaw_rate", value, duration)}
         else:
             segment["duration"] = value
         segments.append(segment | {"speed": speed})

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import radians
 from typing import Any, ClassVar, Literal
 
 import casadi as ca
@@ -157,7 +156,8 @@ class MultirotorLeg(LegSection):
     fly_s: Number | None = lasting("fly for this time with forward_mps, right_mps and climb_mps")
     turn_deg: Number | None = key(
         None,
-        "turn by this angle, right positive, over duration_s, with the velocities of the leg before",
+        "turn by this angle, right positive, over duration_s, with the velocities of the leg before; up to "
+        f"{SCRIPT.fastest_deg('yaw_rate'):g} deg/s",
         "deg",
         ge=-3600,
         le=3600,
@@ -219,7 +219,7 @@ def flight(legs: Legs) -> list[dict[str, float]]:
         if kind == "turn_deg":
             if leg.duration_s is None:
                 raise InputError(f"{where}: turn_deg needs duration_s")
-            duration, rate = leg.duration_s, radians(value) / leg.duration_s
+            duration, rate = leg.duration_s, SCRIPT.turned(where, "yaw_rate", value, leg.duration_s)
         else:
             velocity = hovering | rows_of(leg)
         segments.append({"duration": duration, **velocity, "yaw_rate": rate})

@@ -7,6 +7,7 @@ An external command (input ``command_valid`` not zero) replaces the commands and
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -118,6 +119,23 @@ class Script:
     def _take(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
         commands = {f"commanded_{row.name}": getattr(u, f"command_{row.name}") for row in self.commands}
         return commands | {"segment_left": ca.SX(NEVER), "segment_due": ca.SX(0)}
+
+    def turned(self, where: str, name: str, turn_deg: float, duration_s: float) -> float:
+        """The command `name`, a rate (rad/s), that turns by an angle; `where`: the leg, for messages.
+
+        Raises `InputError` for a rate out of the bounds of the command.
+        """
+        rate = math.radians(turn_deg) / duration_s
+        if abs(rate) > self[name].upper:
+            raise InputError(
+                f"{where}: turn_deg = {turn_deg:g} in {duration_s:.3g} s is {math.degrees(rate):.3g} deg/s: allowed is up to "
+                f"{self.fastest_deg(name):g} deg/s"
+            )
+        return rate
+
+    def fastest_deg(self, name: str) -> float:
+        """The largest value of the command `name`, a rate, in whole deg/s."""
+        return math.floor(math.degrees(self[name].upper))
 
     def table(self, segments: Sequence[Mapping[str, float]]) -> Array:
         """Value of the parameter ``segments`` (N_SEGMENTS, 1 + commands) from segments by name, SI units,

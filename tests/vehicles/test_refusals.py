@@ -21,7 +21,7 @@ def multirotor(legs):
     (flight_plan, [{"speed_mps": 20}, {"climb_to_m": 500}], "leg 2: climb_to_m = 500 at 20 m/s"),
     (flight_plan, [{"speed_mps": 80}, {"turn_deg": 5, "bank_deg": 30}], "before the bank has settled"),
     (multirotor, [{"hover_s": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs duration_s"),
-    (multirotor, [{"turn_deg": 3600, "duration_s": 10}], "segment 1: yaw_rate = 6.28"),
+    (multirotor, [{"turn_deg": 3600, "duration_s": 10}], "leg 1: turn_deg = 3600 in 10 s is 360 deg/s: allowed is up to 229"),
     (SCRIPT.table, [{"speed": 3.0}], "segment 1: duration is missing"),
     (SCRIPT.table, [{"duration": 1.0}, {"duration": 1.0, "speed": float("nan")}], "segment 2: speed = nan"),
     (SCRIPT.table, [{"duration": 1.0}] * (N_SEGMENTS + 1), "at most 64"),

@@ -37,8 +37,8 @@ TOLERANCE = 3.0
 
 _RESTARTED = declared(
     "filter-restarted",
-    "position and velocity were restarted ({ratio} times), because refused fixes agreed with each other: the stated sigmas "
-    "were too small before that",
+    "restarts of position and velocity, because refused fixes agreed with each other: {ratio}; the stated sigmas were too "
+    "small before that",
     Doubt,
 )
 
