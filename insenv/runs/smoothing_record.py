@@ -7,6 +7,7 @@ per second, one fix per second and 3000 smoothed instants, takes 41 MB: 184 B fo
 
 from __future__ import annotations
 
+import math
 import tempfile
 import weakref
 from collections.abc import Iterator, Sequence
@@ -124,12 +125,13 @@ class Record:
         interval = events[:, smoothing.events.size : smoothing.events.size + smoothing.interval.size]
         rows[:, inputs.slice("carried").stop :] = np.repeat(interval, length, axis=0)
         scalar = slice(inputs.slice("H").start, inputs.slice("left").stop)
-        for k, (flag, earlier, (values, turn)) in enumerate(zip(flags, before, scalars, strict=True)):
+        correction = slice(inputs.slice("turn").start, inputs.slice("carried").start)
+        for k, (flag, earlier, (values, corrections)) in enumerate(zip(flags, before, scalars, strict=True)):
             places = (first + earlier)[flag][:, None] + np.arange(values.shape[1])
             rows[places, scalar] = values
             rows[places, inputs.slice(used_row(k)).start] = 1
             rows[places[:, -1], inputs.slice("turned").start] = 1
-            rows[places[:, -1], inputs.slice("turn")] = turn
+            rows[places[:, -1], correction] = corrections
         return rows, first + length - 1
 
     def _rows(self, outputs: Array, table: Table) -> Array:
@@ -139,6 +141,7 @@ class Record:
 
 
 def _scalars(table: Table, rows: Array) -> tuple[Array, Array]:
-    """Rows of a group: H, gain, weight and left of each scalar (instants, scalars, 2 n + 2), and turns (instants, 3)."""
-    H, gain, weight, left, turn = table.unpack(rows).values()
-    return np.concatenate([H, gain, weight[..., None], left[..., None]], axis=-1), turn
+    """Rows of a group: H, gain, weight and left of each scalar (instants, scalars, 2 n + 2); turn and shear (instants, k)."""
+    H, gain, weight, left, *corrections = table.unpack(rows).values()
+    flat = [each.reshape(len(rows), math.prod(each.shape[1:])) for each in corrections]
+    return np.concatenate([H, gain, weight[..., None], left[..., None]], axis=-1), np.concatenate(flat, axis=1)

@@ -41,7 +41,7 @@ class Aid:
     sensors: ids of sensors that it needs; none for a constraint.
     inputs, parameters, state: its rows.  outputs: names of those of its state that are outputs too.
     present: ``(p, x, u) -> (m)``, 1 for the components that are there.  None: all are.
-    age: ``u -> s`` from its validity to the end of the sample.  None: 0.
+    age: name of the input row of the time from its validity to the end of the sample (s).  Empty: 0.
     gate: name of the parameter row of its innovation gate, in standard deviations.
     correlated: ``(p, x, since) -> (m)``: variance to add because a part of the error is that of the measurement `since` seconds
         before.  None: white.
@@ -52,6 +52,8 @@ class Aid:
         (`insenv.estimators.fusion.restart`); its components are position and velocity in n.
     iterated: whether it shows so much attitude at once that a first order is not enough: an attitude that is not known well is
         then found first (`measurement.attitude_shown`), and its equation derived there.
+    added: name of the constant error that adds to each component: corrections keep the sum
+        (`insenv.estimators.fusion.kept_sum`).
     on_sample: ``(p, x, u, delta_angle, delta_velocity, change_w) -> rows`` of its `state` after a sample of corrected
         increments (rad, m/s, b) that changed the velocity by `change_w` (m/s, w).
     steps: further steps between the sample and the propagation of the covariance.
@@ -78,13 +80,14 @@ class Aid:
     state: Table = field(default_factory=Table)
     outputs: tuple[str, ...] = ()
     present: Callable[[Any, Any, Any], Any] | None = None
-    age: Callable[[Any], Any] | None = None
+    age: str = ""
     gate: str = ""
     correlated: Callable[[Any, Any, Any], Any] | None = None
     widened: Callable[[Any, Any], Any] | None = None
     max_rejections: int = 10
     restarts: bool = False
     iterated: bool = False
+    added: str = ""
     on_sample: Callable[..., Mapping[str, Any]] | None = None
     steps: Mapping[str, Step] = field(default_factory=dict)
     triggers: str = ""

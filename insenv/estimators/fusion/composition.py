@@ -22,7 +22,7 @@ from insenv.core import symmetric
 from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion import arc, azimuth, history
+from insenv.estimators.fusion import arc, azimuth, history, kept_sum
 from insenv.estimators.fusion.aid import Aid, repeated
 from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.measurement import attitude_shown, far, heading_shown, update, wide
@@ -322,11 +322,27 @@ class Composition:
 
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
             done, reported = self.update(aid, p, x, u)
-            share = 1.0 if self.covariance_held is None else 1.0 - getattr(p, self.covariance_held.name)
-            changed = corrected(x, arc.along(done.correction, x.covariance, share=share), self.states, self.places)
-            return {**changed, "covariance": covariance_after(done, self.n, share), **reported}
+            return {**self.fed_back(aid, p, x, u, done)[0], **reported}
 
         return step
+
+    @cached_property
+    def summing(self) -> tuple[Aid, ...]:
+        """The aids of which a correction keeps the sum (`insenv.estimators.fusion.kept_sum`)."""
+        return tuple(aid for aid in self.aids if aid.added in self.places)
+
+    def fed_back(self, used: Aid, p: Any, x: Any, u: Any, done: Update) -> tuple[dict[str, Any], list[Any]]:
+        """State rows after an update by an aid, and for each of the aids `summing` the change (m x n) of what it shows."""
+        share = 1.0 if self.covariance_held is None else 1.0 - getattr(p, self.covariance_held.name)
+        correction = arc.along(done.correction, x.covariance, share=share)
+        changed = corrected(x, correction, self.states, self.places)
+        stored, changes = covariance_after(done, self.n, share), []
+        for aid in self.summing:
+            psi = getattr(x, aid.misalignment_row) if aid is used and aid.iterated else None
+            value, change = kept_sum.kept(aid, self.states, self.places, p, x, u, correction, changed, psi)
+            changed, stored = {**changed, aid.added: value}, kept_sum.covariance_kept(stored, self.places[aid.added], change)
+            changes.append(change)
+        return {**changed, "covariance": stored}, changes
 
     def shown(self, aid: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
         """The step before that of an aid that is iterated: the attitude that it shows."""

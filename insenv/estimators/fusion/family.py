@@ -248,7 +248,6 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
             *(() if _holds(filter, "horizontal") else applicability.free_start(parameters, duration_s)),
             *(() if _holds(filter, "heading") or _gyrocompasses(ids, parameters) else (NO_HEADING,)),
             *(applicability.drifting_heading(parameters, duration_s) if IN_PLACE in ids else ()),
-            *(applicability.swaying_level(parameters) if MOORED in ids else ()),
             *(applicability.unknown_iron(parameters) if "hard_iron" in names else ()),
             *(() if {IN_PLACE, MOORED} & set(ids) else applicability.unmodelled_motion(parameters, duration_s)),
             *uncounted,

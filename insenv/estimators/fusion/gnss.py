@@ -81,7 +81,7 @@ WHITE = Aid(
     + rows.FIX_WANDER
     + Table((replace(gate_row("gnss"), name="innovation_gate"),)),
     present=lambda p, x, u: gnss_fix.present(u),
-    age=lambda u: u.gnss_age,
+    age="gnss_age",
     gate="innovation_gate",
     correlated=lambda p, x, since: gnss_fix.correlated_variance(p, since),
     restarts=True,

@@ -182,11 +182,19 @@ def aid_of(instrument: Instrument) -> Aid:
         inputs=instrument.measurement,
         parameters=Table((*(stated[name] for name in instrument.aid_parameters), gate_row(id))),
         present=None if instrument.usable is None else present,
-        age=lambda u: getattr(u, instrument.age),
+        age=instrument.age,
         gate=f"{id}_gate",
         correlated=None if instrument.lasting is None else correlated,
         iterated=instrument.shows_heading,
+        added=_added(instrument) if instrument.shows_heading else "",
     )
+
+
+def _added(instrument: Instrument) -> str:
+    """Name of the state of the constant error that adds to the measured vector; empty: none."""
+    row = instrument.compared
+    adding = (t for t in instrument.terms if t.kind == "constant" and (t.shape, t.frame) == (row.shape, row.frame))
+    return next((state.name for term in adding for state in term.states), "")
 
 
 def _product(x: Any, count: Any) -> Any:

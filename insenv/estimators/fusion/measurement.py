@@ -26,10 +26,10 @@ def update(
 ) -> tuple[Update, dict[str, Any]]:
     """One measurement of an aid and the state rows after it; p, x, u: parameters, state, inputs by name."""
     psi = getattr(x, aid.misalignment_row) if aid.iterated else None
-    innovation, by_error = _seen(aid, states, places, n, p, x, u, psi)
+    innovation, by_error = derived(aid, states, places, n, p, x, u, psi)
     H = -by_error
     variance = aid.variance(p, x, u, spread_of(x, states, places)) + _of_arc(x, H)
-    age = aid.age(u) if aid.age is not None else 0.0
+    age = getattr(u, aid.age) if aid.age else 0.0
     since = maximum(getattr(x, aid.row("since")) - age, 0.0)  # between the epochs of the two measurements
     inflated = variance if aid.correlated is None else variance + aid.correlated(p, x, since)
     present = aid.present(p, x, u) if aid.present is not None else ca.SX.ones(aid.size)
@@ -65,8 +65,8 @@ def update(
     return Update(tuple(scalars), correction, stored), reported
 
 
-def _seen(
-    aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any, psi: Any
+def derived(
+    aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any, psi: Any = None
 ) -> tuple[Any, Any]:
     """Innovation and its derivative by the whole error, at the attitude that a turn by psi (3, rad, w; None: 0) leads to."""
     turn = None if psi is None else turn_of(psi)
@@ -86,6 +86,8 @@ WIDE = float(np.radians(3.0))
 """rad: standard deviation of the attitude from which it is found by several passes, each with the equations of where the one
 before found it.  At three of these sigmas a field is 1 % longer along its direction than a first order says, which the errors
 of the instrument take up."""
+PREDICTED = 10.0
+"""Variance of a prediction over that of the measurement up to which no pass is needed: it shows nothing beyond first order."""
 PASSES = 4
 """They find a heading that is 60 deg off with honest sigmas."""
 
@@ -125,11 +127,14 @@ def attitude_shown(aid: Aid, states: Sequence[ErrorState], places: Mapping[str, 
     """
     P, psi = symmetric.full(x.covariance, n), ca.SX.zeros(3)
     variance = ca.diag(aid.variance(p, x, u, spread_of(x, states, places)))
-    for _ in range(PASSES):
-        innovation, by_error = _seen(aid, states, places, n, p, x, u, psi)
+    unforeseen: Any = 1.0
+    for number in range(PASSES):
+        innovation, by_error = derived(aid, states, places, n, p, x, u, psi)
         shared = P @ -by_error.T
+        if number == 0:
+            unforeseen = select(-ca.trace(by_error @ shared) > PREDICTED * ca.trace(variance), 1.0, 0.0)
         psi = shared[TILT, :] @ ca.solve(variance - by_error @ shared, innovation)
-    return psi
+    return psi * unforeseen
 
 
 def spread_of(x: Any, states: Sequence[ErrorState], places: Mapping[str, slice]) -> Spread:

@@ -96,7 +96,7 @@ class Navigation:
 
     def axes(self, age: Any) -> Any:
         """C_wb (3x3) `age` seconds ago."""
-        return self._then(age).C_wb
+        return self.C_wb if ca.SX(age).is_zero() else self._then(age).C_wb
 
     def _turned(self, C_wb: Any) -> Any:
         return C_wb if self._turn is None else self._turn @ C_wb

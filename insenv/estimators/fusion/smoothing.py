@@ -15,9 +15,9 @@ from insenv.core.tables import Table
 from insenv.estimators.fusion import arc, unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
-from insenv.estimators.fusion.navigation import corrected, navigation_corrected
+from insenv.estimators.fusion.navigation import navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
-from insenv.estimators.parts.error_model import covariance_after
+from insenv.estimators.parts.kalman import Update
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 
@@ -30,18 +30,19 @@ def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None =
     if way is not None:
         return _aligned_first(smoothing_of(filter, id), filter, way)
     interval = Table(tuple(replace(row, name=_last(row.name)) for row in filter.interval))
+    shear = _shear(filter)
     groups = tuple(
         adjoint.Group(
             filter.state[aid.due_row],
-            adjoint.scalar_rows(aid.id, aid.size, filter.n, f"Components of {aid.title}"),
+            adjoint.scalar_rows(aid.id, aid.size, filter.n, f"Components of {aid.title}", shear),
             partial(_support, filter, aid),
         )
         for aid in filter.aids
     )
     estimates = tuple(state.name for state in filter.states)
     return adjoint.Smoothing(
-        forward=_forward(filter, id, interval, groups),
-        backward=_backward(filter, id, interval, groups),
+        forward=_forward(filter, id, interval, groups, shear),
+        backward=_backward(filter, id, interval, groups, shear),
         due="covariance_due",
         groups=groups,
         interval=interval,
@@ -57,7 +58,25 @@ def _last(name: str) -> str:
     return f"last_{name}"
 
 
-def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoint.Group, ...]) -> Model:
+def _shear(filter: Composition) -> adjoint.Shear | None:
+    """Between which errors a correction shears (`insenv.estimators.fusion.kept_sum`); None: it does not."""
+    if not filter.summing:
+        return None
+    p, x, u = _symbols(filter)
+    rows = [place for aid in filter.summing for place in range(*filter.places[aid.added].indices(filter.n))]
+    done = Update((), ca.SX.sym("correction", filter.n), x.covariance)
+    used = {k for change in filter.fed_back(filter.aids[0], p, x, u, done)[1] for k in change.sparsity().get_triplet()[1]}
+    return adjoint.Shear(tuple(rows), tuple(sorted(used)))
+
+
+def _symbols(filter: Composition) -> tuple[Values, ...]:
+    tables = (filter.parameters, filter.state, filter.inputs)
+    return tuple(table.symbols(ca.SX.sym(name, table.size)) for name, table in zip("pxu", tables, strict=True))
+
+
+def _forward(
+    filter: Composition, id: str, interval: Table, groups: tuple[adjoint.Group, ...], shear: adjoint.Shear | None
+) -> Model:
     """The filter, which also records; an interval ends at a sample that is to be smoothed."""
     recorded = sum((group.rows for group in groups), interval)
     shown = [filter.state["covariance_due"], *(group.flag for group in groups), *recorded, *_nominal(filter)]
@@ -73,8 +92,9 @@ def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoin
     def used(aid: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
             done, reported = filter.update(aid, p, x, u)
-            changed = corrected(x, arc.along(done.correction, x.covariance), filter.states, filter.places)
-            return {**changed, "covariance": covariance_after(done, filter.n), **reported, **adjoint.recorded(aid.id, done)}
+            changed, changes = filter.fed_back(aid, p, x, u, done)
+            sheared = None if shear is None else ca.vertcat(*changes)[:, shear.columns]
+            return {**changed, **reported, **adjoint.recorded(aid.id, done, sheared)}
 
         return step
 
@@ -119,17 +139,18 @@ def _nominal(filter: Composition) -> Table:
 
 def _support(filter: Composition, aid: Aid) -> tuple[int, ...]:
     """The states that the aid's components can depend on: those of an update, which takes long to write out."""
-    tables = (filter.parameters, filter.state, filter.inputs)
-    p, x, u = (table.symbols(ca.SX.sym(name, table.size)) for name, table in zip("pxu", tables, strict=True))
+    p, x, u = _symbols(filter)
     used = {k for scalar in filter.update(aid, p, x, u)[0].scalars for k in scalar.H.sparsity().get_triplet()[1]}
     return tuple(sorted(used))
 
 
-def _backward(filter: Composition, id: str, interval: Table, groups: tuple[adjoint.Group, ...]) -> Model:
+def _backward(
+    filter: Composition, id: str, interval: Table, groups: tuple[adjoint.Group, ...], shear: adjoint.Shear | None
+) -> Model:
     def transition(p: Any, u: Any) -> Any:
         return filter.transition(p, Values(**{row.name: getattr(u, _last(row.name)) for row in filter.interval}))
 
     times = tuple(dict.fromkeys(state.time for state in filter.states if state.time))
     return adjoint.backward_model(
-        f"{id}-backward", filter.n, rows.chosen(filter.parameters, *times), groups, interval, transition
+        f"{id}-backward", filter.n, rows.chosen(filter.parameters, *times), groups, interval, transition, shear
     )

@@ -9,7 +9,8 @@ from s = 0, L = 0 at the end:
 
     scalar measurement of sensitivity H, gain K, innovation e of variance S:
         s <- (I - K H)^T s + H^T e / S,   L <- (I - K H)^T L (I - K H) + H^T H / S
-    turn T of the errors with the correction of the attitude, after the last scalar (`insenv.estimators.parts.error_model`):
+    turn T of the errors with the correction of the attitude, after the last scalar (`insenv.estimators.parts.error_model`),
+    and a shear after it (`insenv.estimators.fusion.kept_sum`):
         s <- T^T s,   L <- T^T L T
     transition to the instant:
         s <- Phi^T s,   L <- Phi^T L Phi
@@ -26,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -35,6 +37,17 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts.error_model import TILT, adjoint_before, turn_of, turned, with_platform
 from insenv.estimators.parts.kalman import Update
+
+
+@dataclass(frozen=True)
+class Shear:
+    """A part T of a correction: the errors `rows` change with the errors `columns`, none of which is among them.
+
+    Both are places in the error state (n); T = 1 but for the block of these rows and columns, which a record has.
+    """
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -86,19 +99,24 @@ class Smoothing:
         return Table((self.forward.outputs[self.due], *(group.flag for group in self.groups)))
 
 
-def scalar_rows(prefix: str, count: int, n: int, what: str) -> Table:
-    """The record of `count` scalar measurements of n states."""
+def scalar_rows(prefix: str, count: int, n: int, what: str, shear: Shear | None = None) -> Table:
+    """The record of `count` scalar measurements of n states, after which a correction turns the errors, or shears them too."""
     return Table((
         Row(f"{prefix}_H", f"{what}: sensitivity to the error state", "SI", (count, n)),
         Row(f"{prefix}_gain", f"{what}: gain, 0 where it was not used", "SI", (count, n)),
         Row(f"{prefix}_weight", f"{what}: inverse variance of the innovation, 0 where it was not used", "SI", (count,)),
         Row(f"{prefix}_left", f"{what}: innovation minus what the ones before it explained", "SI", (count,)),
         Row(f"{prefix}_turn", f"{what}: rotation vector by which the correction turned the attitude", "rad", (3,), "w"),
+        *((_shear_row(f"{prefix}_shear", f"{what}: block by which it sheared the errors", shear),) if shear else ()),
     ))  # fmt: skip
 
 
-def recorded(prefix: str, update: Update) -> dict[str, Any]:
-    """The rows `scalar_rows` of an update."""
+def _shear_row(name: str, meaning: str, shear: Shear) -> Row:
+    return Row(name, meaning, "SI", (len(shear.rows), len(shear.columns)))
+
+
+def recorded(prefix: str, update: Update, sheared: Any = None) -> dict[str, Any]:
+    """The rows `scalar_rows` of an update; sheared: the block of its `Shear`, if it has one."""
     scalars = update.scalars
     return {
         f"{prefix}_H": ca.vertcat(*[s.H for s in scalars]),
@@ -106,6 +124,7 @@ def recorded(prefix: str, update: Update) -> dict[str, Any]:
         f"{prefix}_weight": ca.vertcat(*[s.weight for s in scalars]),
         f"{prefix}_left": ca.vertcat(*[s.left for s in scalars]),
         f"{prefix}_turn": update.correction[TILT],
+        **({} if sheared is None else {f"{prefix}_shear": sheared}),
     }
 
 
@@ -115,7 +134,13 @@ def used_row(group: int) -> str:
 
 
 def backward_model(
-    id: str, n: int, parameters: Table, groups: Sequence[Group], interval: Table, transition: Callable[[Any, Any], Any]
+    id: str,
+    n: int,
+    parameters: Table,
+    groups: Sequence[Group],
+    interval: Table,
+    transition: Callable[[Any, Any], Any],
+    shear: Shear | None = None,
 ) -> Model:
     """The backward pass.  transition: ``(p, interval rows) -> A (n x n)``, that of `kalman.propagate`."""
     state = Table((
@@ -131,6 +156,7 @@ def backward_model(
         Row("left", "Its innovation minus what the ones before it explained", "SI"),
         Row("turned", "1 to go back over a turn of the errors before it", lower=0, upper=1),
         Row("turn", "Rotation vector of that turn", "rad", (3,), "w"),
+        *((_shear_row("shear", "Block of the shear after it", shear),) if shear else ()),
         Row("carried", "1 to go back over an interval after that", lower=0, upper=1),
     ))  # fmt: skip
     return Model(
@@ -142,6 +168,7 @@ def backward_model(
         outputs=state,
         # in the reverse order of the forward pass
         steps={
+            **({"shear": Step(partial(_back_over_shear, n, shear), when="turned")} if shear else {}),
             "turn": Step(lambda p, x, u: _back_over_turn(n, x, u.turn), when="turned"),
             **{f"scalar_{k}": Step(_back_over(n, group.support), when=used_row(k)) for k, group in enumerate(groups)},
             "carry": Step(lambda p, x, u: back_over_interval(transition(p, u), x), when="carried"),
@@ -156,6 +183,16 @@ def _back_over_turn(n: int, x: Any, turn: Any) -> dict[str, Any]:
         "adjoint": adjoint_before(x.adjoint, turn),
         "information": symmetric.triangle(turned(symmetric.full(x.information, n), with_platform(turn_of(turn).T))),
     }
+
+
+def _back_over_shear(n: int, shear: Shear, p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Go back over the shear of the errors after that turn."""
+    rows, columns, block = list(shear.rows), list(shear.columns), u.shear
+    s, L = ca.SX(x.adjoint), symmetric.full(x.information, n)
+    s[columns] = s[columns] + block.T @ s[rows]
+    L[columns, :] = L[columns, :] + block.T @ L[rows, :]
+    L[:, columns] = L[:, columns] + L[:, rows] @ block
+    return {"adjoint": s, "information": symmetric.triangle(L)}
 
 
 def _back_over(n: int, support: Callable[[], tuple[int, ...]]) -> Callable[[Any, Any, Any], dict[str, Any]]:

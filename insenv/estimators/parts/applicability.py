@@ -19,7 +19,7 @@ import numpy as np
 
 from insenv.base.remarks import Caveat, Doubt, Remark, declared, remark
 from insenv.estimators.contract import Notes
-from insenv.geodesy import MEAN_RADIUS, NOMINAL_GRAVITY, OMEGA_IE, STANDARD_GRAVITY, A
+from insenv.geodesy import MEAN_RADIUS, NOMINAL_GRAVITY, OMEGA_IE, A
 
 DOUBTFUL = 0.1
 """rad: a larger heading error gives a note; as a ratio, gyro error over horizontal Earth rate."""
@@ -128,54 +128,25 @@ def drifting_heading(parameters: Mapping[str, Any], duration_s: float) -> dict[s
     return {"bias": degrees(bias) * 3600, "turn": degrees(bias * duration_s), "duration": duration_s}
 
 
-SWAYING_BIAS = 0.7e-3 * STANDARD_GRAVITY
-"""m/s^2: accelerometer biases from which a filter that swings with a base is too sure of its level.
-
-`fusion` in `ship-slow-surge`, 12 seeds from 977000, noise of the grade tactical and biases of 0.3, 1, 3 and 16 mg: NEES 8.2,
-10, 24 and 79 for 9 states, roll 1, 2, 5 and 6 times its stated sigma.
-"""
-IRON, IRON_HEADING = 0.03, 5 * pi / 180
-"""Iron of the vehicle, in parts of the field, and heading, rad, so uncertain that a filter which finds both is too sure.
-
-`fusion` in `multirotor-hover` for 200 s, 32 seeds from 976000, with a hard iron of 0.5, 1, 2, 4 and 10 uT: NEES 9.1, 9.4, 12,
-28 and 51 for 9 states.
-"""
-
-
-@remark(
-    "level-of-sway",
-    "accelerometer biases of {bias:.2g} mg (1 sigma): while the base sways, this linearised filter takes more of its level for "
-    "observed than is: from 0.7 mg on the stated sigmas of roll and pitch can be two to six times too small; use finer "
-    "accelerometers, or their biases as calibrated",
-    Doubt,
-)
-def swaying_level(parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Accelerometer biases that a linearised filter seems to tell from the level of a base that sways.
-
-    parameters: `accel_bias_sigma`.
-    """
-    bias = float(parameters["accel_bias_sigma"])
-    return None if bias <= SWAYING_BIAS else {"bias": 1e3 * bias / STANDARD_GRAVITY}
-
-
 @remark(
     "iron-unknown",
-    "the iron of the vehicle is known to {iron:.2g} uT (1 sigma) in a field of {field:.3g} uT, and the heading to {angle:.3g} "
-    "deg: this linearised filter takes more of both for observed than is, and the stated sigma of the heading can be two to "
-    "six times too small; calibrate the magnetometer on the vehicle, or state a heading",
+    "the field of the vehicle is known to {iron:.2g} uT (1 sigma), that of the Earth has {field:.3g} uT along the horizontal: "
+    f"the magnetometer leaves the start heading uncertain by {{angle:.3g}} deg, and from {degrees(LINEAR_HEADING):.2g} deg on "
+    "this linearised filter states too small sigmas until the vehicle has moved; calibrate the magnetometer on the vehicle, or "
+    "state a heading",
     Doubt,
 )
 def unknown_iron(parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Hard and soft iron that a linearised filter finds together with the heading.
+    """A start heading that is not known, nor shown by a magnetometer with unknown hard and soft iron.
 
     parameters: `heading_sigma`, `magnetic_field_n` and the stated errors of a magnetometer.
     """
-    field, heading = float(np.linalg.norm(parameters["magnetic_field_n"])), float(parameters["heading_sigma"])
+    field_n, heading = np.asarray(parameters["magnetic_field_n"]), float(parameters["heading_sigma"])
+    total, along = float(np.linalg.norm(field_n)), float(np.linalg.norm(field_n[:2]))
     parts = (float(parameters[f"magnetometer_{name}_sigma"]) for name in ("soft_iron", "coupling"))
-    iron = hypot(float(parameters["magnetometer_hard_iron_sigma"]), *(part * field for part in parts))
-    if iron <= IRON * field or heading <= IRON_HEADING:
-        return None
-    return {"iron": 1e6 * iron, "field": 1e6 * field, "angle": degrees(heading)}
+    iron = hypot(float(parameters["magnetometer_hard_iron_sigma"]), *(part * total for part in parts))
+    shown = heading * iron / max(hypot(heading * along, iron), 1e-12)
+    return None if shown <= LINEAR_HEADING else {"iron": 1e6 * iron, "field": 1e6 * along, "angle": degrees(shown)}
 
 
 unseen_heading = above(

@@ -148,23 +148,17 @@ def test_errors_on_a_real_log_are_within_the_stated_sigma(id, tmp_path, monkeypa
     assert result.sigma["heading_deg"][-1] > 90
 
 
-@pytest.mark.parametrize(("bias_ug", "said"), [(600.0, False), (800.0, True)])
-def test_a_moored_filter_with_coarse_accelerometers_is_not_called_consistent(bias_ug, said):
-    """NEES of 9 states: 8.2 with 0.3 mg, 24 with 3 mg, 79 with 16 mg."""
-    scenario = changed("ship-slow-surge", imu={"grade": "perfect", "accel_bias_sigma_ug": bias_ug})
-    (result,) = run(scenario, "fusion", duration_s=10.0, seed=1).results
-    assert ("level-of-sway" in [note.code for note in result.notes]) == said
-    assert (result.health.verdict == "contradicted") == said
-
-
 @pytest.mark.parametrize(("magnetometer", "heading_sigma_deg", "said"), [
-    ({"hard_iron_sigma_nt": 1300.0}, 10.0, False), ({"hard_iron_sigma_nt": 1500.0}, 10.0, True),
-    ({"coupling_sigma_percent": 3.0}, 10.0, True), ({"grade": "uncalibrated"}, 4.0, False),
-    ({"grade": "uncalibrated"}, 10.0, True),
+    ({"hard_iron_sigma_nt": 3500.0}, 180.0, False), ({"hard_iron_sigma_nt": 3900.0}, 180.0, True),
+    ({"hard_iron_sigma_nt": 3900.0}, 30.0, False), ({"hard_iron_sigma_nt": 5000.0}, 30.0, True),
+    ({"coupling_sigma_percent": 8.0}, 180.0, True), ({"grade": "uncalibrated"}, 10.0, False),
+    ({"grade": "uncalibrated"}, 30.0, True),
 ])  # fmt: skip
-def test_unknown_iron_beside_an_unknown_heading_is_a_doubt_of_every_run(magnetometer, heading_sigma_deg, said):
-    """Of a field of 48.4 uT, 3 % are 1.45 uT; soft iron of 1 % and 0.5 % are in it."""
+def test_a_heading_that_a_magnetometer_with_unknown_iron_does_not_show_is_a_doubt_of_every_run(
+    magnetometer, heading_sigma_deg, said
+):
+    """Of a horizontal field of 21.6 uT, tan 10 deg are 3.8 uT."""
     changes = {"magnetometer": {"grade": "autopilot", **magnetometer}, "knowledge": {"heading_sigma_deg": heading_sigma_deg}}
     found = campaign(changed("multirotor-hover", **changes), "fusion", runs=2, duration_s=4.0)
     assert ("iron-unknown" in [note.code for note in found.notes]) == said
-    assert [each.verdict == "contradicted" for each in found.health] == [said, said]
+    assert said or [each.verdict for each in found.health] == ["consistent", "consistent"]
