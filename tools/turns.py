@@ -1,6 +1,6 @@
 """Attitude and NEES of `fusion` on a multirotor that turns (docs/estimators/fusion.md).
 
-python tools/turns.py [--seeds 64] [--first 975000] [--duration 600]      some minutes
+python tools/turns.py [--seeds 192] [--first 995000] [--duration 600]      some minutes
 
 The vehicle of `multirotor-hover` with other legs.  NEES and shares count from `FROM_S` on, over all runs and records.
 """
@@ -47,8 +47,8 @@ def row(flight: str, seeds: int, first: int, duration_s: float) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--seeds", type=int, default=64)
-    parser.add_argument("--first", type=int, default=975000)
+    parser.add_argument("--seeds", type=int, default=192)
+    parser.add_argument("--first", type=int, default=995000)
     parser.add_argument("--duration", type=float, default=600.0)
     chosen = parser.parse_args()
     print("| flight | NEES, 9 states | roll [deg] (stated), beyond 3 sigma | pitch | heading |\n|---|---|---|---|---|")

@@ -16,7 +16,7 @@ from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation, linear
 from insenv.estimators.fusion.restart import counted as restarted
 from insenv.estimators.fusion.restart import restart
-from insenv.estimators.parts.error_model import TILT, VELOCITY, turn_of
+from insenv.estimators.parts.error_model import TILT, VELOCITY, turn_of, with_platform
 from insenv.estimators.parts.kalman import Update, innovation_variance, measure
 from insenv.estimators.parts.rows import COUNTED, counted
 
@@ -71,7 +71,11 @@ def derived(
     """Innovation and its derivative by the whole error, at the attitude that a turn by psi (3, rad, w; None: 0) leads to."""
     turn = None if psi is None else turn_of(psi)
     value, slope = linear(lambda error: aid.residual(p, Navigation(x, u, states, places, error, turn), u), n)
-    return (value, slope) if psi is None else (value - slope[:, TILT] @ psi, slope)
+    if psi is None:
+        return value, slope
+    for part, block in with_platform(turn):  # of the errors there to those at x, which turn with the platform
+        slope[:, part] = slope[:, part] @ block
+    return value - slope[:, TILT] @ psi, ca.sparsify(slope)
 
 
 def _of_arc(x: Any, H: Any) -> Any:

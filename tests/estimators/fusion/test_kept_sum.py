@@ -108,3 +108,38 @@ def test_a_smoother_of_them_is_honest_from_the_start():
         (result,) = insenv.run(HOVER, "fusion-smoother", seed=seed, duration_s=40.0).results
         ratios.append(result.errors["heading_deg"] / result.sigma["heading_deg"])
     assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.5 and np.abs(ratios).max() < 4.5
+
+
+@pytest.mark.parametrize("off_deg", [-60.0, 25.0])
+def test_the_covariance_after_a_reading_does_not_depend_on_the_heading_that_was_assumed(off_deg):
+    """One exact reading of a level vehicle, its level known to 3 deg, its heading to 180: as from the right heading."""
+    filter = composition("iron", IRON, ("magnetometer",))
+    (aid,), n = filter.aids, filter.n
+    flat, (p, x, u) = symbols(filter)
+    x = Values(**{**vars(x), **filter.shown(aid)(p, x, u)})
+    rows, _ = filter.fed_back(aid, p, x, u, filter.update(aid, p, x, u)[0])
+    step = ca.Function("step", flat, [ca.densify(rows[name]) for name in ("q_wb", "covariance", "hard_iron")])
+    sigma = np.full(n, 1e-9)
+    sigma[TILT] = np.radians([3.0, 3.0, 180.0])
+    sigma[filter.places["hard_iron"]] = 0.5e-6
+    field = np.array([2e-5, 1e-6, 4e-5])
+    told = {
+        "covariance": symmetric.triangle_of_diagonal(sigma**2), "magnetic_field_n": field, "q_ew": np.array([1.0, 0, 0, 0]),
+        "magnetometer_noise": 0.3e-6, "magnetometer_field_b": Rotation.from_euler("z", 0.7).inv().apply(field), "dt": 0.005,
+    }  # fmt: skip
+
+    def after(heading):
+        given = {**told, "q_wb": Rotation.from_euler("z", heading).as_quat(scalar_first=True)}
+        tables = (filter.parameters, filter.state, filter.inputs)
+        values = [np.concatenate([np.ravel(given.get(row.name, row.flat_start())) for row in table]) for table in tables]
+        q, P, iron = (np.array(each).ravel() for each in step(*values))
+        return Rotation.from_quat(q, scalar_first=True), symmetric.full_array(P[None], n)[0], iron
+
+    right, P_right, _ = after(0.7)
+    q, P, iron = after(0.7 + np.radians(off_deg))
+    assert (q * right.inv()).magnitude() < np.radians(0.2) and np.abs(iron).max() < 0.1e-6
+    places = np.r_[TILT, filter.places["hard_iron"]]
+    scale = np.sqrt(np.diag(P_right)[places])
+    assert P[np.ix_(places, places)] / np.outer(scale, scale) == pytest.approx(
+        P_right[np.ix_(places, places)] / np.outer(scale, scale), abs=0.05
+    )
