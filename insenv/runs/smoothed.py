@@ -56,7 +56,8 @@ class Smoother:
         self.record = Record(smoothing)
         self.apart = 0.0
         self._start = self.forward.x.copy()
-        self._samples = None if smoothing.seeking else Samples()
+        started = self.forward.model.state.unpack(self._start)
+        self._samples = None if smoothing.seeking and started[smoothing.seeking] > 0 else Samples()
         self._health_columns = _columns(smoothing.forward.outputs, [row.name for row in smoothing.reported])
         self._health: list[Array] = []
 

@@ -256,7 +256,8 @@ def car_route(legs: Legs, start_speed_mps: float = 0.0, speed_bandwidth: float =
             duration = leg.duration_s or abs(radians(value)) * (leg.radius_m or 1.0) / speed
             if duration <= 0.0:
                 raise InputError(f"{where}: turn_deg = {value:g} with radius_m: allowed is an angle other than 0")
-            segment |= {"duration": duration, "yaw_rate": SCRIPT.turned(where, "yaw_rate", value, duration)}
+            on = "" if leg.radius_m is None else f" with radius_m = {leg.radius_m:g} at {speed:g} m/s"
+            segment |= {"duration": duration, "yaw_rate": SCRIPT.turned(where + on, "yaw_rate", value, duration)}
         else:
             segment["duration"] = value
         segments.append(segment | {"speed": speed})

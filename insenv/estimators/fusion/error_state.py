@@ -42,6 +42,8 @@ class ErrorState:
     rows: the parameter rows that it needs, those two among them.
     started: ``p -> (k)``, the estimate at the start.  None: 0.
     started_sigma: ``p -> () or (k)``, its standard deviation, if it is not the row `sigma`.
+    less_position: whether it is relative to the stated position at the start, and known relative to the true one: its error
+        then contains that of the position at the start, with the other sign.
     increments: ``(value, delta_angle, delta_velocity, dt) -> (delta_angle, delta_velocity)``: takes the error out of measured
         increments (rad, m/s, b).  None: it is none of the inertial unit.
     rate_w: ``value -> (3)``, rad/s in w: what the rotation of the Earth there is more than that of the estimated position.  A
@@ -56,6 +58,7 @@ class ErrorState:
     process: Process | None = None
     started: Callable[[Any], Any] | None = None
     started_sigma: Callable[[Any], Any] | None = None
+    less_position: bool = False
     increments: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
     rate_w: Callable[[Any], Any] | None = None
 

@@ -16,7 +16,7 @@ from insenv.base.errors import InputError
 from insenv.base.remarks import Remark, declared
 from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator
-from insenv.estimators.fusion import azimuth, history, moored, unknown_start
+from insenv.estimators.fusion import awaited, azimuth, history, moored, unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, states_by_aid, with_correlation_times
 from insenv.estimators.fusion.composition import Composition
@@ -264,6 +264,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
         findings=lambda parameters: (
             *surprising(filter.states, parameters),
             *restarts(filter.aids),
+            *(awaited.findings() if filter.awaiting else ()),
             *(azimuth.findings(parameters) if by_earth_rate else ()),
             *(moored.findings(parameters) if MOORED in ids else ()),
         ),

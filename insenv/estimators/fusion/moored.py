@@ -2,18 +2,19 @@
 
 Alignments in place filter the sway or average over it.  Both have a band, and below it they take a slow surge for tilt.  Here
 the displacement d from the place at the start is modelled, per axis, as a sum of damped oscillators j that white noise drives,
-about a centre c that walks slowly, and of an arm l that turns with the vehicle:
+about a centre c that walks slowly, and of what keeps step with the attitude, A(C) l with six constant arms l:
 
-    d = c + C l + sum of a_j,   a_j' = -2 z w_j a_j - w_j b_j + noise,   b_j' = w_j a_j,   c', l' = noise, 0
+    d = c + A(C) l + sum of a_j,   a_j' = -2 z w_j a_j - w_j b_j + noise,   b_j' = w_j a_j,   c', l' = noise, 0
 
 with standard deviations s_j of a_j and of b_j, whatever the sea.  The spectrum of a_j falls to zero at low frequencies, as that
 of a moored vehicle beside its walk does.  A sum of the b_j would have white noise there, which hides the slow growth of the
 displacement by which a wrong heading shows: the heading after 300 s then is known to 3.5 times the limit, not 1.5 times.
 
 The same waves roll, pitch and lift a vehicle, so a part of its sway keeps step with its attitude, even where the unit is at the
-centre of the rotation: the arm is the ratio of that part to the angles.  A bias of an accelerometer, turned by the roll, looks
-like such a heave.  The oscillators forget their phase; without the arm a heave that never does counts as a measurement of the
-bias: with biases of 16 mg, and a roll of 10 deg and a heave of 1 m of one period, the roll was four stated sigmas off.
+centre of the rotation: the arms are the ratios of that part to the angles.  A bias of an accelerometer, turned by the roll,
+looks like such a heave.  The oscillators forget their phase; without the arms a heave that never does counts as a measurement
+of the bias: with biases of 16 mg, and a roll of 10 deg and a heave of 1 m of one period, the roll was four stated sigmas off.
+There is an arm for each angle that turns a bias into an axis: heave by roll is no lever arm that surges by yaw too.
 
 The measurement is that the navigated displacement is d.
 """
@@ -36,6 +37,7 @@ from insenv.estimators.fusion.error_state import ErrorState, Process, constant, 
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.finding import Finding
+from insenv.sensors.imu_tables import COUPLINGS
 
 PERIODS = (100.0, 45.0, 22.0, 11.0, 6.0)
 SIGMAS = (0.09, 0.3, 0.3, 0.3, 0.3)
@@ -88,7 +90,7 @@ SWAY = ErrorState(
     started_sigma=pairs,
 )  # fmt: skip
 _CENTRE_SIGMA = sigma_row("mooring_centre_sigma", "Standard deviation of the centre of the sway about the place at the start",
-    "m", start=10.0)  # fmt: skip
+    "m", start=3.0)  # fmt: skip
 CENTRE = ErrorState(
     Row("mooring_centre", "Estimated centre of the sway relative to the place at the start", "m", (3,), "n"),
     sigma=_CENTRE_SIGMA.name,
@@ -99,11 +101,11 @@ CENTRE = ErrorState(
     process=Process(
         "random walk", lambda p, duration: ca.SX.eye(3), lambda p, duration: ca.repmat(p.mooring_walk**2 * duration, 3, 1)
     ),
+    less_position=True,
 )  # fmt: skip
 ARM = constant(
-    "sway_arm", "arm of the sway that keeps step with the attitude, displacement over angle", "m", 3,
-    sigma_row("sway_arm_sigma", "Standard deviation of the arm of the sway that keeps step with the attitude", "m", start=10.0),
-    "b",
+    "sway_arm", "arms of the sway that keeps step with the attitude, displacement over angle: xy, xz, yx, yz, zx, zy", "m", 6,
+    sigma_row("sway_arm_sigma", "Standard deviation of an arm of the sway that keeps step with the attitude", "m", start=10.0),
 )  # fmt: skip
 STATES = (SWAY, CENTRE, ARM)
 
@@ -117,6 +119,9 @@ LARGE = 1.3
 """Root mean square of an oscillator over its standard deviation from which a note says so."""
 SLOW = 15.0
 """s: of periods above which that matters."""
+AXES = Table((
+    Row("mooring_axes", "Cosine and sine of the azimuth of the vehicle when the mooring was used first, from w", "1", (2,)),
+))  # fmt: skip
 POWER = Table((
     Row("sway_rms", "Root mean square of each oscillator, over about one period: north, east, down", "m", (3 * COUNT,)),
 ))  # fmt: skip
@@ -129,7 +134,9 @@ def _remembered(p: Any, x: Any, u: Any) -> dict[str, Any]:
         now = ca.sumsqr(x.sway[2 * k : 2 * k + 2]) / 2
         share = minimum(p.moored_interval / p.sway_period[k % COUNT], 1.0)
         mean.append(ca.sqrt(x.sway_rms[k] ** 2 + share * (now - x.sway_rms[k] ** 2)))
-    return {"sway_rms": ca.vertcat(*mean)}
+    ahead = attitude.to_dcm(x.q_wb)[:2, 0]
+    axes = select(x.moored_count > 0, x.mooring_axes, ahead / maximum(ca.norm_2(ahead), 1e-9))
+    return {"sway_rms": ca.vertcat(*mean), "mooring_axes": axes}
 
 
 def _widened(p: Any, x: Any) -> Any:
@@ -162,21 +169,31 @@ def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
     return (Finding("sway_rms", sentence, np.concatenate([of_axis, of_axis, np.full(COUNT, np.inf)]), limit=LARGE),)
 
 
+def _in_step(arm: Any, C_wb: Any, axes: Any) -> Any:
+    """Displacement (3, m, w) that keeps step with the attitude C_wb; axes: cosine and sine of the azimuth that is none."""
+    level = ca.blockcat([[axes[0], -axes[1], 0], [axes[1], axes[0], 0], [0, 0, 1]])
+    turned = level.T @ C_wb
+    sums = [ca.SX(0)] * 3
+    for value, (row, column) in zip(ca.vertsplit(arm), COUPLINGS, strict=True):
+        sums[row] = sums[row] + value * turned[row, column]
+    return level @ ca.vertcat(*sums)
+
+
 def _displacement(sway: Any, centre: Any, arm_n: Any) -> Any:
     of_axis = [ca.sum1(sway[2 * COUNT * axis : 2 * COUNT * (axis + 1) : 2]) for axis in range(3)]
     return centre + arm_n + ca.vertcat(*of_axis)
 
 
 def displacement(x: Any) -> Any:
-    """Displacement (3, m) from the place at the start by the estimated sway, centre and arm."""
-    arm_n = strapdown.C_nw(x.q_ew) @ (attitude.to_dcm(x.q_wb) @ getattr(x, ARM.name))
+    """Displacement (3, m) from the place at the start by the estimated sway, centre and arms."""
+    arm_n = strapdown.C_nw(x.q_ew) @ _in_step(getattr(x, ARM.name), attitude.to_dcm(x.q_wb), x.mooring_axes)
     return _displacement(getattr(x, SWAY.name), getattr(x, CENTRE.name), arm_n)
 
 
 def _residual(p: Any, seen: Navigation, u: Any) -> Any:
-    """Displacement (3, m, n) by the navigation less that by sway, centre and arm."""
+    """Displacement (3, m, n) by the navigation less that by sway, centre and arms."""
     displaced = seen.C_nw @ seen.offset_w - seen.offset_n(p.start_latitude, p.start_longitude, p.start_height)
-    arm_n = seen.C_nw @ (seen.C_wb @ seen.value(ARM.name))
+    arm_n = seen.C_nw @ _in_step(seen.value(ARM.name), seen.C_wb, seen.row("mooring_axes"))
     return displaced - _displacement(seen.value(SWAY.name), seen.value(CENTRE.name), arm_n)
 
 
@@ -191,7 +208,7 @@ AID = Aid(
     residual=_residual,
     variance=lambda p, x, u, spread: ca.repmat(p.moored_sigma**2, 3, 1),
     due=lambda p, x, u: select(waited(x.moored_since, u, p.moored_interval), 1.0, 0.0),
-    state=POWER,
+    state=AXES + POWER,
     outputs=tuple(POWER.names),
     steps={"sway": Step(_remembered, when="moored_due")},
     widened=_widened,

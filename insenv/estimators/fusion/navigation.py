@@ -71,6 +71,10 @@ class Navigation:
         """The value of an error state; `otherwise`, if the filter does not estimate it."""
         return self._values.get(name, otherwise)
 
+    def row(self, name: str) -> Any:
+        """A state row of the filter that is no error."""
+        return getattr(self._x, name)
+
     def estimates(self, name: str) -> bool:
         """Whether the filter estimates it."""
         return name in self._values

@@ -12,7 +12,7 @@ import casadi as ca
 from insenv.core.elementary import select
 from insenv.core.model import Model, Values
 from insenv.core.tables import Table
-from insenv.estimators.fusion import arc, unknown_start
+from insenv.estimators.fusion import arc, awaited, unknown_start
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.navigation import navigation_corrected
@@ -48,9 +48,10 @@ def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None =
         interval=interval,
         nominal=_nominal(filter),
         n=filter.n,
+        seeking=awaited.AWAITED if filter.awaiting else "",
         corrected=lambda x, error: navigation_corrected(x, arc.along(error, x.covariance), filter.states, filter.places),
         estimates=estimates,
-        reported=sum((aid.reported for aid in filter.aids), Table()),
+        reported=sum((aid.reported for aid in filter.aids), Table((awaited.TIME,) if filter.awaiting else ())),
     )
 
 
@@ -134,7 +135,10 @@ def _aligned_first(smoothing: adjoint.Smoothing, filter: Composition, way: Veloc
 
 
 def _nominal(filter: Composition) -> Table:
-    return rows.chosen(filter.state, *strapdown.NAVIGATION_STATE.names, *(s.name for s in filter.states), "covariance")
+    seeking = (awaited.AWAITED,) if filter.awaiting else ()
+    return rows.chosen(
+        filter.state, *strapdown.NAVIGATION_STATE.names, *(s.name for s in filter.states), "covariance", *seeking
+    )
 
 
 def _support(filter: Composition, aid: Aid) -> tuple[int, ...]:

@@ -143,7 +143,7 @@ def unknown_iron(parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """
     field_n, heading = np.asarray(parameters["magnetic_field_n"]), float(parameters["heading_sigma"])
     total, along = float(np.linalg.norm(field_n)), float(np.linalg.norm(field_n[:2]))
-    parts = (float(parameters[f"magnetometer_{name}_sigma"]) for name in ("soft_iron", "coupling"))
+    parts = (float(parameters.get(f"magnetometer_{name}_sigma", 0.0)) for name in ("soft_iron", "coupling"))
     iron = hypot(float(parameters["magnetometer_hard_iron_sigma"]), *(part * total for part in parts))
     shown = heading * iron / max(hypot(heading * along, iron), 1e-12)
     return None if shown <= LINEAR_HEADING else {"iron": 1e6 * iron, "field": 1e6 * along, "angle": degrees(shown)}

@@ -8,6 +8,7 @@ import pytest
 from changed_scenario import changed
 from constants import number
 from scipy.linalg import block_diag, expm
+from scipy.spatial.transform import Rotation
 
 import insenv
 from insenv import InputError, fusion
@@ -46,8 +47,10 @@ def test_the_azimuth_is_that_of_the_estimated_rotation(heading):
     P[9:, 9:] = np.outer(across, across)
     rate = full * np.array([np.cos(heading) - 1, np.sin(heading)])
     start = {"q_ew": q_ew_from_geodetic(0.8, 0.2, 0), "height": ca.SX(0), "velocity_w": ca.SX([0.5, 0.2, 0])}
-    x = Values(**start, azimuth_rate=ca.SX(rate), sway=ca.SX.zeros(6 * moored.COUNT), mooring_centre=ca.SX([1.0, 0, 0]),
-               q_wb=ca.SX([np.sqrt(0.5), 0, 0, np.sqrt(0.5)]), sway_arm=ca.SX([0, -2.0, 0]))  # fmt: skip
+    x = Values(
+        **start, azimuth_rate=ca.SX(rate), sway=ca.SX.zeros(6 * moored.COUNT), mooring_centre=ca.SX([1.0, 0, 0]),
+        q_wb=ca.SX([np.sqrt(0.5), 0, 0, np.sqrt(0.5)]), mooring_axes=ca.SX([1.0, 0]), sway_arm=ca.SX([-2.0, 0, 0, 0, 0, 0]),
+    )  # fmt: skip
     x, P9 = azimuth.folded(x, ca.SX(P), {azimuth.STATE.name: slice(9, 11)})
     assert np.arctan2(*number(strapdown.C_nw(x.q_ew))[[1, 0], 0]) == pytest.approx(-heading, abs=1e-6)
     assert number(P9)[[0, 1, 3, 4, 8], 8] == pytest.approx(np.array([0.0, -3.0, 0.2, -0.5, 1.0]) * 1e-6, abs=1e-11)
@@ -76,7 +79,10 @@ def test_any_heading_is_found_in_a_slow_surge_that_alignments_take_for_tilt():
 def test_each_oscillator_is_remembered_over_its_own_period():
     sway, before = np.random.default_rng(6).normal(size=(2, 3 * moored.COUNT, 2))
     p = Values(sway_period=ca.SX(PERIODS), moored_interval=8.0)
-    x = Values(sway=ca.SX(sway.ravel()), sway_rms=ca.SX(np.abs(before[:, 0])))
+    x = Values(
+        sway=ca.SX(sway.ravel()), sway_rms=ca.SX(np.abs(before[:, 0])), q_wb=ca.SX([1.0, 0, 0, 0]), moored_count=ca.SX(1),
+        mooring_axes=ca.SX([0.6, 0.8]),
+    )  # fmt: skip
     share = np.minimum(8.0 / np.tile(PERIODS, 3), 1.0)
     expected = np.sqrt((1 - share) * before[:, 0] ** 2 + share * np.mean(sway**2, axis=1))
     assert number(moored._remembered(p, x, None)["sway_rms"]).ravel() == pytest.approx(expected)
@@ -133,12 +139,39 @@ def test_all_stated_sigmas_grow_with_a_slow_horizontal_sway_that_is_larger_than_
     assert as_is.results[0].doubts == () and larger.results[0].doubts == ("sway-large",)
 
 
-@pytest.mark.parametrize(("roll_deg", "heave_m", "period_s"), [(10.0, 1.0, 8.0), (3.0, 2.0, 12.0)])
-def test_a_heave_that_keeps_step_with_the_roll_does_not_count_as_a_bias(roll_deg, heave_m, period_s):
-    """16 runs with biases of 16 mg; 3 to 4 stated sigmas of the roll, a NEES of 18 and 46, without the arm."""
+@pytest.mark.parametrize(("axis", "angle"), [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)])
+def test_an_arm_is_the_displacement_along_an_axis_over_an_angle(axis, angle):
+    """The axes are those of the vehicle when the mooring was used first, 30 deg from w."""
+    small, started = 1e-4, Rotation.from_euler("z", 30.0, degrees=True)
+    C = (started * Rotation.from_rotvec(small * np.eye(3)[angle])).as_matrix()
+    axes, found = ca.SX([np.cos(np.radians(30.0)), np.sin(np.radians(30.0))]), []
+    for arm in np.eye(6):
+        moved = started.inv().apply(number(moored._in_step(ca.SX(arm), ca.SX(C), axes)).ravel())
+        found.append(moved[axis] / small)
+    assert np.abs(np.sort(np.abs(found))) == pytest.approx([0, 0, 0, 0, 0, 1], abs=1e-3)
+    # as the cross product of the angle and an arm: x by yaw of y, negative
+    by_cross = np.cross(np.eye(3)[angle], np.eye(3)[3 - axis - angle])[axis]
+    assert sum(found) == pytest.approx(by_cross, abs=1e-3)
+
+
+def test_an_unknown_place_at_the_start_is_no_knowledge_of_the_position():
+    """The centre is known to 0.3 m from the true place, that to 1 m: the position stays known to 1 m."""
+    known = {"estimator": {"fusion": {"mooring_centre_sigma_m": 0.3}}, "knowledge": {"heading_sigma_deg": 1.0}}
+    summary = insenv.campaign(changed("ship-slow-surge", rate_hz=10.0, **known), "fusion", 16, seed=962000, duration_s=60.0)
+    for name in ("north_m", "east_m", "down_m"):
+        course = summary.courses[name]
+        assert 0.98 < course.stated[-1] < 1.1 and 0.6 < course.rms[-1] / course.stated[-1] < 1.5, name
+
+
+@pytest.mark.parametrize(("roll_deg", "heave_m", "period_s", "yaw"), [
+    (10.0, 1.0, 8.0, (3.0, 10.0)), (3.0, 2.0, 12.0, (3.0, 10.0)), (10.0, 1.0, 8.0, (20.0, 40.0)),
+])  # fmt: skip
+def test_a_heave_that_keeps_step_with_the_roll_does_not_count_as_a_bias(roll_deg, heave_m, period_s, yaw):
+    """16 runs with biases of 16 mg; a NEES of 46 and 18 without the arms, of 44 with one arm for all axes in a slow yaw."""
     sway = {
         "roll": [{"amplitude_deg": roll_deg, "period_s": period_s}],
         "down": [{"amplitude_m": heave_m, "period_s": period_s}],
+        "yaw": [{"amplitude_deg": yaw[0], "period_s": yaw[1]}],
     }
     scenario = changed("ship-slow-surge", vehicle={"sway": sway}, imu={"accel_bias_sigma_ug": 16_000.0}, rate_hz=10.0)
     summary = insenv.campaign(scenario, "fusion", 16, seed=963000, duration_s=300.0)
