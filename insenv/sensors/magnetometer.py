@@ -163,7 +163,7 @@ MAGNETOMETER = Instrument(
     ),
     quantum=Row("magnetometer_quantum", "Step in which the field is shown, 0 for none", "T", lower=0.0),
     aid_parameters=("magnetic_field_n", "magnetic_field_gradient", "magnetometer_noise"),
-    least_sigma={"magnetometer_field_b": 1e-8},
+    least_sigma={"magnetometer_field_b": 1e-8},  # what an iterated filter leaves of an attitude that was degrees off
     shows_heading=True,
     columns=(
         Column("field", "magnetometer_field_b", "field's x, y, z", {"T": 1.0, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},

@@ -40,6 +40,7 @@ from insenv.vehicles.section import (
     in_legs,
     lasting,
     legs_of,
+    turning,
 )
 from insenv.vehicles.truth import SineCosine, Vehicle
 
@@ -261,7 +262,7 @@ class AircraftLeg(LegSection):
     line_m: Number | None = key(None, "go straight on for this distance over ground", "m", gt=0, le=1e7)
     speed_mps: Number | None = key(None, "change to this speed; the leg ends when it is reached", "m/s", ge=0, le=340)
     climb_to_m: Number | None = key(None, "climb or descend to this height above the ellipsoid", "m", ge=-1000, le=50000)
-    turn_deg: Number | None = key(None, "coordinated turn by this angle, right positive", "deg", ge=-3600, le=3600)
+    turn_deg: Number | None = turning("coordinated turn by this angle, right positive")
     survey_lines: Annotated[int, Strict()] | None = key(
         None, "number of parallel lines of length line_m, with half turns between them, the first to the right", "", ge=1, le=32
     )

@@ -40,6 +40,7 @@ from insenv.vehicles.section import (
     in_legs,
     lasting,
     legs_of,
+    turning,
 )
 from insenv.vehicles.truth import SineCosine, Vehicle
 
@@ -211,12 +212,8 @@ class CarLeg(LegSection):
         None, "change to this speed; the leg ends when it is reached, or after duration_s", "m/s", ge=0, le=100
     )
     drive_s: Number | None = lasting("drive straight on for this time")
-    turn_deg: Number | None = key(
-        None,
-        f"turn by this angle, right positive, with duration_s or radius_m; up to {SCRIPT.fastest_deg('yaw_rate'):g} deg/s",
-        "deg",
-        ge=-3600,
-        le=3600,
+    turn_deg: Number | None = turning(
+        "turn by this angle, right positive, with duration_s or radius_m", SCRIPT.fastest_deg("yaw_rate")
     )
     stop_s: Number | None = lasting("brake, then stand for this time")
     wait_s: Number | None = lasting("keep speed and direction for this time")
@@ -257,7 +254,7 @@ def car_route(legs: Legs, start_speed_mps: float = 0.0, speed_bandwidth: float =
             if duration <= 0.0:
                 raise InputError(f"{where}: turn_deg = {value:g} with radius_m: allowed is an angle other than 0")
             on = "" if leg.radius_m is None else f" with radius_m = {leg.radius_m:g} at {speed:g} m/s"
-            segment |= {"duration": duration, "yaw_rate": SCRIPT.turned(where + on, "yaw_rate", value, duration)}
+            segment |= {"duration": duration, "yaw_rate": SCRIPT.turn_rate(where + on, "yaw_rate", value, duration)}
         else:
             segment["duration"] = value
         segments.append(segment | {"speed": speed})

@@ -35,6 +35,7 @@ from insenv.vehicles.section import (
     in_legs,
     lasting,
     legs_of,
+    turning,
 )
 from insenv.vehicles.truth import SineCosine, Vehicle
 
@@ -154,13 +155,9 @@ class MultirotorLeg(LegSection):
 
     hover_s: Number | None = lasting("stay for this time")
     fly_s: Number | None = lasting("fly for this time with forward_mps, right_mps and climb_mps")
-    turn_deg: Number | None = key(
-        None,
-        "turn by this angle, right positive, over duration_s, with the velocities of the leg before; up to "
-        f"{SCRIPT.fastest_deg('yaw_rate'):g} deg/s",
-        "deg",
-        ge=-3600,
-        le=3600,
+    turn_deg: Number | None = turning(
+        "turn by this angle, right positive, over duration_s, with the velocities of the leg before",
+        SCRIPT.fastest_deg("yaw_rate"),
     )
     duration_s: Number | None = lasting("duration of the turn")
     forward_mps: Number | None = key(None, "velocity along the heading; 0 if absent", "m/s", row=SCRIPT["forward"])
@@ -219,7 +216,7 @@ def flight(legs: Legs) -> list[dict[str, float]]:
         if kind == "turn_deg":
             if leg.duration_s is None:
                 raise InputError(f"{where}: turn_deg needs duration_s")
-            duration, rate = leg.duration_s, SCRIPT.turned(where, "yaw_rate", value, leg.duration_s)
+            duration, rate = leg.duration_s, SCRIPT.turn_rate(where, "yaw_rate", value, leg.duration_s)
         else:
             velocity = hovering | rows_of(leg)
         segments.append({"duration": duration, **velocity, "yaw_rate": rate})

@@ -120,7 +120,7 @@ class Script:
         commands = {f"commanded_{row.name}": getattr(u, f"command_{row.name}") for row in self.commands}
         return commands | {"segment_left": ca.SX(NEVER), "segment_due": ca.SX(0)}
 
-    def turned(self, where: str, name: str, turn_deg: float, duration_s: float) -> float:
+    def turn_rate(self, where: str, name: str, turn_deg: float, duration_s: float) -> float:
         """The command `name`, a rate (rad/s), that turns by an angle; `where`: the leg, for messages.
 
         Raises `InputError` for a rate out of the bounds of the command.

@@ -214,6 +214,12 @@ def lasting(meaning: str, default: Any = None) -> Any:
     return key(default, meaning, "s", gt=0, le=MAX_DURATION_S)
 
 
+def turning(meaning: str, fastest_deg: float | None = None) -> Any:
+    """A key of a leg: an angle, right positive; fastest_deg: the largest rate of the turn, deg/s, if it has one of its own."""
+    limit = "" if fastest_deg is None else f"; up to {fastest_deg:g} deg/s"
+    return key(None, meaning + limit, "deg", ge=-3600, le=3600)
+
+
 AnyLeg = TypeVar("AnyLeg", bound=LegSection)
 Legs = Sequence[Mapping[str, float] | LegSection]
 """Legs of a script, or their values by key."""

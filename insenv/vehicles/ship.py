@@ -39,6 +39,7 @@ from insenv.vehicles.section import (
     in_legs,
     lasting,
     legs_of,
+    turning,
 )
 from insenv.vehicles.truth import PLACES, SineCosine, Vehicle
 from insenv.vehicles.waves import Hull, irregular_sea
@@ -312,13 +313,7 @@ class ShipLeg(LegSection):
     kinds: ClassVar[tuple[str, ...]] = ("speed_mps", "turn_deg", "hold_s")
 
     speed_mps: Number | None = key(None, "go straight on and change to this speed in duration_s", "m/s", ge=0, le=60)
-    turn_deg: Number | None = key(
-        None,
-        f"turn by this angle in duration_s, right positive; up to {SCRIPT.fastest_deg('turn_rate'):g} deg/s",
-        "deg",
-        ge=-3600,
-        le=3600,
-    )
+    turn_deg: Number | None = turning("turn by this angle in duration_s, right positive", SCRIPT.fastest_deg("turn_rate"))
     hold_s: Number | None = lasting("go straight on for this time")
     duration_s: Number | None = lasting("duration of the leg")
 
@@ -335,7 +330,7 @@ def ship_course(legs: Legs, start_speed_mps: float = 0.0) -> Array:
         if duration is None:
             raise InputError(f"{where}: {kind} needs duration_s")
         speed = value if kind == "speed_mps" else speed
-        rate = SCRIPT.turned(where, "turn_rate", leg.turn_deg or 0.0, duration)
+        rate = SCRIPT.turn_rate(where, "turn_rate", leg.turn_deg or 0.0, duration)
         segments.append({"duration": duration, "speed": speed, "turn_rate": rate})
     return SCRIPT.table(segments)
 

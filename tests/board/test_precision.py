@@ -59,6 +59,13 @@ def test_a_filter_that_single_precision_changes_too_much_is_refused_and_nothing_
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.slow
+def test_a_correction_that_keeps_a_sum_leaves_the_position_in_double_precision(tmp_path):
+    """The covariance, in single precision, comes from the corrected state there: of position it would be 10 stated sigmas."""
+    exported = export_c("fusion", "multirotor-hover", output=tmp_path, duration_s=30.0, precision="float32", measure=False)
+    assert max(exported.shares[name] for name in ("north_m", "east_m", "down_m")) < 1e-3
+
+
 def test_a_filter_that_ends_with_a_status_is_refused():
     ended = SimpleNamespace(_model=SimpleNamespace(id="f"))
     with pytest.raises(InputError, match="precision: f ends with status 5 in it: export this filter in double precision"):

@@ -24,6 +24,9 @@ Spread = Callable[[str], Any]
 """Variances (k) of the error of a state, by its name or "attitude"; 0 for a state that the filter does not have."""
 
 
+AWAITED = Row("heading_awaited", "1 while measurements wait for a field that shows the heading")
+AWAITED_TIME = Row("heading_awaited_time", "Time for which measurements have waited for a field that shows the heading", "s")
+"""Of a filter with aids that are iterated (`insenv.estimators.fusion.awaited`)."""
 NEVER = 1e9
 """s: time since the last measurement where there was none."""
 
@@ -131,7 +134,7 @@ class Aid:
         """State and output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
         names = [self.row(name) for name in REPORTED]
         rows = reported(names, self.title, self.what, self.unit, self.size, self.frame, len(self.parts))
-        return Table((*rows, *self._restarts))
+        return Table((*rows, *self._restarts, *((AWAITED_TIME,) if self.iterated else ())))
 
     @property
     def _restarts(self) -> tuple[Row, ...]:
@@ -154,6 +157,7 @@ class Aid:
         iterated = (
             Row(self.wide_row, f"1 when {self.title} is to show an attitude that is not known well"),
             Row(self.far_row, f"1 when {self.title} is to show a heading that is not known"),
+            AWAITED,
             Row(
                 self.misalignment_row, "Misalignment that it then shows, which the next measurement takes out", "rad", (3,), "w"
             ),

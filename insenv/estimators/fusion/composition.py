@@ -19,13 +19,13 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.base.errors import InputError
 from insenv.core import symmetric
-from insenv.core.elementary import select, sin_cos
+from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.fusion import arc, awaited, azimuth, history, kept_sum
-from insenv.estimators.fusion.aid import Aid, repeated
+from insenv.estimators.fusion.aid import AWAITED, Aid, repeated
 from insenv.estimators.fusion.error_state import ErrorState
-from insenv.estimators.fusion.measurement import attitude_shown, far, heading_shown, update, wide
+from insenv.estimators.fusion.measurement import attitude_shown, far, headed, heading_shown, update, wide
 from insenv.estimators.fusion.navigation import corrected, corrected_increments, linear
 from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.error_model import (
@@ -37,8 +37,6 @@ from insenv.estimators.parts.error_model import (
     bias_of_tilt,
     covariance_after,
     navigation_transition,
-    turn_of,
-    turned,
     variances,
 )
 from insenv.estimators.parts.kalman import Update, decay, driven_variance, elementary, propagate
@@ -174,8 +172,7 @@ class Composition:
         table += Table((
             Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(self.n),)),
         ))  # fmt: skip
-        table += SINCE_PROPAGATION + (awaited.STATE if self.awaiting else Table())
-        return _united(table, self._sum_rows, history.STATE, *(aid.state_rows for aid in self.aids))
+        return _united(table + SINCE_PROPAGATION, self._sum_rows, history.STATE, *(aid.state_rows for aid in self.aids))
 
     @cached_property
     def inputs(self) -> Table:
@@ -190,8 +187,7 @@ class Composition:
             for s in self.states
         )
         table = rows.NAVIGATION + Table(tuple(state.value for state in self.states)) + ESTIMATES + Table(sigmas)
-        waiting = Table((awaited.TIME,)) if self.awaiting else Table()
-        return _united(table, *(aid.output_rows for aid in self.aids), waiting)
+        return _united(table, *(aid.output_rows for aid in self.aids))
 
     @cached_property
     def awaiting(self) -> bool:
@@ -218,7 +214,7 @@ class Composition:
             **strapdown.start_state(p),
             **{state.name: state.started(p) for state in self.states if state.started is not None},
             "covariance": symmetric.triangle(P),
-            **({awaited.AWAITED: far(Values(covariance=symmetric.triangle(P)))} if self.awaiting else {}),
+            **({AWAITED.name: far(Values(covariance=symmetric.triangle(P)))} if self.awaiting else {}),
         }
 
     def sample(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -253,7 +249,7 @@ class Composition:
             if aid.iterated:
                 stepped[aid.wide_row], stepped[aid.far_row] = due * wide(x, self.n), due * far(x)
             elif self.awaiting:
-                due = due * (1 - stepped[awaited.AWAITED])
+                due = due * (1 - stepped[AWAITED.name])
             stepped |= {aid.due_row: due, aid.row("since"): getattr(x, aid.row("since")) + u.dt}
             if aid.on_sample is not None:
                 stepped |= aid.on_sample(p, x, u, delta_angle, delta_velocity, change)
@@ -369,18 +365,8 @@ class Composition:
         """The step before both: the heading turned to where it fits best."""
 
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
-            P, heading = symmetric.full(x.covariance, self.n), TILT.stop - 1
             angle = heading_shown(aid, self.states, self.places, self.n, p, x, u)
-            error, about = ca.SX.zeros(self.n), ca.vertcat(0, 0, angle)
-            error[TILT] = about
-            for part in (POSITION, VELOCITY):  # what was gained with the wrong heading turns with it: the chord of that arc
-                gained = P[part, heading] / P[heading, heading]
-                error[part] = turn_of(about / 2) @ gained * (2 * sin_cos(angle / 2)[0])
-            turns = [(part, turn_of(about)) for part in (POSITION, VELOCITY, TILT)]
-            return {
-                **corrected(x, error, self.states, self.places),
-                "covariance": symmetric.triangle(turned(P, turns)),
-            }
+            return headed(x, angle, self.n, self.states, self.places)
 
         return step
 
@@ -413,8 +399,6 @@ class Composition:
             values[f"{state.name}_estimate_sigma"] = ca.sqrt(ca.diag(P[place, place]))
         for aid in self.aids:
             values |= aid.shown(x)
-        if self.awaiting:
-            values[awaited.TIME.name] = getattr(x, awaited.TIME.name)
         return values
 
     def consistency_error(self, x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:

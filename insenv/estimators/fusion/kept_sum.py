@@ -4,7 +4,7 @@ A magnetometer shows the sum of the field of the place, turned into the body, an
 vehicle does not turn, that is all that it shows: a heading that is psi off and an iron that makes up for it cannot be told
 apart.  A filter whose equations are derived anew at each estimate tells them apart all the same: each correction of the
 attitude turns the direction along which they make up for each other, and what was measured across the old direction counts
-along the new one.  With a hard iron of a fifth of the field the heading was five stated sigmas off.
+along the new one.
 
 The covariance is therefore carried over with the error of the sum in the place of that of the iron, b.  R being the derivative
 of what is shown by all errors e,
@@ -33,8 +33,8 @@ from insenv.core import symmetric
 from insenv.core.model import Values
 from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.error_state import ErrorState
-from insenv.estimators.fusion.measurement import derived
-from insenv.estimators.parts.error_model import TURNING, turn_of
+from insenv.estimators.fusion.measurement import derived, turned_columns
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, turn_of
 
 
 def kept(
@@ -53,18 +53,21 @@ def kept(
     x: the state before the correction.  correction (n): the differences that were taken out.  rows: those of the state after
     it.  psi: the turn of x to where the equations of the correction were derived (3, rad, w), of a measurement of the aid
     itself; None: 0.
+
+    Position and velocity stay those of x: the field that they change is nothing, and a covariance that came from them would
+    have them computed in single precision where it is (`insenv.core.precision`).
     """
-    n = correction.numel()
+    n, turn = correction.numel(), correction[TILT]
     now = Values(**{**vars(u), **({aid.age: 0.0} if aid.age else {})})  # what it would show at the end of the sample
-    before, by_error = derived(aid, states, places, n, p, x, now, psi)
-    after, by_error_after = derived(aid, states, places, n, p, Values(**{**vars(x), **rows}), now)
-    change = ca.SX(by_error)
-    back = turn_of(correction[TURNING[-1]]).T  # errors after the correction to those before it
-    for part in TURNING:
-        change[:, part] = change[:, part] @ back
-    change = change - by_error_after
+    estimated = Values(**{**vars(x), **{state.name: rows[state.name] for state in states}})
+    before, R = derived(aid, states, places, n, p, x, now, psi)
+    after, R_after = derived(aid, states, places, n, p, estimated, now, turn)
+    in_place = ca.SX(correction)
+    in_place[POSITION], in_place[VELOCITY] = ca.SX.zeros(3), ca.SX.zeros(3)
+    left = before + R @ in_place - (after + R_after[:, TILT] @ turn)
+    change = turned_columns(R - R_after, turn_of(turn).T)  # of the errors after the correction
     change[:, places[aid.added]] = 0
-    return rows[aid.added] + (before + by_error @ correction - after), ca.sparsify(change)
+    return rows[aid.added] + left, ca.sparsify(change)
 
 
 def covariance_kept(stored: Any, added: slice, change: Any) -> Any:

@@ -9,14 +9,14 @@ import casadi as ca
 import numpy as np
 
 from insenv.core import symmetric
-from insenv.core.elementary import maximum, minimum, select
+from insenv.core.elementary import maximum, minimum, select, sin_cos
 from insenv.estimators.fusion import arc
 from insenv.estimators.fusion.aid import Aid, Spread
 from insenv.estimators.fusion.error_state import ErrorState
-from insenv.estimators.fusion.navigation import Navigation, linear
+from insenv.estimators.fusion.navigation import Navigation, corrected, linear
 from insenv.estimators.fusion.restart import counted as restarted
 from insenv.estimators.fusion.restart import restart
-from insenv.estimators.parts.error_model import TILT, VELOCITY, turn_of, with_platform
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, turn_of, turned, with_platform
 from insenv.estimators.parts.kalman import Update, innovation_variance, measure
 from insenv.estimators.parts.rows import COUNTED, counted
 
@@ -73,9 +73,16 @@ def derived(
     value, slope = linear(lambda error: aid.residual(p, Navigation(x, u, states, places, error, turn), u), n)
     if psi is None:
         return value, slope
-    for part, block in with_platform(turn):  # of the errors there to those at x, which turn with the platform
-        slope[:, part] = slope[:, part] @ block
-    return value - slope[:, TILT] @ psi, ca.sparsify(slope)
+    slope = turned_columns(slope, turn)  # from the errors there to those at x, which turn with the platform
+    return value - slope[:, TILT] @ psi, slope
+
+
+def turned_columns(slope: Any, turn: Any) -> Any:
+    """A derivative (m x n) by errors that turn with the platform, by those before the turn C (3x3)."""
+    columns = ca.SX(slope)
+    for part, block in with_platform(turn):
+        columns[:, part] = columns[:, part] @ block
+    return ca.sparsify(columns)
 
 
 def _of_arc(x: Any, H: Any) -> Any:
@@ -124,6 +131,17 @@ def heading_shown(aid: Aid, states: Sequence[ErrorState], places: Mapping[str, s
     return best
 
 
+def headed(x: Any, angle: Any, n: int, states: Sequence[ErrorState], places: Mapping[str, slice]) -> dict[str, Any]:
+    """State rows with the heading turned by an angle (rad), and with it what was gained with the wrong one."""
+    P, heading = symmetric.full(x.covariance, n), TILT.stop - 1
+    about, error = ca.vertcat(0, 0, angle), ca.SX.zeros(n)
+    error[TILT] = about
+    for part in (POSITION, VELOCITY):  # the chord of the arc of a vector that turns by the angle
+        error[part] = turn_of(about / 2) @ (P[part, heading] / P[heading, heading]) * (2 * sin_cos(angle / 2)[0])
+    turns = [(part, turn_of(about)) for part in (POSITION, VELOCITY, TILT)]
+    return {**corrected(x, error, states, places), "covariance": symmetric.triangle(turned(P, turns))}
+
+
 def attitude_shown(aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any) -> Any:
     """Misalignment (3, rad, w) that a measurement shows, of all components at once: a Kalman filter that is iterated.
 
@@ -131,12 +149,11 @@ def attitude_shown(aid: Aid, states: Sequence[ErrorState], places: Mapping[str, 
     """
     P, psi = symmetric.full(x.covariance, n), ca.SX.zeros(3)
     variance = ca.diag(aid.variance(p, x, u, spread_of(x, states, places)))
-    unforeseen: Any = 1.0
-    for number in range(PASSES):
+    _, by_error = derived(aid, states, places, n, p, x, u)
+    unforeseen = select(ca.trace(by_error @ P @ by_error.T) > PREDICTED * ca.trace(variance), 1.0, 0.0)
+    for _ in range(PASSES):
         innovation, by_error = derived(aid, states, places, n, p, x, u, psi)
         shared = P @ -by_error.T
-        if number == 0:
-            unforeseen = select(-ca.trace(by_error @ shared) > PREDICTED * ca.trace(variance), 1.0, 0.0)
         psi = shared[TILT, :] @ ca.solve(variance - by_error @ shared, innovation)
     return psi * unforeseen
 

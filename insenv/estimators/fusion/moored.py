@@ -10,11 +10,12 @@ with standard deviations s_j of a_j and of b_j, whatever the sea.  The spectrum 
 of a moored vehicle beside its walk does.  A sum of the b_j would have white noise there, which hides the slow growth of the
 displacement by which a wrong heading shows: the heading after 300 s then is known to 3.5 times the limit, not 1.5 times.
 
-The same waves roll, pitch and lift a vehicle, so a part of its sway keeps step with its attitude, even where the unit is at the
-centre of the rotation: the arms are the ratios of that part to the angles.  A bias of an accelerometer, turned by the roll,
-looks like such a heave.  The oscillators forget their phase; without the arms a heave that never does counts as a measurement
-of the bias: with biases of 16 mg, and a roll of 10 deg and a heave of 1 m of one period, the roll was four stated sigmas off.
-There is an arm for each angle that turns a bias into an axis: heave by roll is no lever arm that surges by yaw too.
+The same waves roll, pitch and lift a vehicle, so a part of its sway keeps step with its attitude, even where the unit is at
+the centre of the rotation: the arms are the ratios of that part to the angles.  A bias of an accelerometer, turned by the
+roll, looks like such a heave.  The oscillators forget their phase; without the arms a heave that never does counts as a
+measurement of the bias: with biases of 16 mg, and a roll of 10 deg and a heave of 1 m of one period, the roll is 2.7 times as
+wrong as stated.  There is an arm for each angle that turns a bias into an axis: heave by roll is no lever arm that surges by
+yaw too.
 
 The measurement is that the navigated displacement is d.
 """

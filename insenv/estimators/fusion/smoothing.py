@@ -12,8 +12,8 @@ import casadi as ca
 from insenv.core.elementary import select
 from insenv.core.model import Model, Values
 from insenv.core.tables import Table
-from insenv.estimators.fusion import arc, awaited, unknown_start
-from insenv.estimators.fusion.aid import Aid
+from insenv.estimators.fusion import arc, unknown_start
+from insenv.estimators.fusion.aid import AWAITED, Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.navigation import navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
@@ -48,10 +48,10 @@ def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None =
         interval=interval,
         nominal=_nominal(filter),
         n=filter.n,
-        seeking=awaited.AWAITED if filter.awaiting else "",
+        seeking=AWAITED.name if filter.awaiting else "",
         corrected=lambda x, error: navigation_corrected(x, arc.along(error, x.covariance), filter.states, filter.places),
         estimates=estimates,
-        reported=sum((aid.reported for aid in filter.aids), Table((awaited.TIME,) if filter.awaiting else ())),
+        reported=Table(tuple(dict.fromkeys(row for aid in filter.aids for row in aid.reported))),
     )
 
 
@@ -135,10 +135,9 @@ def _aligned_first(smoothing: adjoint.Smoothing, filter: Composition, way: Veloc
 
 
 def _nominal(filter: Composition) -> Table:
-    seeking = (awaited.AWAITED,) if filter.awaiting else ()
-    return rows.chosen(
-        filter.state, *strapdown.NAVIGATION_STATE.names, *(s.name for s in filter.states), "covariance", *seeking
-    )
+    seeking = (AWAITED.name,) if filter.awaiting else ()
+    estimates = (*(state.name for state in filter.states), "covariance")
+    return rows.chosen(filter.state, *strapdown.NAVIGATION_STATE.names, *estimates, *seeking)
 
 
 def _support(filter: Composition, aid: Aid) -> tuple[int, ...]:

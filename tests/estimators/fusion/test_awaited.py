@@ -30,18 +30,20 @@ def test_a_field_that_comes_after_the_first_fix_shows_a_heading_of_which_nothing
 
 def test_fixes_wait_for_the_first_field_and_no_longer():
     (result,) = insenv.run(hover(outages_s=[[0.0, 5.0]]), "fusion", seed=1, duration_s=8.0).results
-    assert result.outputs[awaited.TIME.name][-1] == pytest.approx(5.05, abs=0.051)
+    assert result.outputs["heading_awaited_time"][-1] == pytest.approx(5.05, abs=0.051)
     before = result.time < 5.0
     assert not result.outputs["fix_count"][before].any() and not result.outputs["barometer_count"][before].any()
-    assert result.outputs["fix_count"][-1] > 10
+    assert result.outputs["fix_count"][-1] > 10 and result.health.verdict == "consistent"
+    assert any(note.startswith("the measurements of 5.05 s were not used") for note in result.notes)
     (known,) = insenv.run(hover(10.0, outages_s=[[0.0, 5.0]]), "fusion", seed=1, duration_s=3.0).results
-    assert known.outputs[awaited.TIME.name][-1] == 0 and known.outputs["fix_count"][-1] > 5
+    assert known.outputs["heading_awaited_time"][-1] == 0 and known.outputs["fix_count"][-1] > 5
+    assert "heading-awaited" not in [note.code for note in known.notes]
 
 
 def test_a_field_that_does_not_come_is_a_doubt():
     scenario = hover(outages_s=[[0.0, 100.0]])
     (result,) = insenv.run(scenario, "fusion", seed=1, duration_s=awaited.LONGEST + 5.0).results
-    assert result.outputs[awaited.TIME.name][-1] == pytest.approx(awaited.LONGEST, abs=0.01)
+    assert result.outputs["heading_awaited_time"][-1] == pytest.approx(awaited.LONGEST, abs=0.01)
     assert result.outputs["fix_count"][-1] > 10
     assert "field-not-come" in [note.code for note in result.notes] and result.health.verdict != "consistent"
 

@@ -16,7 +16,7 @@ from insenv.estimators.fusion.available import composition
 from insenv.estimators.fusion.measurement import derived
 from insenv.estimators.fusion.navigation import corrected
 from insenv.estimators.parts import adjoint
-from insenv.estimators.parts.error_model import TILT, with_platform
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, with_platform
 
 IRON = ("hard_iron", "soft_iron", "soft_iron_coupling", "magnetic_field_error")
 
@@ -52,7 +52,8 @@ def test_what_the_magnetometer_shows_is_corrected_to_first_order_and_its_error_s
     )
     outputs = [before + R @ c - after, ca.densify(R), ca.densify(R_after), ca.densify(change)]
     correction = 1e-3 * generator.standard_normal(filter.n)
-    correction[TILT], correction[filter.places["hard_iron"]] = turn, 1e-6
+    correction[POSITION], correction[VELOCITY], correction[TILT] = 0.0, 0.0, turn
+    correction[filter.places["hard_iron"]] = 1e-6
     left, R, R_after, change = (
         np.array(each) for each in ca.Function("f", [*flat, c], outputs)(*point(filter, generator), correction)
     )
@@ -94,7 +95,7 @@ HOVER = changed("multirotor-hover", magnetometer={"hard_iron_sigma_nt": 10_000.0
 
 
 def test_iron_and_heading_that_make_up_for_each_other_are_not_told_apart():
-    """Mean NEES of 9 states over the first 20 s, 12 seeds; 20 to 30 where each update derives its equations anew."""
+    """Mean NEES of 9 states over the first 20 s, 12 seeds: 35, and a heading 3.1 times as stated, if none keeps the sum."""
     summary = insenv.campaign(HOVER, "fusion", runs=12, seed=964000, duration_s=20.0)
     heading = summary.courses["heading_deg"]
     assert 6.0 < np.mean(summary.nees.mean) < 12.5
