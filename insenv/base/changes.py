@@ -5,17 +5,19 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from insenv.base.errors import InputError
 from insenv.base.remarks import remark
+from insenv.base.resources import toml_values
 
 Changes = Mapping[str, Any]
 """New values by dotted key; a number names an element of a list, from 0."""
 
 
 def parsed(texts: Iterable[str]) -> dict[str, Any]:
-    """Changes from texts ``KEY=VALUE``; a value is a number, a list, true, false, or text.
+    """Changes from texts ``KEY=VALUE``; a value is a number, true, false, a list or table as in JSON or TOML, or text.
 
     Raises one `InputError` for all texts of another form and keys that are given twice.
     """
@@ -31,13 +33,20 @@ def parsed(texts: Iterable[str]) -> dict[str, Any]:
         elif key in changes:
             faults.append(f"--set {text!r}: {key} is given twice")
         else:
-            try:
-                changes[key] = json.loads(value)
-            except ValueError:
-                changes[key] = value.strip()
+            changes[key] = _value(value.strip())
     if faults:
         raise InputError("\n".join(faults))
     return changes
+
+
+def _value(text: str) -> Any:
+    """The value that a text is in JSON, or a list or table in TOML; else the text."""
+    with suppress(ValueError):
+        return json.loads(text)
+    if text.startswith(("[", "{")):
+        with suppress(ValueError):
+            return toml_values(f"value = {text}")["value"]
+    return text
 
 
 def changed(data: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
@@ -61,7 +70,7 @@ def changed(data: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
 @remark("keys-changed", "changed by --set: {listed}")
 def sentence(changes: Changes) -> dict[str, Any] | None:
     """What the changes are, for a reader of the results."""
-    listed = ", ".join(f"{key} = {json.dumps(value)}" for key, value in changes.items())
+    listed = ", ".join(f"{key} = {json.dumps(value, default=str)}" for key, value in changes.items())
     return {"listed": listed} if changes else None
 
 

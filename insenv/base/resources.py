@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 from insenv.base.errors import InsenvError
 
@@ -33,7 +34,12 @@ def scenario_names() -> list[str]:
 def scenario_titles() -> dict[str, str]:
     """The title of each scenario of insenv by its name; nothing else of it is checked."""
     folder = sorted(scenario_folder().glob("*.toml"))
-    return {path.stem: str(tomllib.loads(path.read_text(encoding="utf-8")).get("title", "")) for path in folder}
+    return {path.stem: str(toml_values(path.read_text(encoding="utf-8")).get("title", "")) for path in folder}
+
+
+def toml_values(text: str) -> dict[str, Any]:
+    """The values of a text in TOML.  Raises `ValueError`."""
+    return tomllib.loads(text)
 
 
 def fmu_folder() -> Path:

@@ -15,6 +15,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from insenv.base.errors import InputError, guess, nearest
 from insenv.base.keys import SetsRow, unit_of
+from insenv.base.resources import toml_values
 from insenv.base.units import Conversion, check_unit, converted
 
 # What the bytes or the values of a file are, for the message to someone who gave the wrong file.
@@ -80,11 +81,6 @@ def is_log(data: Mapping[str, Any]) -> bool:
     imu = data.get("imu")
     return "flight" in data or (isinstance(imu, Mapping) and "file" in imu)
 
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:  # pragma: no cover
-    import tomli as tomllib
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelType
@@ -216,7 +212,7 @@ def read_toml(path: str | Path, hints: Mapping[str, str] | None = None) -> dict[
     if content in (ARCHIVE, BINARY, UTF16):
         raise InputError(f"{path}: {content}, not a TOML file in UTF-8{hint}")
     try:
-        return tomllib.loads(raw.decode("utf-8-sig"))
+        return toml_values(raw.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a UTF-8 text file (byte {error.start})") from None
     except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits

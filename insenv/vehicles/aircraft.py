@@ -8,7 +8,7 @@ level. Turbulence is a small Gauss-Markov disturbance of attitude and velocity.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from math import pi, radians, tan
 from types import SimpleNamespace
@@ -18,7 +18,7 @@ import casadi as ca
 from pydantic import Strict
 
 from insenv.base.errors import InputError
-from insenv.base.toml import Number, key, validated
+from insenv.base.toml import Number, key
 from insenv.core.elementary import clamp, maximum, select, sin_cos
 from insenv.core.model import Values
 from insenv.core.tables import Array, Row, Table
@@ -39,7 +39,8 @@ from insenv.vehicles.section import (
     fastest,
     in_legs,
     lasting,
-    legs_of,
+    of_kinds,
+    placed,
     turning,
 )
 from insenv.vehicles.truth import SineCosine, Vehicle
@@ -243,7 +244,7 @@ def turn_timing(angle: float, bank: float, speed: float) -> tuple[float, float]:
     duration = settling + rest * max(speed, SLOW) ** 2 / (speed * STANDARD_GRAVITY * tan(bank))
     if duration < settling:
         raise InputError(
-            f"turn by {abs(angle) * 180 / pi:g} deg at a bank of {bank * 180 / pi:g} deg and {speed:g} m/s is over before "
+            f"a turn by {abs(angle) * 180 / pi:g} deg at a bank of {bank * 180 / pi:g} deg and {speed:g} m/s is over before "
             f"the bank has settled: allowed is a smaller bank"
         )
     return duration, settling
@@ -283,7 +284,7 @@ def flight_plan(legs: Legs, start_speed_mps: float = 0.0, start_height_m: float 
     """
     speed, height, acceleration, segments = start_speed_mps, start_height_m, 2.5, []
     take_off = float(PARAMETERS["take_off_speed"].start)
-    for where, leg, kind, value in legs_of(AircraftLeg, _without_surveys(legs)):
+    for where, leg, kind, value in of_kinds(_without_surveys(legs)):
         acceleration = leg.acceleration_mps2 or acceleration
         level = {"acceleration": acceleration, "bank": 0.0, "climb_rate": 0.0}
         least = take_off if kind == "climb_to_m" else 0.0
@@ -302,7 +303,10 @@ def flight_plan(legs: Legs, start_speed_mps: float = 0.0, start_height_m: float 
             height = value
         elif kind == "turn_deg":
             bank = radians(leg.bank_deg or 20.0)
-            duration, settling = turn_timing(radians(value), bank, speed)
+            try:
+                duration, settling = turn_timing(radians(value), bank, speed)
+            except InputError as error:
+                raise InputError(f"{where}: {error}") from None
             segments.append(level | {"speed": speed, "bank": bank if value > 0 else -bank, "duration": duration})
             segments.append(level | {"speed": speed, "duration": settling})
         else:
@@ -310,19 +314,17 @@ def flight_plan(legs: Legs, start_speed_mps: float = 0.0, start_height_m: float 
     return SCRIPT.table(segments)
 
 
-def _without_surveys(legs: Legs) -> list[AircraftLeg]:
-    """The legs, with each survey as its lines and turns."""
-    plan: list[AircraftLeg] = []
-    for number, stated in enumerate(legs, 1):
-        leg = stated if isinstance(stated, AircraftLeg) else validated(AircraftLeg, stated, f"leg {number}")
+def _without_surveys(legs: Legs) -> Iterator[tuple[str, AircraftLeg]]:
+    """The legs with their places for messages, each survey as its lines and turns."""
+    for where, leg in placed(AircraftLeg, legs):
         keys = set(leg.model_dump(exclude_none=True)) - {"survey_lines"}
         if leg.survey_lines is None:
-            plan.append(leg)
+            yield where, leg
         elif leg.line_m is None or keys - {"line_m", "bank_deg"}:
-            raise InputError(f"leg {number}: survey_lines needs line_m; of the other keys only bank_deg is allowed")
+            raise InputError(f"{where}: survey_lines needs line_m; of the other keys only bank_deg is allowed")
         else:
-            plan += [AircraftLeg(**each) for each in survey_pattern(leg.survey_lines, leg.line_m, leg.bank_deg or 20.0)]
-    return plan
+            for each in survey_pattern(leg.survey_lines, leg.line_m, leg.bank_deg or 20.0):
+                yield where, AircraftLeg(**each)
 
 
 class AircraftSection(GustsSection):

@@ -128,7 +128,7 @@ class Script:
         rate = math.radians(turn_deg) / duration_s
         if abs(rate) > self[name].upper:
             raise InputError(
-                f"{where}: turn_deg = {turn_deg:g} in {duration_s:.3g} s is {math.degrees(rate):.3g} deg/s: allowed is up to "
+                f"{where}: turn_deg = {turn_deg:g} in {duration_s:.3g} s is {math.degrees(rate):.4g} deg/s: allowed is up to "
                 f"{self.fastest_deg(name):g} deg/s"
             )
         return rate

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import radians
 from typing import Annotated, Any, ClassVar, TypeVar
@@ -227,16 +227,26 @@ Made = TypeVar("Made")
 
 
 def legs_of(section: type[AnyLeg], legs: Legs) -> Iterator[tuple[str, AnyLeg, str, float]]:
-    """Of each leg its place for messages ("leg 1"), the leg, the one key of its kind and the value.
+    """Of each leg its place for messages ("legs[0]"), the leg, the one key of its kind and the value.
 
     Raises `InputError` for a key or value that is not allowed, and for a leg without a kind or with several.
     """
-    for number, stated in enumerate(legs, 1):
-        where = f"leg {number}"
-        leg = stated if isinstance(stated, section) else validated(section, stated, where)
-        kinds = [name for name in section.kinds if getattr(leg, name) is not None]
+    return of_kinds(placed(section, legs))
+
+
+def placed(section: type[AnyLeg], legs: Legs) -> Iterator[tuple[str, AnyLeg]]:
+    """Of each leg its place for messages, and the leg.  Raises `InputError` for a key or value that is not allowed."""
+    for number, stated in enumerate(legs):
+        where = f"legs[{number}]"
+        yield where, stated if isinstance(stated, section) else validated(section, stated, where)
+
+
+def of_kinds(legs: Iterable[tuple[str, AnyLeg]]) -> Iterator[tuple[str, AnyLeg, str, float]]:
+    """The same, with the one key of each leg's kind and its value.  Raises `InputError` for no kind, and for several."""
+    for where, leg in legs:
+        kinds = [name for name in leg.kinds if getattr(leg, name) is not None]
         if len(kinds) != 1:
-            allowed = ", ".join(section.kinds)
+            allowed = ", ".join(leg.kinds)
             raise InputError(f"{where} has {' and '.join(kinds) or 'none'}: allowed is exactly one of {allowed}")
         yield where, leg, kinds[0], getattr(leg, kinds[0])
 
@@ -248,11 +258,12 @@ def fastest(start_mps: float, legs: tuple[Section, ...], *keys: str) -> float:
 
 
 def in_legs(make: Callable[[], Made]) -> Made:
-    """The result of `make`; the message of an `InputError` begins with the key ``vehicle.legs``."""
+    """The result of `make`; the message of an `InputError` begins with the key, ``vehicle.legs`` or that of a leg."""
     try:
         return make()
     except InputError as error:
-        raise InputError(f"vehicle.legs: {error}") from None
+        begin = "vehicle." if str(error).startswith("legs[") else "vehicle.legs: "
+        raise InputError(f"{begin}{error}") from None
 
 
 class EngineWave(Section):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from command_line import ROOT, call, refused, strict
 
+from insenv.base.changes import parsed
 from insenv.base.toml import read_toml
 
 PLAIN = ROOT / "examples" / "logs" / "plain.toml"
@@ -72,3 +73,11 @@ def test_set_changes_a_key_as_the_file_does(tmp_path):
     other, notes = run(*log, "--set", "gnss.height_offset_m=0.5")
     assert notes[0] == "changed by --set: gnss.height_offset_m = 0.5" and other != run(*log)[0]
     assert call(*STREAM.split(), "udpout:127.0.0.1:14999", "--speed", "0", "--set", "imu.grade=tactical")[0] == 0
+
+
+@pytest.mark.parametrize(("text", "value"), [
+    ("[{wait_s = 60}, {speed_mps = 3.5}]", [{"wait_s": 60}, {"speed_mps": 3.5}]), ('[{"wait_s": 60}]', [{"wait_s": 60}]),
+    ("{a = [1, 2.5]}", {"a": [1, 2.5]}), ("true", True), ("2e3", 2000.0), ("tactical", "tactical"), ("[broken", "[broken"),
+])  # fmt: skip
+def test_set_takes_lists_and_tables_as_a_scenario_writes_them(text, value):
+    assert parsed([f"vehicle.legs={text}"]) == {"vehicle.legs": value}

@@ -15,13 +15,14 @@ def multirotor(legs):
 
 
 @pytest.mark.parametrize(("planned", "legs", "said"), [
-    (car_route, [{"turn_deg": 90, "duration_s": 5}], "leg 1: turn_deg = 90"),  # at rest
-    (car_route, [{"accelerate_to_mps": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs either"),
-    (flight_plan, [{"turn_deg": 90}], "leg 1: turn_deg = 90 at 0 m/s"),
-    (flight_plan, [{"speed_mps": 20}, {"climb_to_m": 500}], "leg 2: climb_to_m = 500 at 20 m/s"),
-    (flight_plan, [{"speed_mps": 80}, {"turn_deg": 5, "bank_deg": 30}], "before the bank has settled"),
-    (multirotor, [{"hover_s": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs duration_s"),
-    (multirotor, [{"turn_deg": 3600, "duration_s": 10}], "leg 1: turn_deg = 3600 in 10 s is 360 deg/s: allowed is up to 229"),
+    (car_route, [{"turn_deg": 90, "duration_s": 5}], r"legs\[0\]: turn_deg = 90"),  # at rest
+    (car_route, [{"accelerate_to_mps": 5}, {"turn_deg": 90}], r"legs\[1\]: turn_deg needs either"),
+    (flight_plan, [{"turn_deg": 90}], r"legs\[0\]: turn_deg = 90 at 0 m/s"),
+    (flight_plan, [{"speed_mps": 20}, {"climb_to_m": 500}], r"legs\[1\]: climb_to_m = 500 at 20 m/s"),
+    (flight_plan, [{"speed_mps": 80}, {"turn_deg": 5, "bank_deg": 30}], r"legs\[1\]: a turn by 5 deg .* is over before"),
+    (flight_plan, [{"speed_mps": 50}, {"survey_lines": 3, "line_m": 900}, {"climb_mps": 5}], r"legs\[2\] has none"),
+    (multirotor, [{"hover_s": 5}, {"turn_deg": 90}], r"legs\[1\]: turn_deg needs duration_s"),
+    (multirotor, [{"turn_deg": 3600, "duration_s": 1}], "turn_deg = 3600 in 1 s is 3600 deg/s: allowed is up to 229"),
     (SCRIPT.table, [{"speed": 3.0}], "segment 1: duration is missing"),
     (SCRIPT.table, [{"duration": 1.0}, {"duration": 1.0, "speed": float("nan")}], "segment 2: speed = nan"),
     (SCRIPT.table, [{"duration": 1.0}] * (N_SEGMENTS + 1), "at most 64"),

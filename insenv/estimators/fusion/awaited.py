@@ -52,8 +52,8 @@ _NOT_COME = declared(
 
 
 def findings() -> tuple[Finding, ...]:
-    """That the aids have waited, and that they have waited in vain."""
+    """That the aids have waited in vain, or else that they have waited: the first that holds is said."""
     return (
-        Finding(AWAITED_TIME.name, _WAITED, 1.0, limit=LONG),
         Finding(AWAITED_TIME.name, _NOT_COME, 1.0, limit=LONGEST),
+        Finding(AWAITED_TIME.name, _WAITED, 1.0, limit=LONG),
     )
