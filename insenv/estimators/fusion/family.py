@@ -27,11 +27,11 @@ from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNKN
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.fusion.surprising import surprising
+from insenv.estimators.fusion.ways import Way
 from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import applicability
 from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
 from insenv.estimators.velocity_integration.estimator import OLDEST
-from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 from insenv.geodesy import OMEGA_IE
 from insenv.sensors.data_sheet import MOTION_ERRORS, PROPORTIONAL
 
@@ -209,7 +209,7 @@ def _shaken(estimator: Estimator) -> Estimator:
     return replace(estimator, prepare=lambda known: {**prepare(known), "in_place_sigma": SHAKEN})
 
 
-def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration) -> Estimator:
+def _seeking(estimator: Estimator, filter: Composition, way: Way) -> Estimator:
     """The estimator whose model finds its start attitude first, with what that needs and says."""
     assert estimator.prepare is not None and estimator.applicability is not None and estimator.findings is not None
     prepare, notes, findings = estimator.prepare, estimator.applicability, estimator.findings
@@ -228,7 +228,7 @@ def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration
     )
 
 
-def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: VelocityIntegration | None = None) -> Estimator:
+def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Way | None = None) -> Estimator:
     """The filter; uncounted: sentences about errors that it does not count; way: the alignment that it starts by."""
     names, ids = [state.name for state in filter.states], [aid.id for aid in filter.aids]
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
@@ -356,7 +356,7 @@ def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[
     return tuple(_IDLE_STATE.filled(state=state.name, sigma=state.sigma) for state in idle)
 
 
-def _smoother(filter: Composition, uncounted: tuple[str, ...] = (), way: VelocityIntegration | None = None) -> Estimator:
+def _smoother(filter: Composition, uncounted: tuple[str, ...] = (), way: Way | None = None) -> Estimator:
     smoothing = smoothing_of(filter, f"{filter.id}-smoother", way)
     return replace(_estimator(filter, uncounted, way), model=smoothing.forward, smooths=filter.id, smoothing=smoothing)
 

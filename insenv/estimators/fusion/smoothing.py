@@ -16,13 +16,13 @@ from insenv.estimators.fusion import arc, unknown_start
 from insenv.estimators.fusion.aid import AWAITED, Aid
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.navigation import navigation_corrected
+from insenv.estimators.fusion.ways import Way
 from insenv.estimators.parts import adjoint, rows, strapdown
 from insenv.estimators.parts.kalman import Update
-from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 
 @lru_cache(maxsize=16)
-def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None = None) -> adjoint.Smoothing:
+def smoothing_of(filter: Composition, id: str, way: Way | None = None) -> adjoint.Smoothing:
     """Both passes of the smoother `id` of a filter; the same object for the same filter.
 
     way: the alignment that the filter starts by; None: it starts from the stated attitude.
@@ -113,7 +113,7 @@ def _forward(
     )
 
 
-def _aligned_first(smoothing: adjoint.Smoothing, filter: Composition, way: VelocityIntegration) -> adjoint.Smoothing:
+def _aligned_first(smoothing: adjoint.Smoothing, filter: Composition, way: Way) -> adjoint.Smoothing:
     """The smoother of a filter that finds its attitude first; smoothing: that of the filter without it."""
     model, seeking = unknown_start.aligned_first(smoothing.forward, filter, way), unknown_start.SEEKING
     shown = rows.chosen(model.state, seeking)

@@ -12,8 +12,8 @@ from insenv.core import symmetric
 from insenv.core.model import Values
 from insenv.estimators.fusion import history, omitted, unknown_start
 from insenv.estimators.fusion.available import all_aids, composition
+from insenv.estimators.fusion.ways import BY_FIXES
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
-from insenv.estimators.velocity_integration.estimator import BY_FIXES
 
 FEW = composition("few", ("gnss_wander",), ("gnss",))
 SEEKING = unknown_start.model_of(FEW, BY_FIXES)

@@ -81,14 +81,32 @@ def test_before_the_attitude_is_found_velocity_and_place_have_honest_sigmas(name
 
 
 def test_each_fix_counts_where_no_attitude_is_found():
-    """Gyros of a degree a second: the heading stays unknown, the place that of the fixes."""
-    scenario = changed("car-unknown-heading", knowledge=UNKNOWN, imu={"grade": "autopilot"}, rate_hz=60.0)
+    """Straight on, gyros of a degree a second: the heading stays unknown, the place that of the fixes."""
+    legs = [{"drive_s": 60.0}]
+    scenario = changed(
+        "car-unknown-heading", knowledge=UNKNOWN, imu={"grade": "autopilot"}, vehicle={"legs": legs}, rate_hz=60.0
+    )
     (result,) = insenv.run(scenario, "fusion", duration_s=60).results
     assert np.hypot(result.errors["north_m"], result.errors["east_m"]).max() < 20.0
     assert result.sigma["heading_deg"][-1] > 60.0
     assert result.health is not None and result.health.verdict == "untested" and result.health.fixes > 50
     assert any("the heading is not found" in note for note in result.notes)
     assert not any("no fix was received" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(("name", "grade", "tilt_sigma_deg"), [
+    ("car-unknown-heading", "autopilot", 180.0), ("car-unknown-heading", "industrial", 3.0),
+    ("aircraft-inflight-alignment", "autopilot", 180.0),
+])  # fmt: skip
+def test_gyros_that_lose_a_heading_soon_find_it_in_a_turn(name, grade, tilt_sigma_deg):
+    """Ten runs that turn from 30 or 20 s on; velocity integration, which knows no biases, did not find it."""
+    known = {"heading_sigma_deg": 180.0, "tilt_sigma_deg": tilt_sigma_deg, "position_sigma_m": [3.0, 3.0, 6.0]}
+    scenario = changed(name, imu={"grade": grade}, gnss={"grade": "spp"}, knowledge=known, rate_hz=60.0)
+    summary = insenv.campaign(scenario, "fusion", 10, seed=493000, duration_s=60.0)
+    late, heading = summary.time > 45.0, summary.courses["heading_deg"]
+    assert heading.rms[late].max() < 6.0 and heading.stated[-1] < 4.0
+    assert 6.0 < np.mean(summary.nees.mean[late]) < 12.5
+    assert sum(each.verdict == "consistent" for each in summary.health) >= 8
 
 
 def test_an_outlier_is_not_the_first_fix():
