@@ -95,8 +95,9 @@ def test_each_fix_counts_where_no_attitude_is_found():
 
 
 @pytest.mark.parametrize(("name", "grade", "tilt_sigma_deg"), [
-    ("car-unknown-heading", "autopilot", 180.0), ("car-unknown-heading", "industrial", 3.0),
-    ("aircraft-inflight-alignment", "autopilot", 180.0),
+    ("car-unknown-heading", "autopilot", 180.0),
+    pytest.param("car-unknown-heading", "industrial", 3.0, marks=pytest.mark.slow),
+    pytest.param("aircraft-inflight-alignment", "autopilot", 180.0, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_gyros_that_lose_a_heading_soon_find_it_in_a_turn(name, grade, tilt_sigma_deg):
     """Ten runs that turn from 30 or 20 s on; velocity integration, which knows no biases, did not find it."""
