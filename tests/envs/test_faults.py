@@ -102,6 +102,7 @@ def test_a_stuck_axis_repeats_its_increment(env, axis):
     given, measured = (np.array([np.r_[s["delta_angle"], s["delta_velocity"]] for *_, s in each]) for each in (found, quiet))
     others = np.arange(6) != axis
     assert np.array_equal(given[:, others], measured[:, others]) and len(set(given[1:5, axis])) == 1
+    assert given[1, axis] != 0.0  # the increment with which it got stuck
     assert np.array_equal(given[[0, 6, 7], axis], measured[[0, 6, 7], axis])
     levels = np.array([np.r_[seen["gyro_level"], seen["accel_level"]] for seen, *_ in found])
     assert np.all(levels[2:5, axis] == -3.0) and np.all(levels[:, others] > -2.0)

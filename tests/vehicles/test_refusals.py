@@ -23,6 +23,7 @@ def multirotor(legs):
     (flight_plan, [{"speed_mps": 50}, {"survey_lines": 3, "line_m": 900}, {"climb_mps": 5}], r"legs\[2\] has none"),
     (multirotor, [{"hover_s": 5}, {"turn_deg": 90}], r"legs\[1\]: turn_deg needs duration_s"),
     (multirotor, [{"turn_deg": 3600, "duration_s": 1}], "turn_deg = 3600 in 1 s is 3600 deg/s: allowed is up to 229"),
+    (multirotor, [{"turn_deg": 3600, "duration_s": 10}], r"legs\[0\]: turn_deg = 3600 in 10 s is 360 deg/s"),
     (SCRIPT.table, [{"speed": 3.0}], "segment 1: duration is missing"),
     (SCRIPT.table, [{"duration": 1.0}, {"duration": 1.0, "speed": float("nan")}], "segment 2: speed = nan"),
     (SCRIPT.table, [{"duration": 1.0}] * (N_SEGMENTS + 1), "at most 64"),
