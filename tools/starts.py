@@ -19,13 +19,14 @@ from insenv.core.runner import make_runner
 from insenv.core.tables import Array
 from insenv.estimators import Knowledge
 from insenv.estimators.every_heading import MODEL, prepare
+from insenv.estimators.fusion.unknown_start import HEADING_BOUND
 from insenv.logs import RecordedLog
 from insenv.logs.instruments import sample_columns
 from insenv.scenario.inputs import input_rows
 from insenv.sensors.gnss import ARM
 from insenv.studies.proof import public_logs
 
-EVERY_S, SLOWEST, KNOWN, LONGEST_S = 30.0, 3.0, np.radians(7.0), 200.0
+EVERY_S, SLOWEST, LONGEST_S = 30.0, 3.0, 200.0
 HEADER = "| flight | found | after, median (90 %) [s] | heading, rms (stated) [deg] | largest | level, rms (stated) |"
 
 
@@ -51,7 +52,7 @@ def found(log: RecordedLog, columns: dict[str, Array], first: int) -> tuple[floa
             return None
         outputs = MODEL.outputs.unpack(runner.run(at + 1 - begin, inputs[begin : at + 1], at + 1 - begin)[-1])
         begin = at + 1
-        if outputs["attitude_sigma"].max() < KNOWN:
+        if outputs["attitude_sigma"].max() < HEADING_BOUND:
             reference, time = log.reference, log.imu_time[first + at]
             names = ("roll", "pitch", "heading")
             truth = np.array([np.interp(time, reference.time, np.unwrap(getattr(reference, name))) for name in names])

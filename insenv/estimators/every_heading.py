@@ -243,7 +243,7 @@ def level(p: Any, x: Any, u: Any) -> dict[str, Any]:
     known = ca.logic_and(long, tilt < KNOWN_LEVEL)
     anew = ca.logic_or(1 - x.level_begun, long)
     return {
-        "q_lb": select(known, attitude.multiply(_upright(x.level_force), x.q_lb), x.q_lb),
+        "q_lb": select(known, attitude.multiply(upright(x.level_force), x.q_lb), x.q_lb),
         "covariance": select(known, _unknown(p, tilt), x.covariance),
         "velocity_l": select(known, ca.SX.zeros(3), x.velocity_l),
         "found": select(known, ca.SX.zeros(N, 3), x.found),
@@ -257,7 +257,7 @@ def level(p: Any, x: Any, u: Any) -> dict[str, Any]:
     }
 
 
-def _upright(force: Any) -> Any:
+def upright(force: Any) -> Any:
     """The shortest turn (4) that takes the direction of a specific force to up."""
     down = -force / maximum(ca.norm_2(force), 1e-9)
     over = down[2] < -1 + 1e-9  # upside down: half a turn about any level axis

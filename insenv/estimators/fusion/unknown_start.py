@@ -253,12 +253,11 @@ class _Seeking:
         wrong = ca.SX.zeros(n)
         wrong[TILT] = attitude.error_rotation_vector(q_wb, x.q_wb)
         prior = ca.diag(symmetric.full(self.filter.start(p)["covariance"], n))
-        covariance, found = self.way.handed(of_way, state, x, P, prior, taken, back)
+        covariance, velocity_w, found = self.way.handed(of_way, state, x, P, prior, taken, back)
         gone: dict[str, Any] = {}
         if self.way is not BY_LOG:
             covariance[POSITION, POSITION] = UNKNOWN_PLACE**2 * ca.SX.eye(3)
-            if "velocity_w" in found:
-                wrong[VELOCITY] = x.velocity_w - found.pop("velocity_w")
+            wrong[VELOCITY] = x.velocity_w - velocity_w
         else:
             # what the velocity in body axes shows of the attitude depends on the velocity
             wrong[VELOCITY] = x.velocity_w - attitude.rotate(q_wb, u.dvl_velocity_b)

@@ -23,14 +23,13 @@ from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, bias_sigma
 from insenv.estimators.velocity_integration import estimator as integration
 from insenv.estimators.velocity_integration import source
-from insenv.estimators.velocity_integration.wahba import q_ni
+from insenv.estimators.velocity_integration.wahba import VelocityIntegration, q_ni
 
 BIASES = slice(GYRO.start, ACCEL.stop)
 UNKNOWN_VELOCITY, UNKNOWN_BY_LOG = 1e2, 1e4
 """m/s: standard deviation before the first velocity.  One in body axes shows the heading if that is not far above the speed."""
-BY_MOTION = "turns, changes of speed and waves show it"
-Handed = Callable[[Any, Values, Any, Any, Any, Any, Any], tuple[Any, dict[str, Any]]]
-"""``(p, state, x, P, prior, taken, back)`` to the covariance of the filter (n x n, w) but for the position, and its rows.
+Handed = Callable[[Any, Values, Any, Any, Any, Any, Any], tuple[Any, Any, dict[str, Any]]]
+"""``(p, state, x, P, prior, taken, back)`` to the filter's covariance (n x n, w) but for the position, velocity (3, w), rows.
 
 p, state: of the alignment; x, P: state and covariance (n x n) of the filter before; prior: its variances (n) at the start.
 taken (3): 1 for the components of psi that the alignment gives.  back (4): the turn from its attitude to the one that is
@@ -57,8 +56,8 @@ class Way:
     handed: Handed
 
 
-def _by_circle(p: Any, state: Values, x: Any, P: Any, prior: Any, taken: Any, back: Any) -> tuple[Any, dict[str, Any]]:
-    """What `every_heading` hands over: attitude and biases.
+def _by_circle(p: Any, state: Values, x: Any, P: Any, prior: Any, taken: Any, back: Any) -> tuple[Any, Any, dict[str, Any]]:
+    """What `every_heading` hands over: attitude, velocity and biases.
 
     A bias that is smaller than the one that the alignment counts, because the filter has states for the rest, has the share of
     the estimate that its variance has.
@@ -79,7 +78,7 @@ def _by_circle(p: Any, state: Values, x: Any, P: Any, prior: Any, taken: Any, ba
     start = ca.vertcat(p.start_gyro_bias, p.start_accel_bias)
     biases = start + share @ (ca.vertcat(found.gyro_bias, found.accel_bias) - start)
     velocity = select(taken[2], turn @ found.velocity_l, x.velocity_w)
-    return P, {"velocity_w": velocity, "gyro_bias": biases[:3], "accel_bias": biases[3:]}
+    return P, velocity, {"gyro_bias": biases[:3], "accel_bias": biases[3:]}
 
 
 def _share(variance: Any, sigma: Any) -> Any:
@@ -94,7 +93,7 @@ def _second_order(stated: Any, taken: Any) -> Any:
 
 def _by_integration(
     unknown_velocity: float, p: Any, state: Values, x: Any, P: Any, prior: Any, taken: Any, back: Any
-) -> tuple[Any, dict[str, Any]]:
+) -> tuple[Any, Any, dict[str, Any]]:
     """What velocity integration hands over: the attitude, the errors of whose level belong to biases in body axes.
 
     Their covariance, that with the biases too, is the one that the alignment states; its rotation vector has the other sign
@@ -121,38 +120,37 @@ def _by_integration(
     apart = by_bias * (taken @ remaining.T)  # what both share through the biases
     P[TILT, TILT] = stated + before[:, TILT] * (remaining @ remaining.T) + apart + apart.T
     P[VELOCITY, VELOCITY] = unknown_velocity**2 * ca.SX.eye(3)
-    return P, {}
+    return P, x.velocity_w, {}
 
 
-BY_FIXES = Way(
-    model=integration.BY_FIXES.model,
-    aid="gnss",
-    arrives=source.FIXES.arrives,
-    starts_before=False,
-    means=source.FIXES.means,
-    shows=BY_MOTION,
-    prepare=partial(integration.prepare, integration.BY_FIXES),
-    handed=partial(_by_integration, UNKNOWN_VELOCITY),
+def _integrating(by: VelocityIntegration, shows: str, unknown_velocity: float) -> Way:
+    return Way(
+        model=by.model,
+        aid=by.source.sensor,
+        arrives=by.source.arrives,
+        starts_before=False,
+        means=by.source.means,
+        shows=shows,
+        prepare=partial(integration.prepare, by),
+        handed=partial(_by_integration, unknown_velocity),
+    )
+
+
+BY_FIXES = _integrating(integration.BY_FIXES, "turns, changes of speed and waves show it", UNKNOWN_VELOCITY)
+BY_LOG = _integrating(
+    integration.BY_LOG,
+    "the rotation of the Earth shows it, in minutes, to gyros with a bias far below its horizontal part",
+    UNKNOWN_BY_LOG,
 )
 BY_TURNS = Way(
     model=every_heading.MODEL,
-    aid="gnss",
+    aid=source.FIXES.sensor,
     arrives=source.FIXES.arrives,
     starts_before=True,
     means=source.FIXES.means,
-    shows=BY_MOTION,
+    shows=f"to gyros that lose it in less than {source.SHORT:g} s turns and changes of speed show it, waves seldom",
     prepare=every_heading.prepare,
     handed=_by_circle,
-)
-BY_LOG = Way(
-    model=integration.BY_LOG.model,
-    aid="dvl",
-    arrives=source.LOG.arrives,
-    starts_before=False,
-    means=source.LOG.means,
-    shows="the rotation of the Earth shows it, in minutes, to gyros with a bias far below its horizontal part",
-    prepare=partial(integration.prepare, integration.BY_LOG),
-    handed=partial(_by_integration, UNKNOWN_BY_LOG),
 )
 
 
@@ -161,5 +159,4 @@ def available(sensors: Collection[str], fix_velocity: bool, known: Knowledge) ->
     by = integration.available(sensors, fix_velocity, known)
     if by is not integration.BY_FIXES:
         return None if by is None else BY_LOG
-    bias = known.gyro_bias_error or known.sensors.gyro_bias_sigma
-    return BY_TURNS if source.LARGEST_LINEAR / max(bias, 1e-30) < source.SHORT else BY_FIXES
+    return BY_TURNS if source.kept_for(integration.gyro_bias_of(known)) < source.SHORT else BY_FIXES

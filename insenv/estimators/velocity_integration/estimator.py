@@ -49,12 +49,16 @@ def memory_time(gyro_bias: float, angle_random_walk: float) -> float:
     return min(max(min(by_bias, by_walk) / math.sqrt(12), SHORTEST), LONGEST)
 
 
+def gyro_bias_of(known: Knowledge) -> float:
+    """Standard deviation (rad/s) of the gyro bias: that which a rest has left, or that of the data sheet."""
+    return known.gyro_bias_error or known.sensors.gyro_bias_sigma
+
+
 def prepare(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
     """Parameters from what is known."""
-    sheet = known.sensors
-    bias = known.gyro_bias_error or sheet.gyro_bias_sigma
+    bias = gyro_bias_of(known)
     endless = way.source.by_earth_rate(bias, known.latitude)
-    memory = LONGEST if endless else memory_time(bias, sheet.angle_random_walk)
+    memory = LONGEST if endless else memory_time(bias, known.sensors.angle_random_walk)
     return {**known.rows_of(way.parameters), "memory_time": memory}
 
 

@@ -121,6 +121,13 @@ def _bias(parameters: Mapping[str, Any]) -> tuple[str, float]:
 LONGEST_GAP = 20.0
 """s: beta is then wrong by g a T^3 / (12 R) and by the Coriolis term of what a turn adds: for an aircraft by 0.05 m/s."""
 SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
+
+
+def kept_for(gyro_bias: float) -> float:
+    """Time (s) after which gyros with a bias (rad/s, 1 sigma) have lost a heading."""
+    return LARGEST_LINEAR / max(gyro_bias, 1e-30)
+
+
 _OF_FIXES = ("antenna_lever_arm_sigma", "gnss_delay_sigma")
 
 
@@ -145,7 +152,7 @@ def _of_fix(p: Any, x: Any, u: Any, q_ni: Any) -> Measurement:
 def _by_motion(parameters: Mapping[str, Any]) -> str:
     row, bias = _bias(parameters)
     sentence = "turns or changes of speed show it, a straight line at constant speed does not"
-    lost_after = LARGEST_LINEAR / max(bias, 1e-30)
+    lost_after = kept_for(bias)
     if lost_after >= SHORT:
         return sentence
     return (
