@@ -24,7 +24,13 @@ def place(i: int, j: int) -> int:
 
 def full(triangle: Any, n: int) -> Any:
     """The n x n symmetric matrix of a stored triangle."""
-    return ca.reshape(triangle[[place(i, j) for i in range(n) for j in range(n)]], n, n)
+    return block(triangle, slice(0, n))
+
+
+def block(triangle: Any, part: slice) -> Any:
+    """The block on the diagonal of a stored triangle, as a full matrix."""
+    places = range(part.start, part.stop)
+    return ca.reshape(triangle[[place(i, j) for i in places for j in places]], len(places), len(places))
 
 
 def triangle(matrix: Any) -> Any:

@@ -26,7 +26,7 @@ their likelihood, is taken out of the navigation state.
 The gyros' drift about down turns l.  While J is flat, l is taken as it lies at each fix, and what J has gathered fades with
 the drift; from then on the drift is one of the errors.  To first order alone: a heading that does not show within `SOON` is
 looked for anew.  An unknown drift also turns a level error in l, or else that error and a bias would seem to be told apart; its
-variance is added (`_turning`).
+variance is added (`error_model.by_unknown_drift`).
 
 Level is that of the start if it is known to `KNOWN_LEVEL`.  Otherwise it is that of the mean specific force between two fixes,
 as soon as their velocities differ by so little that it is known as well.
@@ -52,7 +52,7 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import lever_arm, rows
-from insenv.estimators.parts.error_model import bias_sigma, variances
+from insenv.estimators.parts.error_model import bias_sigma, by_unknown_drift, variances
 from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA
 from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
 from insenv.sensors.gnss import ARM, GNSS_STATED
@@ -202,10 +202,10 @@ def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
     A[VELOCITY, ACCEL] = x.since_propagation_C_lb
     A[TILT, GYRO] = -x.since_propagation_C_lb
     by_rotation, by_thrust = variances(p, x.since_propagation_angle, x.since_propagation_change)
-    turning = _turning(x) * duration
+    turned = by_unknown_drift(x.covariance, attitude.to_dcm(x.q_lb)[2, :].T, TILT, GYRO)
     noise = ca.vertcat(
         ca.repmat(p.velocity_random_walk**2 * duration + by_thrust, 3, 1),
-        ca.repmat(p.angle_random_walk**2 * duration + by_rotation, 3, 1) + ca.vertcat(turning, turning, 0),
+        ca.repmat(p.angle_random_walk**2 * duration + by_rotation, 3, 1) + turned * duration,
         ca.SX.zeros(N - 6),
     )
     found = ca.SX(x.found)
@@ -214,16 +214,6 @@ def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
     found[VELOCITY, 1:] -= by_circle(x.pull_n)[:, 1:] * duration
     found[TILT, 1:] -= by_circle(x.rate_n)[:, 1:] * duration
     return {"covariance": propagate(x.covariance, A, noise), "found": found, **rows.at_start(SINCE_PROPAGATION)}
-
-
-def _turning(x: Any) -> Any:
-    """Rate (rad^2/s) of the variance of each level error by a drift about down that is not known, which turns it.
-
-    A drift b turns it by b t after a time t: the variance grows as that of b times t^2, until it has turned by a radian.
-    """
-    down_b, P = attitude.to_dcm(x.q_lb)[2, :].T, symmetric.full(x.covariance, N)
-    drift = ca.dot(down_b, P[GYRO, GYRO] @ down_b)
-    return drift * minimum(2 * x.time, 1 / ca.sqrt(maximum(drift, 1e-30))) * (P[3, 3] + P[4, 4]) / 2
 
 
 def measured(p: Any, x: Any, u: Any) -> dict[str, Any]:

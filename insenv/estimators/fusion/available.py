@@ -93,13 +93,13 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
     return _composed(id, title or made, every, used)
 
 
-def with_correlation_times(filter: Composition, names: Collection[str]) -> Composition:
-    """The same filter with a correlation time of these of its states (`error_state.DRIFTING`)."""
+def suited(filter: Composition, names: Collection[str], gyros_lose_heading: bool = False) -> Composition:
+    """The same filter with a correlation time of these of its states (`error_state.DRIFTING`), and such gyros or not."""
     times = {known: error_state.DRIFTING[known.name] for known in error_state.STATES if known.name in names}
-    if not times.keys() & set(filter.states):
+    if not gyros_lose_heading and not times.keys() & set(filter.states):
         return filter
     states = tuple(times.get(state, state) for state in filter.states)
-    return _composed(filter.id, filter.title, states, filter.aids, filter.covariance_held)
+    return _composed(filter.id, filter.title, states, filter.aids, filter.covariance_held, gyros_lose_heading)
 
 
 _composed = lru_cache(maxsize=64)(Composition)

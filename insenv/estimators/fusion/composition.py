@@ -35,6 +35,7 @@ from insenv.estimators.parts.error_model import (
     VELOCITY,
     Interval,
     bias_of_tilt,
+    by_unknown_drift,
     covariance_after,
     navigation_transition,
     variances,
@@ -43,6 +44,8 @@ from insenv.estimators.parts.kalman import Update, decay, driven_variance, eleme
 
 NAVIGATION = 9
 """Number of errors of position, velocity and attitude, which come first."""
+PRODUCTS = 2.0
+"""Products of errors that turn the level: of its error and the drift about down, and of the heading error and its own drift."""
 FILTER_ROWS = Table((
     Row("covariance_interval", "Longest interval between covariance propagations", "s", start=0.05, lower=0, upper=1),
 ))  # fmt: skip
@@ -65,6 +68,7 @@ class Composition:
     id, title: of its model.  states: gyro_bias and accel_bias first, which every filter has.  aids: in the order in which they
     are used at a sample.  covariance_held: a flag row among its parameters: where it is 1, feedback leaves
     the covariance as it is, which is the conventional filter of small angles; None: the covariance turns with the platform.
+    gyros_lose_heading: whether their biases turn the attitude by so much, before they are known, that products of errors count.
     Raises `InputError` for a state or an aid that is given twice.
     """
 
@@ -73,6 +77,7 @@ class Composition:
     states: tuple[ErrorState, ...]
     aids: tuple[Aid, ...]
     covariance_held: Row | None = None
+    gyros_lose_heading: bool = False
 
     def __post_init__(self) -> None:
         for kind, names in (("state", [s.name for s in self.states]), ("aid", [a.id for a in self.aids])):
@@ -311,6 +316,10 @@ class Composition:
             ca.repmat(p.velocity_random_walk**2 * x.since_propagation + by_thrust, 3, 1),
             ca.repmat(p.angle_random_walk**2 * x.since_propagation + by_rotation, 3, 1),
         ]
+        if self.gyros_lose_heading:
+            down_b = attitude.to_dcm(x.q_wb)[2, :].T
+            turned = by_unknown_drift(x.covariance, down_b, TILT, self.places["gyro_bias"])
+            noise[2] += PRODUCTS * turned * x.since_propagation
         errors: dict[str, Any] = {}
         for state in self.states:
             if state.time:

@@ -18,7 +18,7 @@ from insenv.core.tables import Table
 from insenv.estimators.contract import Choices, Drive, Estimator
 from insenv.estimators.fusion import awaited, azimuth, history, moored, unknown_start
 from insenv.estimators.fusion.aid import Aid
-from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, states_by_aid, with_correlation_times
+from insenv.estimators.fusion.available import OF_UNIT, all_aids, all_states, composition, states_by_aid, suited
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.error_state import DRIFTING, ErrorState
 from insenv.estimators.fusion.gnss import WANDER
@@ -27,7 +27,7 @@ from insenv.estimators.fusion.non_holonomic import MOUNTING, NON_HOLONOMIC, UNKN
 from insenv.estimators.fusion.restart import restarts
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.fusion.surprising import surprising
-from insenv.estimators.fusion.ways import Way
+from insenv.estimators.fusion.ways import Way, lose_heading
 from insenv.estimators.knowledge import Knowledge
 from insenv.estimators.parts import applicability
 from insenv.estimators.parts.error_model import COHERENT_ANGLE, COHERENT_SPEED
@@ -193,8 +193,9 @@ def _check_mooring(filter: Composition, smoother: bool) -> None:
 
 
 def _suited(make: Callable[..., Estimator], filter: Composition, known: Knowledge, drive: Drive) -> Estimator:
-    """The estimator that `make` makes of a filter for a drive, with the correlation times of its unit."""
-    filter = with_correlation_times(filter, [name for name, state in DRIFTING.items() if _is_stated(known.rows, state.time)])
+    """The estimator that `make` makes of a filter for a drive, with the correlation times and the gyros of its unit."""
+    times = [name for name, state in DRIFTING.items() if _is_stated(known.rows, state.time)]
+    filter = suited(filter, times, lose_heading(known))
     way = unknown_start.way_of(filter, known, drive)
     made = make(filter, _uncounted(filter, known, drive), way)
     if IN_PLACE in [aid.id for aid in filter.aids] and not drive.traits.turns_in_place:
@@ -380,7 +381,7 @@ def _family(make: Callable[..., Estimator], smoother: bool) -> Estimator:
     general = make(composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle"))
 
     def settable() -> Table:
-        return with_correlation_times(composition(ID, all_states(), all_aids()), DRIFTING).parameters
+        return suited(composition(ID, all_states(), all_aids()), DRIFTING).parameters
 
     def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
         filter = _composed(known, drive, choices, smoother)

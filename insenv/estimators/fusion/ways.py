@@ -159,4 +159,9 @@ def available(sensors: Collection[str], fix_velocity: bool, known: Knowledge) ->
     by = integration.available(sensors, fix_velocity, known)
     if by is not integration.BY_FIXES:
         return None if by is None else BY_LOG
-    return BY_TURNS if source.kept_for(integration.gyro_bias_of(known)) < source.SHORT else BY_FIXES
+    return BY_TURNS if lose_heading(known) else BY_FIXES
+
+
+def lose_heading(known: Knowledge) -> bool:
+    """Whether the gyros of a unit lose a heading soon, in less than `source.SHORT`."""
+    return source.kept_for(integration.gyro_bias_of(known)) < source.SHORT

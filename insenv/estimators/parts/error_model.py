@@ -224,3 +224,20 @@ def variances(p: Any, rotation: Any, change: Any) -> tuple[Any, Any]:
     """
     turned, pushed = ca.sqrt(ca.sumsqr(rotation)), ca.sqrt(ca.sumsqr(change))
     return p.rotation_error**2 * COHERENT_ANGLE * turned, p.thrust_error**2 * COHERENT_SPEED * pushed
+
+
+# What the linear model omits where the gyros lose a heading soon.
+
+
+def by_unknown_drift(P: Any, down_b: Any, psi: slice, gyro: slice) -> Any:
+    """Rates (3, rad^2/s) of the variances of the attitude errors by a drift about down (3, b) that is not known.
+
+    P: upper triangle of the covariance.  psi, gyro: places of the attitude error and of the gyro biases in it.
+
+    The filter's axes turn with that drift, and with them a level error and the accelerometer bias that hides it.  To first
+    order the bias alone turns there, so a turn that never was would seem to tell one from the other.  A constant drift b turns
+    the level by b t; as a random walk of the same size at t = 1 / b it hides that turn at all times before.
+    """
+    drift = ca.dot(down_b, symmetric.block(P, gyro) @ down_b)
+    level = (P[symmetric.place(psi.start, psi.start)] + P[symmetric.place(psi.start + 1, psi.start + 1)]) / 2
+    return ca.sqrt(maximum(drift, 0.0)) * level * ca.vertcat(1, 1, 0)
