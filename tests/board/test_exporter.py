@@ -4,12 +4,14 @@ import subprocess
 
 import numpy as np
 import pytest
+from changed_scenario import car_of_any_heading
 from peers import program, ran
 from simulated_log import simulated_log
 
 import insenv
 from insenv.base.errors import InputError
 from insenv.export.board import export_c
+from insenv.scenario import build, load
 
 SHORT = {"duration_s": 16.0, "whole_run": True, "measure": False}
 
@@ -29,14 +31,27 @@ def last_outputs(exported, model):
 
 @pytest.mark.parametrize(("id", "scenario"), [("q-method", "ship-swaying"), ("loosely-coupled", "car-city-drive")])
 def test_a_filter_compiled_here_has_the_bits_of_insenv_run(tmp_path, id, scenario):
-    exported = export_c(id, scenario, output=tmp_path / "out", seed=3, **SHORT)
+    same_bits_as_run(tmp_path, id, scenario, 16.0)
+
+
+@pytest.mark.slow
+def test_a_heading_found_among_every_one_is_handed_over_with_the_bits_of_insenv_run(tmp_path):
+    result = same_bits_as_run(tmp_path, "fusion", car_of_any_heading(), 50.0)
+    assert any("heading found" in note for note in result.notes)
+    assert "alignment_level" in (tmp_path / "out" / "fusion.c").read_text()
+
+
+def same_bits_as_run(tmp_path, id, scenario, duration_s):
+    """The result of a run, whose outputs a filter compiled here has."""
+    exported = export_c(id, scenario, output=tmp_path / "out", seed=3, **{**SHORT, "duration_s": duration_s})
     lines, good = make(exported.folder, "check", "RUN=test/run.bin")
     assert good, lines
     assert lines[1].startswith(f"test/run.bin: {exported.run_samples} samples, ")
     assert lines[1].endswith(", 0 differ")
-    (result,) = insenv.run(scenario, id, seed=3, duration_s=16.0).results
-    for name, value in last_outputs(exported, insenv.estimators.get(id).model).items():
+    (result,) = insenv.run(scenario, id, seed=3, duration_s=duration_s).results
+    for name, value in last_outputs(exported, build(load(scenario)).adapted(id).model).items():
         assert value.tobytes() == result.outputs[name][-1].tobytes(), name
+    return result
 
 
 def test_a_filter_of_a_log_has_the_bits_of_insenv_replay(tmp_path):
