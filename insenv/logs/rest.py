@@ -240,12 +240,17 @@ class Rest:
     @property
     def level(self) -> tuple[float, float]:
         """Roll and pitch (rad)."""
-        x, y, z = self.force
-        return float(np.arctan2(-y, -z)), float(np.arctan2(x, np.hypot(y, z)))
+        return level_of(self.force)
 
     def tilt_sigma(self, sensors: ImuDataSheet) -> float:
         """Standard deviation of roll and pitch (rad); sensors: of a unit in place."""
         return float(np.hypot(sensors.accel_bias_sigma / np.linalg.norm(self.force), self.rocking))
+
+
+def level_of(force_b: Array) -> tuple[float, float]:
+    """Roll and pitch (rad) with which a specific force (3, b) points upwards."""
+    x, y, z = force_b
+    return float(np.arctan2(-y, -z)), float(np.arctan2(x, np.hypot(y, z)))
 
 
 def rest_of(log: RecordedLog, rows: NDArray[np.intp], first: int) -> Rest:

@@ -34,7 +34,8 @@ from insenv.estimators import Estimator, Knowledge, get
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.logs import RecordedLog
 from insenv.logs.instruments import sample_columns
-from insenv.runs.rest import Heading, wrapped
+from insenv.runs.instrument_start import Heading
+from insenv.runs.rest import wrapped
 from insenv.scenario.inputs import input_rows
 
 COUNT = 12
@@ -129,14 +130,14 @@ _REPLACED = declared(
 )
 
 
-_AT_REST = declared(
+_BY_INSTRUMENT = declared(
     "heading-by-instrument",
-    "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of {called} while the vehicle stands",
+    "the heading at the start, {heading:.4g} deg (1 sigma {sigma:.2g} deg), is that of {called}",
 )
 _INSTRUMENT_CONTRADICTED = declared(
     "heading-instrument-contradicted",
-    "{called} shows a heading of {shown:.4g} deg while the vehicle stands, and the motion one of {heading:.4g} deg: navigation "
-    "starts with that of the motion; look at the axes of {called}, and at iron and currents near it",
+    "the heading of {called} is {shown:.4g} deg, and that of the motion {heading:.4g} deg: navigation starts with that of the "
+    "motion; look at the axes of the instrument, and at iron and currents near it",
     Doubt,
 )
 
@@ -175,8 +176,7 @@ def _shown(answer: Answer | None, shown: Heading | None) -> tuple[float, float, 
     if shown is None:
         assert answer is not None
         return answer.heading, answer.heading_sigma, (answer.remark(),)
-    # a filter with the instrument among its aids uses the same readings once more
-    sigma = float(np.clip(WIDENED * shown.sigma, LEAST_SIGMA, max(LINEAR_HEADING, shown.sigma)))
+    sigma = started_with(shown)
     heading = np.degrees(shown.heading) % 360.0
     if answer is not None:
         apart = abs(float(wrapped(shown.heading - answer.heading)))
@@ -186,7 +186,18 @@ def _shown(answer: Answer | None, shown: Heading | None) -> tuple[float, float, 
             return answer.heading, answer.heading_sigma, (answer.remark(), said)
         if answer.heading_sigma <= sigma:
             return answer.heading, answer.heading_sigma, (answer.remark(),)
-    return shown.heading, sigma, (_AT_REST.filled(heading=heading, sigma=np.degrees(sigma), called=shown.called),)
+    return shown.heading, sigma, (shown_remark(shown),)
+
+
+def started_with(shown: Heading) -> float:
+    """The standard deviation (rad) with which a filter starts from a heading of an instrument, whose readings it uses again."""
+    return float(np.clip(WIDENED * shown.sigma, LEAST_SIGMA, max(LINEAR_HEADING, shown.sigma)))
+
+
+def shown_remark(shown: Heading) -> Remark:
+    """What is said of a start with a heading of an instrument."""
+    heading, sigma = np.degrees(shown.heading) % 360.0, np.degrees(started_with(shown))
+    return _BY_INSTRUMENT.filled(heading=heading, sigma=sigma, called=shown.called)
 
 
 def _cost(end: Mapping[str, Array]) -> float:

@@ -23,9 +23,10 @@ from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.declared_units import rest_hint
 from insenv.logs.rest import LEAST_REST, REST_SPEED, REST_WINDOW_S, rest_of, rest_rows, travel
-from insenv.runs.heading_bank import attitude_by_motion, heading_of
+from insenv.runs.heading_bank import attitude_by_motion, heading_of, shown_remark, started_with
+from insenv.runs.instrument_start import attitude_under_way, heading_at_rest
 from insenv.runs.log_remarks import latitude_text
-from insenv.runs.rest import RestStart, gyrocompass_sigma, heading_at_rest, start_at_rest
+from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
 from insenv.runs.stated_start import KEYS, ROUNDED_PLACE, is_moored, stated_of, swaying
 from insenv.sensors.gnss import ARM
 from insenv.vehicles import registry as vehicles
@@ -281,8 +282,9 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         rest += "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
-        "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, "
-        f"pitch_deg and heading_deg in [initial]{_hint(stated)}"
+        "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need one of these two "
+        "and fixes with a velocity, in whose first seconds it accelerates little, or roll_deg, pitch_deg and heading_deg in "
+        f"[initial]{_hint(stated)}"
     )
     if gnss is None and all(each.id != "dvl" for each in log.instruments):
         raise InputError(refusal)
@@ -322,6 +324,12 @@ def _under_way(log: RecordedLog, first: int) -> Start:
             **{name: stated.get(name, getattr(answer, name)) for name in ("roll", "pitch", "heading")},
         )
         refusal, of_motion = "", (answer.remark(),)
+    elif not levelled and "heading" not in stated:
+        read = attitude_under_way(log, first, known.height)
+        if read is not None:
+            known = replace(known, roll=read.roll, pitch=read.pitch, tilt_sigma=read.tilt_sigma)
+            known = replace(known, heading=read.heading.heading, heading_sigma=started_with(read.heading))
+            refusal, of_motion = "", (shown_remark(read.heading),)
     level, heading = (
         "unknown" if sigma >= np.pi else f"known to {np.degrees(sigma):.3g} deg"
         for sigma in (known.tilt_sigma, known.heading_sigma)

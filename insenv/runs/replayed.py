@@ -30,10 +30,10 @@ from insenv.logs.reference import at_imu, body_rate
 from insenv.logs.rest import REST_WINDOW_S, travel
 from insenv.report import Report
 from insenv.runs.follower import Follower
+from insenv.runs.instrument_start import with_datum
 from insenv.runs.log_remarks import common_error, fixes_delayed, latitude_at_rest, noise_in_motion, standstill_missed, unseen
 from insenv.runs.reference_check import reference_notes
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, rounding, start_time
-from insenv.runs.rest import with_datum
 from insenv.runs.simulated import follower_of, members, result_of
 from insenv.runs.velocity_changes import velocity_changes
 from insenv.scenario.inputs import RECORDS, chunks, recording_interval

@@ -12,6 +12,12 @@ HEADING = 90.0
 WANDER = {"loosely-coupled": {"fix_wander_sigma_m": [1.5, 1.5, 3.05], "fix_wander_time_s": 60.0}}
 """Settings of the filter: the receiver's errors, as the simulation draws them."""
 
+NOTHING = dict.fromkeys(
+    ("latitude_deg", "longitude_deg", "height_m", "velocity_mps", "roll_deg", "pitch_deg", "heading_deg", "position_sigma_m",
+     "velocity_sigma_mps", "tilt_sigma_deg", "heading_sigma_deg", "start_s")
+)  # fmt: skip
+"""Keys of [initial] with which a log says nothing of its start."""
+
 
 def car(grade, wait_s=10.0, calm=False, outages=False):
     """The city drive at 100 Hz with a unit of this grade, which begins with `wait_s` at rest; calm: nothing rocks it there."""

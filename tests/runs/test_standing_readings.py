@@ -5,19 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from changed_scenario import changed
-from standing_car import car, started
+from standing_car import NOTHING, car, started
 from written_logs import written_log
 
 from insenv import record, replay
 from insenv.base.errors import InputError
 from insenv.logs.recorded import RecordedLog
 from insenv.logs.rest import rest_of, rest_rows
-from insenv.runs.rest import heading_at_rest
+from insenv.runs.instrument_start import heading_at_rest
 
-NOTHING = dict.fromkeys(
-    ("latitude_deg", "longitude_deg", "height_m", "velocity_mps", "roll_deg", "pitch_deg", "heading_deg", "position_sigma_m",
-     "velocity_sigma_mps", "tilt_sigma_deg", "heading_sigma_deg", "start_s")
-)  # fmt: skip
 WITH = {
     "rm3100": {"magnetometer": {"grade": "rm3100"}},
     "autopilot": {"magnetometer": {"grade": "autopilot"}},
