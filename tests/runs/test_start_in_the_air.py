@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from changed_scenario import changed
+from scipy.spatial.transform import Rotation
 from standing_car import NOTHING, beyond, started
 
 from insenv import record, replay
 from insenv.base.errors import InputError
-from insenv.logs.recorded import RecordedLog
+from insenv.logs.recorded import GnssFixes, RecordedLog
 from insenv.runs.instrument_start import attitude_under_way
 
 TURNING = {"legs": [{"turn_deg": 3600.0, "duration_s": 40.0}], "repeat_legs": True}
@@ -36,6 +37,33 @@ def test_the_attitude_in_the_air_is_as_good_as_stated(vehicle):
     assert np.abs(ratios).max() < 2.0 and (np.sqrt(np.mean(ratios**2, axis=0)) > 0.05).all()
 
 
+def later(log: RecordedLog, by_s: float) -> RecordedLog:
+    """The log with instruments that read nothing for a time from its begin on."""
+    return replace(log, instruments=tuple(each.at(each.time > log.imu_time[0] + by_s) for each in log.instruments))
+
+
+def test_a_reading_that_comes_after_half_a_turn_is_carried_back():
+    assert np.abs(errors_over_sigma(later(flight(309, vehicle=TURNING), 2.0), 0)).max() < 2.0
+
+
+def test_a_level_is_carried_back_over_a_roll():
+    """The unit rolls from 20 deg back to level in the first half second, before fixes and readings show the attitude."""
+    log = later(flight(310), 1.0)
+    late = log.gnss.time > log.imu_time[0] + 1.0
+    log = replace(log, gnss=GnssFixes(**{name: None if each is None else each[late] for name, each in vars(log.gnss).items()}))
+    roll = np.radians(20.0) * np.clip(1.0 - np.append(0.0, log.imu_time - log.imu_time[0] + log.dt[0]) / 0.5, 0.0, 1.0)
+    middle = (roll[:-1] + roll[1:]) / 2
+    back = Rotation.from_rotvec(np.outer(-middle, [1.0, 0.0, 0.0]))
+    rolled = replace(
+        log,
+        delta_angle=back.apply(log.delta_angle) + np.outer(np.diff(roll), [1.0, 0.0, 0.0]),
+        delta_velocity=back.apply(log.delta_velocity),
+    )
+    plain, found = attitude_under_way(log, 0, 300.0), attitude_under_way(rolled, 0, 300.0)
+    assert np.degrees(found.roll - plain.roll) == pytest.approx(20.0, abs=1.0)
+    assert np.degrees([found.pitch - plain.pitch, found.heading.heading - plain.heading.heading]) == pytest.approx(0, abs=2.0)
+
+
 def test_a_filter_starts_in_the_air():
     log = flight(311, 40.0)
     for id in ("fusion", "loosely-coupled"):
@@ -49,8 +77,7 @@ def test_a_filter_starts_in_the_air():
 def test_neither_fixes_without_velocity_nor_a_reading_that_comes_late_show_it():
     log = flight(312)
     without = replace(log, gnss=replace(log.gnss, velocity_n=None, velocity_sigma=None))
-    late = replace(log, instruments=tuple(each.at(each.time > log.imu_time[0] + 5.5) for each in log.instruments))
-    for one in (without, late):
+    for one in (without, later(log, 5.5)):
         assert attitude_under_way(one, 0, 300.0) is None
         with pytest.raises(InputError, match="the log does not begin at rest"):
             replay(one, "loosely-coupled")
