@@ -180,7 +180,7 @@ def rest_by_other_unit(log: RecordedLog) -> tuple[str, float, float] | None:
     others = _others(GYRO_UNITS, "gyro", section, interval)
     others = {name: factor for name, factor in others.items() if np.log(factor) > SWING_DIFFERS}
     dt = log.dt[:, None]
-    if log.rest is not None or any(source.section == "flight" for source in log.sources):  # whose format has its units
+    if log.rest is not None or log.is_flight:
         return None
     for name, factor in sorted(others.items(), key=lambda each: each[1]):
         rates, forces = log.delta_angle / (dt * factor), log.delta_velocity / dt

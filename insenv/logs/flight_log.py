@@ -15,6 +15,7 @@ from insenv.base.errors import InputError, nearest
 from insenv.base.remarks import Remark, declared
 from insenv.base.toml import NotNegative, Number, Vector3, key, validated
 from insenv.core.tables import Array
+from insenv.logs.barometric import with_barometer_judged
 from insenv.logs.build import LEFT_OUT, check_wander, overlaps, place_of, recorded_log, span_of
 from insenv.logs.columns import before, window_words
 from insenv.logs.description import AnyLog, Grade, LogDescription, Sigma3
@@ -178,7 +179,7 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
         settings=tuned,
         unix=flight.unix,
     )
-    return with_magnetometer_judged(log)
+    return with_barometer_judged(with_magnetometer_judged(log))
 
 
 def _read(form: Format, label: str, data: bytes) -> Flight:

@@ -20,6 +20,7 @@ import numpy as np
 
 from insenv.base.remarks import Remark, declared
 from insenv.core.tables import Array
+from insenv.logs.disturbance import DISTURBED, interval_of, lasting_of, white_noise
 from insenv.logs.recorded import Readings, RecordedLog
 from insenv.sensors.magnetometer import FIELD, FIGURES, GRADES, MAGNETOMETER
 
@@ -65,10 +66,6 @@ STUCK = 0.2
 """rad: a turn that changes the readings."""
 LEAST = 50
 """Readings that show anything."""
-DISTURBED = 1.5
-"""Ratio to the stated noise from which a variation of the strength is a disturbance."""
-LONGEST_S = 30.0
-"""Time over which the variations of the strength are compared with themselves, s."""
 _HARD, _SOFT, _COUPLING, _NOISE = (
     f"magnetometer_{name}" for name in ("hard_iron_sigma", "soft_iron_sigma", "coupling_sigma", "noise")
 )
@@ -169,7 +166,7 @@ def _of_vehicle(readings: Readings, apart: float) -> tuple[Array, float] | None:
     of the readings, which stands on both sides, is taken out.  A component that the directions do not tell from a scale factor
     is taken to be 0, and what is left of it as large as those that they tell.
     """
-    y, interval = readings.values, _interval(readings)
+    y, interval = readings.values, interval_of(readings)
     Y, half = y - y.mean(axis=0), 0.5 * np.sum(y**2, axis=1)
     noise = float(np.mean(np.diff(y, 2, axis=0) ** 2) / 6.0) if len(y) > 2 else 0.0
     scatter, axes = np.linalg.eigh(Y.T @ Y)
@@ -178,7 +175,7 @@ def _of_vehicle(readings: Readings, apart: float) -> tuple[Array, float] | None:
     right = axes.T @ (Y.T @ (half - half.mean()) - len(y) * noise * y.mean(axis=0))
     along = np.divide(right, scatter, out=np.zeros(3), where=known)
     left = half - half.mean() - Y @ (axes @ along)
-    repeated = max(_lasting(left, interval) / interval, 1.0)
+    repeated = max(lasting_of(left, interval) / interval, 1.0)
     information = np.where(known, scatter, 0.0) / (repeated * max(float(left.var()), (1e-3 * apart * apart) ** 2))
     share = information / (information + apart**-2)  # of what each axis could be, that the readings tell
     if share.sum() < 1.0:
@@ -190,18 +187,14 @@ def _of_vehicle(readings: Readings, apart: float) -> tuple[Array, float] | None:
 
 
 def _of_disturbance(readings: Readings, stated: Mapping[str, Any]) -> tuple[dict[str, Any], list[Remark]]:
-    """A white noise with the spectrum at low frequency of what disturbs the strength.
-
-    Variations with the standard deviation s that last for a time T (the integral of their autocorrelation, on both sides of 0)
-    have at low frequency the spectrum of a white noise with the standard deviation s sqrt(T / interval).
-    """
-    strength, interval = _strength(readings), _interval(readings)
+    """A white noise with the spectrum at low frequency of what disturbs the strength."""
+    strength, interval = _strength(readings), interval_of(readings)
     u = readings.values / strength[:, None]
     products = (u[:, 0] ** 2, u[:, 1] ** 2, u[:, 0] * u[:, 1], u[:, 0] * u[:, 2], u[:, 1] * u[:, 2])
     directions = np.column_stack([np.ones(len(u)), u, *products])
     left = strength - directions @ np.linalg.lstsq(directions, strength, rcond=None)[0]
-    lasting, spread = _lasting(left, interval), float(left.std())
-    noise, least = spread * float(np.sqrt(max(lasting / interval, 1.0))), float(stated[_NOISE])
+    lasting, spread = lasting_of(left, interval), float(left.std())
+    noise, least = white_noise(spread, lasting, interval), float(stated[_NOISE])
     if noise <= DISTURBED * least:
         return {}, []
     micro = {"spread": spread, "noise": noise, "stated": least}
@@ -209,20 +202,5 @@ def _of_disturbance(readings: Readings, stated: Mapping[str, Any]) -> tuple[dict
     return {_NOISE: noise}, [said]
 
 
-def _lasting(values: Array, interval: float) -> float:
-    """The time (s) that variations (n,) last: the integral of their autocorrelation until it vanishes, on both sides of 0."""
-    power = np.abs(np.fft.rfft(values - values.mean(), 2 * len(values))) ** 2
-    correlation = np.fft.irfft(power)[: min(round(LONGEST_S / interval), len(values) // 2) + 1]
-    if correlation[0] <= 0.0:
-        return 0.0
-    below = np.flatnonzero(correlation <= 0.0)
-    until = below[0] if below.size else len(correlation)
-    return interval * float(1.0 + 2.0 * correlation[1:until].sum() / correlation[0])
-
-
 def _strength(readings: Readings) -> Array:
     return np.asarray(np.linalg.norm(readings.values, axis=1))
-
-
-def _interval(readings: Readings) -> float:
-    return max(float(np.median(np.diff(readings.time))), 1e-3)

@@ -35,8 +35,8 @@ REST_TIMES = (0.04, 0.08, 0.16)
 MOTION_TIMES = (0.0, 0.02, 0.04, 0.08)
 """Averaging times in motion (s); 0: of one sample."""
 FLYING_S = 0.04
-"""The longest of them (s) of the gyros of a vehicle with wings: it rolls several times a second, and over longer times its
-gyros measure that. What they show then grows with the time, as white noise does not."""
+"""The longest of them (s) of the gyros of a vehicle that wings or rotors carry: it rolls several times a second, and over
+longer times its gyros measure that. What they show then grows with the time, as white noise does not."""
 WINDOW_S = 2.0
 QUIET = 0.1
 REST_RATE = 0.02
@@ -115,7 +115,7 @@ def in_motion(samples: InertialSamples, time: Array, speed: Array) -> NDArray[np
 def densities_in_motion(samples: InertialSamples, moving: NDArray[np.bool_], flies: bool) -> dict[str, float]:
     """White noise densities of gyros and accelerometers (SI) by row, over the `moving` samples (n,).
 
-    flies: whether the vehicle has wings.
+    flies: whether wings or rotors carry the vehicle.
     """
     interval, longest = float(np.median(samples.dt)), FLYING_S if flies else MOTION_TIMES[-1]
     return {

@@ -153,6 +153,11 @@ class RecordedLog(InertialSamples):
         return float(self.imu_time[0]) if initial.static_from_s is None else initial.static_from_s, initial.static_until_s
 
     @property
+    def is_flight(self) -> bool:
+        """Whether it is the log of an autopilot, whose format has its units."""
+        return any(source.section == "flight" for source in self.sources)
+
+    @property
     def states_unit(self) -> bool:
         """Whether the description gives the grade of the inertial unit, or the log its parameters."""
         return bool(self.description.imu.grade) or self.unit is not None
@@ -188,7 +193,7 @@ class RecordedLog(InertialSamples):
         if gnss is not None and gnss.velocity_n is not None and gnss.velocity_sigma is not None:
             shown = gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
             time, speed = gnss.time[shown], np.hypot(*gnss.velocity_n[shown, :2].T)
-        flies = traits_of(self.description.vehicle_kind).airspeed
+        flies = traits_of(self.description.vehicle_kind).flies or (self.is_flight and not self.description.vehicle_kind)
         measured = densities_in_motion(self, in_motion(self, time, speed), flies)
         return {row: np.maximum(rows[row], value) for row, value in measured.items() if value > np.max(rows[row])}
 

@@ -18,6 +18,7 @@ from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs import instruments
 from insenv.logs.assemble import LogReader, checked_position, ned_velocity
+from insenv.logs.barometric import with_barometer_judged
 from insenv.logs.build import LEFT_OUT, check_wander, overlaps, recorded_log, span_of
 from insenv.logs.declared_units import check_units
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription
@@ -126,7 +127,7 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
         unit=None if unit is None else unit.rows(1.0 / float(np.median(imu.dt))),
     )
     check_units(log)
-    log = with_magnetometer_judged(log)
+    log = with_barometer_judged(with_magnetometer_judged(log))
     return replace(log, notes=(*log.notes, *rest_rate_notes(log)))
 
 

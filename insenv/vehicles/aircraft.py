@@ -78,6 +78,7 @@ def _commands(x: Any, action: Any) -> dict[str, Any]:
 AIRCRAFT_TRAITS = VehicleTraits(
     mavlink_type=1,  # MAV_TYPE_FIXED_WING
     shape="aircraft",
+    flies=True,
     airspeed=True,
     sticks=(
         StickCommand("speed", "SPEED", "Speed", ("z",), 80.0, 340.0, "m/s", one_sided=True, released=None),

@@ -49,6 +49,7 @@ SCRIPT = Script((
 MULTIROTOR_TRAITS = VehicleTraits(
     mavlink_type=2,  # MAV_TYPE_QUADROTOR
     shape="multirotor",
+    flies=True,
     floats=True,
     sticks=(
         StickCommand("forward", "FORWARD", "Forward speed", ("x",), 5.0, 50.0, "m/s"),

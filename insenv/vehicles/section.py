@@ -74,7 +74,8 @@ class VehicleTraits:
     """What a kind of vehicle is to estimators, environments and other tools.
 
     mavlink_type: MAV_TYPE of MAVLink, 0 for a generic vehicle.
-    airspeed: whether it flies and so has a sensor of differential pressure.
+    flies: whether wings or rotors carry it, so that it rolls and pitches several times a second.
+    airspeed: whether it has a sensor of differential pressure.
     sticks: the commands that a joystick sets, in the order of the vehicle's command rows.
     actions: how an agent steers it; None: no agent does.
     floats: whether it never stands still, so that no estimator looks for rest.
@@ -85,6 +86,7 @@ class VehicleTraits:
     """
 
     mavlink_type: int = 0
+    flies: bool = False
     airspeed: bool = False
     sticks: tuple[StickCommand, ...] = ()
     actions: Actions | None = None

@@ -9,6 +9,7 @@ from changed_scenario import changed
 from simulated_log import simulated_log
 
 from insenv.logs.noise import densities_in_motion, in_motion, noise_at_rest, noise_in_motion
+from insenv.logs.recorded import Source
 from insenv.runs.log_remarks import noise_in_motion as noise_remark
 from insenv.sensors import imu_grade
 
@@ -54,8 +55,10 @@ def test_the_rolling_of_an_aircraft_is_no_noise_of_its_gyros():
     assert found[True]["angle_random_walk"] < 0.25 * found[False]["angle_random_walk"]
     assert found[True]["velocity_random_walk"] == found[False]["velocity_random_walk"] == found[False]["angle_random_walk"]
     raised = {kind: replace(rolls, description=rolls.description.model_copy(update={"vehicle_kind": kind})).raised_noise
-              for kind in ("aircraft", "car")}  # fmt: skip
-    assert np.max(raised["aircraft"]["angle_random_walk"]) < 0.25 * np.max(raised["car"]["angle_random_walk"])
+              for kind in ("aircraft", "multirotor", "car", "")}  # fmt: skip
+    raised["flight"] = replace(rolls, sources=(Source("flight", "a.bin", 1, 1, ""),)).raised_noise
+    largest = {kind: np.max(rows["angle_random_walk"]) for kind, rows in raised.items()}
+    assert largest["aircraft"] == largest["multirotor"] == largest["flight"] < 0.25 * largest["car"] == 0.25 * largest[""]
 
 
 def still_car(grade):

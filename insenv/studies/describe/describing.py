@@ -99,7 +99,7 @@ def _of_the_loaded(keys: Mapping[str, Any], folder: Path) -> list[Finding]:
     except InputError as error:
         raise InputError(f"the log can be described but not used as it is: {error}") from None
     assumed = log.assumed
-    flies = traits_of(log.description.vehicle_kind).airspeed
+    flies = traits_of(log.description.vehicle_kind).flies
     raised = densities_in_motion(log, in_motion(log, *_speeds(log)), flies)
     moving = ""
     if raised["angle_random_walk"] > 0:
