@@ -49,7 +49,7 @@ FLIGHTS: dict[str, tuple[str, tuple[float, float] | None]] = {
     "14-11-2014/118": ("developed on", None),
     "15-12-2014/16": ("developed on", None),
     "5-12-2014/218": ("developed on", None),
-    "10-11-2014/104": ("reported on", None),
+    "10-11-2014/104": ("developed on", None),
     "10-11-2014/105": ("reported on", None),
     "09-10-2014/25": ("reported on", None),
     "11-2-2015/112": ("reported on", None),
