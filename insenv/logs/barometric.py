@@ -15,7 +15,7 @@ import numpy as np
 
 from insenv.base.remarks import Remark, declared
 from insenv.core.tables import Array
-from insenv.logs.disturbance import DISTURBED, interval_of, lasting_of, white_noise
+from insenv.logs.disturbance import DISTURBED, interval_of, is_stuck, lasting_of, turned_by, white_noise
 from insenv.logs.recorded import NO_INFORMATION, GnssFixes, Readings, RecordedLog
 from insenv.sensors.barometer import BAROMETER
 
@@ -23,6 +23,10 @@ _DISTURBED = declared(
     "barometer-disturbed",
     "{name}: the height varies by {spread:.2g} m beside the way of the fixes, for {time:.2g} s each time: its white noise is "
     "taken as {noise:.2g} m instead of {stated:.2g} m",
+)
+_STUCK = declared(
+    "barometer-stuck",
+    "{name}: all heights are the same, and the gyros turn by {turned:.0f} deg: the barometer is left out",
 )
 SLOW_S = 10.0
 """Time over which the mean difference is taken off."""
@@ -35,15 +39,19 @@ _MEDIAN = 0.6744897501960817  # of |z| for a standard normal z
 
 
 def with_barometer_judged(log: RecordedLog) -> RecordedLog:
-    """The log with the white noise that its barometer has in the air, where it is larger than stated."""
-    stated, notes = dict(log.stated_errors), list(log.notes)
+    """The log without a barometer that is stuck, or with the white noise that it has in the air, if that is larger."""
+    instruments, stated, notes = [], dict(log.stated_errors), list(log.notes)
     for each in log.instruments:
+        if each.id == BAROMETER.id and is_stuck(each, turned := turned_by(log)):
+            notes.append(_STUCK.filled(name=each.name, turned=np.degrees(turned)))
+            continue
         if each.id == BAROMETER.id and log.gnss is not None:
             found = disturbed(each, log.gnss, float(stated[_NOISE]), float(stated[_LAG]))
             if found is not None:
                 stated[_NOISE], said = found
                 notes.append(said)
-    return replace(log, stated_errors=stated, notes=tuple(notes))
+        instruments.append(each)
+    return replace(log, instruments=tuple(instruments), stated_errors=stated, notes=tuple(notes))
 
 
 def disturbed(readings: Readings, gnss: GnssFixes, stated: float, lag: float) -> tuple[float, Remark] | None:

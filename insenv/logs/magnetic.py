@@ -20,7 +20,7 @@ import numpy as np
 
 from insenv.base.remarks import Remark, declared
 from insenv.core.tables import Array
-from insenv.logs.disturbance import DISTURBED, interval_of, lasting_of, white_noise
+from insenv.logs.disturbance import DISTURBED, LEAST, interval_of, is_stuck, lasting_of, turned_by, white_noise
 from insenv.logs.recorded import Readings, RecordedLog
 from insenv.sensors.magnetometer import FIELD, FIGURES, GRADES, MAGNETOMETER
 
@@ -62,10 +62,6 @@ CONTRADICTED = 3.0
 """Standard deviations of the stated errors that the strength may be off by."""
 WIDEST = 2.0
 """Largest scale factor, or its inverse, of a magnetometer."""
-STUCK = 0.2
-"""rad: a turn that changes the readings."""
-LEAST = 50
-"""Readings that show anything."""
 _HARD, _SOFT, _COUPLING, _NOISE = (
     f"magnetometer_{name}" for name in ("hard_iron_sigma", "soft_iron_sigma", "coupling_sigma", "noise")
 )
@@ -81,9 +77,7 @@ def _uncalibrated() -> dict[str, float]:
 def with_magnetometer_judged(log: RecordedLog) -> RecordedLog:
     """The log with what the readings of its magnetometer show of it, and without readings that are none."""
     instruments, stated, notes = [], dict(log.stated_errors), list(log.notes)
-    angle = np.cumsum(log.delta_angle, axis=0)
-    angle = angle - np.linspace(angle[0], angle[-1], len(angle))  # a bias does not turn the vehicle
-    turned = float(np.ptp(angle, axis=0).max())
+    turned = turned_by(log)
     for each in log.instruments:
         kept: Readings | None = each
         if each.id == MAGNETOMETER.id:
@@ -107,7 +101,7 @@ def judged(
     if silent.all():
         return None, {}, said
     readings = readings.at(~silent) if silent.any() else readings
-    if len(readings.time) >= LEAST and turned > STUCK and not np.ptp(readings.values, axis=0).any():
+    if is_stuck(readings, turned):
         return None, {}, [*said, _STUCK.filled(name=readings.name, turned=np.degrees(turned))]
     ratio = float(np.median(_strength(readings)) / np.linalg.norm(stated[FIELD.name]))
     if not 1.0 / WIDEST <= ratio <= WIDEST:

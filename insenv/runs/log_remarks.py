@@ -64,7 +64,7 @@ def latitude_at_rest(log: RecordedLog, first: int, latitude: float) -> dict[str,
 @remark(
     "noise-in-motion",
     "in motion the samples have more white noise than the unit's data sheet says: {noise}. The cause is vibration, or "
-    "motion faster than the samples; estimators are tuned to it ([imu] noise_in_motion = false: to the data sheet)",
+    "motion faster than the samples; estimators are tuned to it{instead}",
 )
 def noise_in_motion(log: RecordedLog) -> dict[str, Any] | None:
     """The white noise of the log in motion exceeds that of its unit."""
@@ -78,7 +78,8 @@ def noise_in_motion(log: RecordedLog) -> dict[str, Any] | None:
         for row, (triad, unit, factor, sheet) in figures.items()
         if row in raised
     ]
-    return {"noise": ", ".join(said)} if said else None
+    instead = "" if log.is_flight else " ([imu] noise_in_motion = false: to the data sheet)"
+    return {"noise": ", ".join(said), "instead": instead} if said else None
 
 
 _NO_PLACE_SHOWN = declared(

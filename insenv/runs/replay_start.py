@@ -280,11 +280,13 @@ def _under_way(log: RecordedLog, first: int) -> Start:
     if log.rest is None:
         where, rest = "the log does not begin at rest", rest_hint(log)
         rest += "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
+    if gnss is None:
+        where += ", and has no fixes" if log.rest is None else ", and the log has no fixes"
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
-        "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need one of these two "
-        "and fixes with a velocity, in whose first seconds it accelerates little, or roll_deg, pitch_deg and heading_deg in "
-        f"[initial]{_hint(stated)}"
+        "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need a magnetometer "
+        "or two antennas beside fixes with a velocity, and a start at which it accelerates little, or roll_deg, pitch_deg and "
+        f"heading_deg in [initial]{_hint(stated)}"
     )
     if gnss is None and all(each.id != "dvl" for each in log.instruments):
         raise InputError(refusal)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude
-from insenv.base.errors import InputError
+from insenv.base.errors import InputError, InsenvError
 from insenv.base.output import as_path
 from insenv.base.remarks import Remark, clock, declared
 from insenv.core.runner import Progress, check_progress
@@ -67,10 +67,10 @@ def replay(
         ``"every=120,length=60"``.
     progress: called with the numbers of samples done and in all.
 
-    An estimator that the log is not for is left out, with a note, if there is another one.
+    An estimator that the log is not for, or that diverges, is left out, with a note, if there is another one.
 
-    Raises `InputError` for a wrong log or a wrong argument, or if the log is for none of them; `InsenvError` if an estimator
-    diverges.
+    Raises `InputError` for a wrong log or a wrong argument, or if the log is for none of them; `InsenvError` if all
+    diverge.
     """
     check_progress(progress)
     name = log.description.title if isinstance(log, RecordedLog) else str(log)
@@ -87,12 +87,21 @@ def replay(
         follower_of(e, e.parameters(s.knowledge, rows=parameter_rows[e.id]), every) for e, s in zip(chosen, starts, strict=True)
     ]
     columns = {**columns, "time": log.imu_time[first:]}  # for messages
+    going, lost = list(range(len(followers))), []
     for begin, size in chunks(total, every):
         part = {name: column[begin : begin + size] for name, column in columns.items()}
-        for follower in followers:
-            follower.follow(part, size)
+        for k in tuple(going):
+            try:
+                followers[k].follow(part, size)
+            except InsenvError as error:
+                if len(going) == 1:
+                    raise InsenvError(f"{error}; stop_s and start_s select a part of the log without that time") from None
+                going.remove(k)
+                lost.append(_left_out(chosen[k].id, error))
         if progress is not None:
             progress(begin + size, total)
+    families, chosen = [ready.families[k] for k in going], [chosen[k] for k in going]
+    starts, followers = [starts[k] for k in going], [followers[k] for k in going]
 
     times = log.imu_time[first : first + total][every - 1 :: every]
     evaluation = description.evaluation
@@ -106,8 +115,9 @@ def replay(
         results = tuple(each.against_reference() for each in results)
     notes = [
         *ready.notes,
+        *lost,
         *log.notes,
-        *members(ready.families, chosen),
+        *members(families, chosen),
         *latitude_at_rest(log, first, starts[0].knowledge.latitude),
     ]
     if log.assumed is not None and any(_takes_sensors(e, parameter_rows[e.id]) for e in chosen):
@@ -223,9 +233,7 @@ def prepared(
         except InputError as error:
             if len(families) == 1:
                 raise
-            why = str(error)
-            name = f"estimator {family.id!r} "
-            refused.append(_REFUSED.filled(id=family.id, why=f"it {why.removeprefix(name)}" if why.startswith(name) else why))
+            refused.append(_left_out(family.id, error))
     if not taken:
         raise InputError("\n".join(refused))
     parameter_rows = {
@@ -234,6 +242,12 @@ def prepared(
     asked, chosen, starts = (list(part) for part in zip(*taken, strict=True))
     notes = (*differing, *refused)
     return Prepared(log, first, begin_s, columns, dropped, asked, chosen, starts, tunings, parameter_rows, notes, whole, lost)
+
+
+def _left_out(id: str, error: InsenvError) -> Remark:
+    """What is said of an estimator that another one goes on without."""
+    why, name = str(error), f"estimator {id!r} "
+    return _REFUSED.filled(id=id, why=f"it {why.removeprefix(name)}" if why.startswith(name) else why)
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:

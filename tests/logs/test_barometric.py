@@ -1,5 +1,7 @@
 """What fixes say of a barometer: moving air counts as noise, and noise as stated, a lag, a datum and outages do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from changed_scenario import changed
@@ -79,6 +81,18 @@ def test_outages_are_no_moving_air():
     kept = whole.time % 20.0 < 5.0
     cut = GnssFixes(**{name: None if each is None else each[kept] for name, each in vars(whole).items()})
     assert disturbed(barometer(height + 8.0 * np.sin(time) * (time % 20.0 > 5.2)), cut, STATED, 0.0) is None
+
+
+def test_heights_that_are_all_the_same_are_left_out_where_the_vehicle_turns():
+    log = record(changed("multirotor-hover"), seed=3, duration_s=20.0)
+    stuck = replace(
+        log, instruments=tuple(replace(each, values=0 * each.values + 480.0) if each.id == "barometer" else each
+                               for each in log.instruments))  # fmt: skip
+    swinging = stuck.delta_angle + np.sin(np.arange(len(log.dt)) / 300)[:, None] / 500
+    left = with_barometer_judged(replace(stuck, delta_angle=swinging))
+    assert "barometer" not in [each.id for each in left.instruments] and "barometer-stuck" in [each.code for each in left.notes]
+    still = with_barometer_judged(replace(stuck, delta_angle=0 * stuck.delta_angle))
+    assert "barometer" in [each.id for each in still.instruments]
 
 
 @pytest.mark.parametrize("name", ["multirotor-hover", "car-city-drive"])

@@ -1,6 +1,7 @@
 """Replays of recorded logs: a real one against KF-GINS, and what a log lacks."""
 
 import os
+import re
 from dataclasses import replace
 from functools import cache
 from unittest import mock
@@ -123,4 +124,21 @@ def test_a_diverging_estimator_is_told_with_its_time():
     for id in ("loosely-coupled", "smoother"):
         with pytest.raises(InsenvError, match=r"diverged: its outputs are no longer finite numbers at (\S+) s") as caught:
             replay(log, id)
-        assert float(str(caught.value).split()[-2]) == pytest.approx(float(log.imu_time[4999]), abs=2.0)
+        at = float(re.search(r"numbers at (\S+) s; stop_s", str(caught.value))[1])
+        assert at == pytest.approx(float(log.imu_time[4999]), abs=2.0)
+
+
+def test_an_estimator_that_diverges_does_not_take_the_others_with_it(monkeypatch):
+    log, follow = load_log(ROOT / "examples" / "logs" / "plain.toml"), Follower.follow
+
+    def lost(self, columns, count):
+        if self.estimator.id == "loosely-coupled":
+            raise InsenvError("estimator 'loosely-coupled' diverged: it is gone")
+        return follow(self, columns, count)
+
+    alone = replay(log, "fusion").results[0]
+    monkeypatch.setattr(Follower, "follow", lost)
+    report = replay(log, ["loosely-coupled", "fusion"])
+    (result,) = report.results
+    assert result.estimator == "fusion" and np.array_equal(result.outputs["q_nb"], alone.outputs["q_nb"])
+    assert "loosely-coupled is left out: it diverged: it is gone" in report.notes

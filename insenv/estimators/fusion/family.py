@@ -102,12 +102,9 @@ def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
     }
     if drive.in_place:  # no manoeuvre shows them
         return []
-    return [
-        name
-        for triad, effect in manoeuvre.items()
-        for name in PROPORTIONAL[triad]
-        if getattr(sheet, f"{name}_sigma") * effect > WORTH
-    ]
+    shown = [(name, effect) for triad, effect in manoeuvre.items() for name in PROPORTIONAL[triad]]
+    shown.append(("gyro_g_sensitivity", COHERENT_SPEED / max(sheet.angle_random_walk * sqrt(MINUTE), 1e-12)))
+    return [name for name, effect in shown if getattr(sheet, f"{name}_sigma") * effect > WORTH]
 
 
 def _is_stated(rows: dict[str, Any], sigma: str) -> bool:
