@@ -169,13 +169,13 @@ def unit_rows(result: Result) -> list[tuple[str, ...]]:
 OUTAGE_COLUMNS = (
     "fixes withheld", "hor. [m]", "max", "stated", "ratio", "down [m]", "max", "stated", "ratio",
 )  # fmt: skip
-"""Columns of the errors in outages: horizontal and vertical, each at the end, the largest, the sigma stated at the end, and
+"""Columns of the errors in outages: begin and length, horizontal and vertical, each at the end, the largest, the sigma stated at the end, and
 the error at the end over it."""
 
 
 def outage_rows(outages: Outages) -> list[tuple[str, ...]]:
     """By outage, and of all: a label, then the cells of `OUTAGE_COLUMNS`."""
-    labels = [f"{one.begin:.10g} s, for {one.end - one.begin:.6g} s" for one in outages.each]
+    labels = [f"{round(one.begin, 1):.12g} s, {one.end - one.begin:.3g} s" for one in outages.each]
     statistics = [one.statistics() for one in outages.each]
     if len(statistics) > 1:
         labels.append(f"all {len(statistics)}, rms")

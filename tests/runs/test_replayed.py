@@ -16,6 +16,7 @@ from insenv import attitude, replay, tune
 from insenv.base.errors import InsenvError
 from insenv.logs import load as load_log
 from insenv.logs.outages import withheld
+from insenv.runs.follower import Follower
 from insenv.scenario import load as scenario_of
 
 
