@@ -169,8 +169,8 @@ def unit_rows(result: Result) -> list[tuple[str, ...]]:
 OUTAGE_COLUMNS = (
     "fixes withheld", "hor. [m]", "max", "stated", "ratio", "down [m]", "max", "stated", "ratio",
 )  # fmt: skip
-"""Columns of the errors in outages: begin and length, horizontal and vertical, each at the end, the largest, the sigma stated at the end, and
-the error at the end over it."""
+"""Columns of the errors in outages: begin and length; horizontal and vertical, each at the end, the largest, the sigma stated
+at the end, and the error at the end over it."""
 
 
 def outage_rows(outages: Outages) -> list[tuple[str, ...]]:
