@@ -50,7 +50,7 @@ FLIGHTS: dict[str, tuple[str, tuple[float, float] | None]] = {
     "15-12-2014/16": ("developed on", None),
     "5-12-2014/218": ("developed on", None),
     "10-11-2014/104": ("developed on", None),
-    "10-11-2014/105": ("reported on", None),
+    "10-11-2014/105": ("developed on", None),
     "09-10-2014/25": ("reported on", None),
     "11-2-2015/112": ("reported on", None),
     "31-3-2015/83": ("reported on", None),
