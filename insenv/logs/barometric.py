@@ -16,6 +16,7 @@ import numpy as np
 from insenv.base.remarks import Remark, declared
 from insenv.core.tables import Array
 from insenv.logs.disturbance import DISTURBED, interval_of, is_stuck, lasting_of, turned_by, white_noise
+from insenv.logs.noise import spread_of
 from insenv.logs.recorded import NO_INFORMATION, GnssFixes, Readings, RecordedLog
 from insenv.sensors.barometer import BAROMETER
 
@@ -34,8 +35,9 @@ GAP_S = 1.5
 """Longest time between fixes over which their velocity is integrated."""
 LEAST_S = 30.0
 """Time that shows anything."""
+ORDER = 3
+"""Of the differences of velocities that show their noise."""
 _NOISE, _LAG = "barometer_noise", "barometer_lag"
-_MEDIAN = 0.6744897501960817  # of |z| for a standard normal z
 
 
 def with_barometer_judged(log: RecordedLog) -> RecordedLog:
@@ -67,17 +69,12 @@ def disturbed(readings: Readings, gnss: GnssFixes, stated: float, lag: float) ->
     if len(left) * interval < LEAST_S:
         return None
     walk = float(np.median(np.diff(time))) * _noise_of(down, gnss) ** 2 * SLOW_S / 12.0
-    air = _spread(left) ** 2 - walk - stated**2
+    air = float(spread_of(left)) ** 2 - walk - stated**2
     if air <= max(walk, (DISTURBED * stated) ** 2):
         return None
     lasting = lasting_of(left, interval)
     noise = white_noise(float(np.sqrt(air)), lasting, interval)
     return noise, _DISTURBED.filled(name=readings.name, spread=np.sqrt(air), time=lasting, noise=noise, stated=stated)
-
-
-def _spread(values: Array) -> float:
-    """A standard deviation (of values about 0) that outliers do not change."""
-    return float(np.median(np.abs(values)) / _MEDIAN)
 
 
 def _vertical(gnss: GnssFixes) -> tuple[Array, Array] | None:
@@ -90,13 +87,9 @@ def _vertical(gnss: GnssFixes) -> tuple[Array, Array] | None:
     return (gnss.time[known], gnss.velocity_n[known, 2]) if np.count_nonzero(known) > ORDER else None
 
 
-ORDER = 3
-"""Of the differences of velocities that show their noise."""
-
-
 def _noise_of(down: Array, gnss: GnssFixes) -> float:
     """White noise of the velocities (m/s): what their differences show, which contain motion too, or the stated one."""
-    shown = _spread(np.diff(down, ORDER)) / float(np.sqrt(comb(2 * ORDER, ORDER)))
+    shown = float(spread_of(np.diff(down, ORDER)) / np.sqrt(comb(2 * ORDER, ORDER)))
     return shown if gnss.velocity_sigma is None else min(shown, float(np.median(gnss.velocity_sigma[:, 2])))
 
 

@@ -47,8 +47,12 @@ MOVING_SPEED = 2.0
 """Speed over the ground (m/s) from which a vehicle moves."""
 LEAST_MOTION_S = 20.0
 """Time in motion (s) from which a log shows its noise there."""
-_MEDIAN = 0.6744897501960817  # of |z| for a standard normal z
 _MIN_DIFFERENCES = 8  # differences below which a time is not used
+
+
+def spread_of(values: Array) -> Array:
+    """The standard deviation (...) of values (n, ...) about 0 that outliers do not change."""
+    return np.asarray(np.median(np.abs(values), axis=0) / 0.6744897501960817)  # of |z| for a standard normal z
 
 
 def noise_at_rest(increments: Array, interval: float) -> float:
@@ -61,7 +65,7 @@ def noise_at_rest(increments: Array, interval: float) -> float:
         samples = _samples(tau, interval)
         differences = _differences(increments, interval, samples)
         if len(differences) >= _MIN_DIFFERENCES or not densities[1:]:
-            sizes = np.median(np.abs(differences), axis=0) / _MEDIAN if len(differences) else np.zeros(3)
+            sizes = spread_of(differences) if len(differences) else np.zeros(3)
             densities.append(float(sizes.max() * np.sqrt(samples * interval)))
     return max(densities)
 

@@ -175,7 +175,7 @@ at the end, and the error at the end over it."""
 
 def outage_rows(outages: Outages) -> list[tuple[str, ...]]:
     """By outage, and of all: a label, then the cells of `OUTAGE_COLUMNS`."""
-    labels = [f"{round(one.begin, 1):.12g} s, {one.end - one.begin:.3g} s" for one in outages.each]
+    labels = [f"{round(one.begin, 1):.12g} s, {round(one.end - one.begin, 1):.6g} s" for one in outages.each]
     statistics = [one.statistics() for one in outages.each]
     if len(statistics) > 1:
         labels.append(f"all {len(statistics)}, rms")

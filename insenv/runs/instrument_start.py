@@ -64,8 +64,8 @@ def heading_at_rest(log: RecordedLog, level: tuple[float, float], tilt_sigma: fl
         return None
     begin, end = log.rest
     uses = ((each, (each.time >= begin) & (each.time <= end)) for each in log.instruments)
-    shown = [_shown(each, use, level, tilt_sigma, height, log, "while the vehicle stands") for each, use in uses]
-    return _surest(shown)
+    shown = (_shown(each, use, level, tilt_sigma, height, log, "while the vehicle stands") for each, use in uses)
+    return min((each for each in shown if each is not None), key=lambda each: each.sigma, default=None)
 
 
 @dataclass(frozen=True)
@@ -133,10 +133,6 @@ def _turned(log: RecordedLog, first: int, time: float) -> Array:
     for angle in log.delta_angle[first : np.searchsorted(log.imu_time, time)]:
         q = attitude.numeric.multiply(q, attitude.numeric.from_rotation_vector(angle))
     return np.asarray(attitude.numeric.to_dcm(q))
-
-
-def _surest(shown: list[Heading | None]) -> Heading | None:
-    return min((each for each in shown if each is not None), key=lambda each: each.sigma, default=None)
 
 
 def _shown(

@@ -281,7 +281,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         where, rest = "the log does not begin at rest", rest_hint(log)
         rest += "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
     if gnss is None:
-        where += ", and has no fixes" if log.rest is None else ", and the log has no fixes"
+        where += ", and there are no fixes"
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
         "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need a magnetometer "

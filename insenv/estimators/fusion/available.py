@@ -94,7 +94,7 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
 
 
 def suited(filter: Composition, names: Collection[str], gyros_lose_heading: bool = False) -> Composition:
-    """The same filter with a correlation time of these of its states (`error_state.DRIFTING`), and such gyros or not."""
+    """The same filter with a correlation time of these of its states (`error_state.DRIFTING`), and for such gyros."""
     times = {known: error_state.DRIFTING[known.name] for known in error_state.STATES if known.name in names}
     if not gyros_lose_heading and not times.keys() & set(filter.states):
         return filter

@@ -96,15 +96,15 @@ def stated_unit_errors(known: Knowledge) -> list[str]:
 
 def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
     sheet = known.sensors
-    manoeuvre = {
-        "gyro": COHERENT_ANGLE / max(sheet.angle_random_walk * sqrt(MINUTE), 1e-12),
-        "accel": COHERENT_SPEED / max(sheet.velocity_random_walk * sqrt(MINUTE), 1e-12),
-    }
     if drive.in_place:  # no manoeuvre shows them
         return []
-    shown = [(name, effect) for triad, effect in manoeuvre.items() for name in PROPORTIONAL[triad]]
-    shown.append(("gyro_g_sensitivity", COHERENT_SPEED / max(sheet.angle_random_walk * sqrt(MINUTE), 1e-12)))
-    return [name for name, effect in shown if getattr(sheet, f"{name}_sigma") * effect > WORTH]
+    angle, speed = (max(walk * sqrt(MINUTE), 1e-12) for walk in (sheet.angle_random_walk, sheet.velocity_random_walk))
+    effects = {
+        **dict.fromkeys(PROPORTIONAL["gyro"], COHERENT_ANGLE / angle),
+        **dict.fromkeys(PROPORTIONAL["accel"], COHERENT_SPEED / speed),
+        "gyro_g_sensitivity": COHERENT_SPEED / angle,
+    }
+    return [name for name, effect in effects.items() if getattr(sheet, f"{name}_sigma") * effect > WORTH]
 
 
 def _is_stated(rows: dict[str, Any], sigma: str) -> bool:
